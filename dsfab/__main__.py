@@ -1,4 +1,4 @@
-"""`python -m dsfab`: the command line where the script `dsfab` is not on the path."""
+"""`python -m dsfab` runs the command line, also if the script `dsfab` is not on the path."""
 
 import sys
 

@@ -21,10 +21,10 @@ from dsfab.surface.fields import CornerField, DividedField
 @dataclass(frozen=True, eq=False)
 class CaseResult:
     """Load, equilibrium and stress of a load case or a combination.
-    sigma   : (m, 3, 3) stress of the middle surface, Pa. For a flat sheet that only bends: of its lower side.
+    sigma   : (m, 3, 3) stress, Pa, of the middle surface; of the lower side for a flat sheet that only bends.
     answers : further results of the sheet, which may come from other finite elements.
     factors : factors of the cases in a combination; None for a case.
-    layered : (m, 3, 3) stress of all layers (`layer_stress`), Pa, if stripes run along this stress; else None."""
+    layered : (m, 3, 3) stress of all layers (`layer_stress`), Pa; None if stripes follow `sigma` instead."""
 
     load: LoadCase
     equilibrium: Equilibrium
@@ -86,7 +86,7 @@ class EvenStripes:
     """Lines of evenly spaced stripes, major and minor, of any width. An unused family has no phase.
 
     phases  : phases of each family's finest lines, before halving (removal of each second line).
-    wanted  : (m,) fraction of each face in which a halving removes no lines, for each family and halving, finest first.
+    wanted  : (m,) fraction of each face without removed lines, for each family and each halving, finest lines first.
     slope   : (n, 2) finest lines per metre.    density : (n, 2) lines per metre after halving.
     first   : number of the family, 0 or 1, whose finer lines are added first.
     chart   : surface divided at ends of lines, with both phases, for pictures and measures.
@@ -106,7 +106,7 @@ class EvenStripes:
 
 
 class Candidate(NamedTuple):
-    """Modes and phases of the major and of the minor stripes, as a trial for values that are `auto`.
+    """A trial for preset values that are `auto`: modes and phases of the major and of the minor stripes.
 
     compliance : joules on its own cut mesh; infinite for a refused trial.
     over_uncut : compliance divided by that of the uncut sheet.
@@ -143,7 +143,7 @@ class Choice:
 
 @dataclass(frozen=True, eq=False)
 class StressedSurface:
-    """Basis of a pattern: a surface, its statics, and the diffusion modes from its stresses."""
+    """Input for a pattern: a surface, its statics, and the diffusion modes that are computed from its stresses."""
 
     surface: Surface
     statics: StaticsResult
@@ -177,7 +177,7 @@ class Attempt(NamedTuple):
 
     @property
     def rank(self) -> tuple[bool, bool, bool, bool, float]:
-        """Sort key, the best attempt first: not refused, no dead ends, no plate, no slits, then the stiffest.
+        """Sort key, the best first: not refused, no dead ends, no plate of filled openings, no slits, then stiffest.
         The last number is compliance times share of material, rounded so that mirror images are equal."""
         soft = float("inf") if self.refused else float(f"{self.compliance * self.kept:.3g}")
         return bool(self.refused), self.dead_ends > 0, self.plate > 0, self.slits > 0, soft
@@ -187,11 +187,11 @@ class Attempt(NamedTuple):
 class PatternResult:
     """Stage 4: named fields, linear on faces, and the values at which each field is cut (`dsfab.slicing.cutting.cut`).
 
-    fields      : values at vertices, (n,), or (n, 2) for stripes of varying width; at corners of faces for evenly
-                  spaced stripes; on divided faces for kept regions. A point has material if an odd number of
+    fields      : (n,) values at vertices, or (n, 2) for stripes of varying width; a `CornerField` for evenly spaced
+                  stripes; a `DividedField` for kept regions. A point has material if an odd number of
                   levels lie below the field value there. A family may have several fields, coarse lines first.
     half_widths : (n,) d for each field: a family has material where |z - k| < d for an integer k. For stripes on modes,
-                  z is frequency x + phase. For even stripes, z counts the remaining lines. For other fields, d = inf.
+                  z is frequency x + phase. For even stripes, z is an integer on remaining lines. Other fields: d = inf.
     factor      : factor on the widths, which gives pattern.width.solid_fraction; 1 without this key.
     frequency   : frequencies of the major and of the minor stripes, from `spacing` if the preset has it.
     mode, phase : modes and phases of both families; for `auto` the results.
@@ -226,7 +226,7 @@ class PatternResult:
         return self.fields, self.levels, self.tidy
 
     def with_trial(self, trial: TrialCut | None) -> "PatternResult":
-        """Return this pattern with `trial`, if it is a cut of the same fields, levels and `tidy`; else this pattern."""
+        """Return this pattern with the cut `trial` if fields, levels and `tidy` are the same; else this pattern."""
         return replace(self, trial=trial) if trial and trial.is_cut_of(self.cut_inputs) else self
 
     def half_width(self, family: str) -> Floats:
@@ -322,7 +322,7 @@ class Log:
 
     @contextmanager
     def row(self, name: str) -> Iterator[None]:
-        """Add the seconds of the enclosed block to a row."""
+        """Add the seconds that the code in the `with` block takes to the entry `name` of `seconds`."""
         start = self.clock()
         yield
         self.seconds[name] = self.seconds.get(name, 0.0) + self.clock() - start

@@ -176,7 +176,7 @@ def trailing() -> Iterator[BadFile]:
     """With more behind the end than there should be."""
     for name in ("plain.off", "text.ply", "binary.ply", "binary.stl", "plain.glb"):
         yield BadFile(f"more-{name}", FORMATS[name]() + b"7 7 7\n", len(F), "after")
-    yield BadFile("more-plain.obj", obj() + b"7 7 7\n", len(F), "that OBJ does not know")
+    yield BadFile("more-plain.obj", obj() + b"7 7 7\n", len(F), "of unknown kind")
     yield BadFile("more-text.stl", stl_text() + b"7 7 7\n", None)
     yield BadFile("words-text.ply", ply_text() + b"the end\n", len(F), "no numbers")
     yield BadFile("no-end-text.stl", stl_text().partition(b"endsolid")[0], len(F), "endsolid, is missing")

@@ -78,7 +78,7 @@ def build(
     files: Files = Files(),
     step: StepFlags = NO_FLAGS,
     fix: Annotated[
-        bool, Switch(help="Change widths and frequencies until the limits of [fabrication] are met.")
+        bool, Switch(help="Change member widths and stripe frequencies until the limits of [fabrication] are met.")
     ] = False,
     pictures: PictureFlags = PictureFlags(),
     output: Output = USUAL,
@@ -151,5 +151,5 @@ def _fix_design(design: "Design", reporter: Reporter) -> "Design":
     for key, (value_before, value_after) in fix_result.changes.items():
         reporter.print_line(f"fix         {key}: {value_before} -> {value_after}")
     if not fix_result.changes:
-        reporter.print_line("fix         nothing to change: no limit of [fabrication] is missed")
+        reporter.print_line("fix         no change: the design meets all limits of [fabrication]")
     return fix_result.design

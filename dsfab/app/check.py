@@ -26,7 +26,7 @@ QUESTIONS = {
     "wall": "is every wall thick enough",
     "gap": "is every gap wide enough",
     "design": "is it the design",
-    "compliance": "is it as stiff as the design",
+    "compliance": "is the stiffness as designed",
 }
 
 
@@ -36,7 +36,7 @@ class Expected:
     """Options for the design that the checked file should contain."""
 
     preset: Annotated[
-        str | None, Parameter(help="The expected design: a preset, or a built folder [preset.toml beside the file].")
+        str | None, Parameter(help="Design that the file should hold: preset or built folder [preset.toml beside it].")
     ] = None
     set_: Set = ()
 
@@ -237,10 +237,10 @@ def _reason(finding: "Finding", checked: "FileCheck") -> str:
         return _unit_reason(checked)
     if finding.name == "compliance" and checked.carrying is not None:
         softening = checked.carrying.ratio - 1
-        return f"as a solid it is {abs(softening):.1%} {'softer' if softening > 0 else 'stiffer'} than as a shell"
+        return f"the solid is {abs(softening):.1%} {'softer' if softening > 0 else 'stiffer'} than the shell"
     if finding.name == "design" and finding.verdict == "fail" and checked.distance is not None:
         distance, allowed = checked.distance.beyond + checked.distance.allowed, checked.distance.allowed
-        return f"the file is {length(distance)} from the design's surface; the limit is {length(allowed)}"
+        return f"the file's solid is {length(distance)} from the design's surface; the limit is {length(allowed)}"
     return finding.reason
 
 
@@ -253,5 +253,5 @@ def _unit_reason(checked: "FileCheck") -> str:
         )
     wall = checked.clearances.wall if checked.clearances else None
     likely_unit = "metres" if wall is not None and wall.size < 1 else "micrometres"
-    words = f"its thinnest wall is {length(wall.size) if wall else 'nothing'}, so its unit is probably {likely_unit}"
-    return f"with the unit {read} {words}; scale the file or give --unit"
+    words = f"its thinnest wall is {length(wall.size) if wall else 'nothing'}, so the unit is probably {likely_unit}"
+    return f"if the solid is in {read}, {words}; scale the file or give --unit"

@@ -38,8 +38,8 @@ class Nonlinear:
     check_edge: Annotated[
         float | None,
         Parameter(
-            help="Smallest edge length of the triangles, metres. dsfab cuts a design with shorter edges again, without "
-            "fillets. 0 keeps the design's sheet and its fillets [the design's edges, without fillets]."
+            help="Smallest edge length of the triangles, metres. For a design with shorter edges, dsfab cuts a new "
+            "sheet without fillets. 0 keeps the design's sheet and fillets [the design's edge length, no fillets]."
         ),
     ] = None
     minutes: Annotated[float, Parameter(help="Time limit for each of the two or three runs of CalculiX.")] = 60.0
@@ -88,7 +88,7 @@ def nonlinear_lines(result: "NonlinearCheck") -> Iterator[str]:
     yield result.sentence
     situation = "under its load" if result.limit >= 1 or not result.given_way else "where it gives way"
     yield (
-        f"largest displacement {situation}: {length(result.moved)}; the material stays elastic here, whatever "
+        f"largest displacement {situation}: {length(result.moved)}; this check assumes elastic material and ignores "
         "its strength"
     )
     steps = range(0, len(result.load), max(len(result.load) // 10, 1))

@@ -60,7 +60,7 @@ app.command(
     "dsfab.app.verify:verify", name="verify", help="Solve structures with published answers to test the statics."
 )
 app.command("dsfab.app.reproduce:reproduce", name="reproduce", help="Make the figures of the paper, on one page.")
-app.command("dsfab.app.bench:bench", name="bench", help="Time presets stage by stage, as the paper's Table 2 does.")
+app.command("dsfab.app.bench:bench", name="bench", help="Time each stage of presets (Table 2 of Madan et al.).")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -116,14 +116,14 @@ class Questions:
         Parameter(help="Competitors (list): isotropic, rotated, thinner, von_mises, grid, simp [isotropic,thinner]."),
     ] = None
     volumes: Annotated[
-        str | None, Parameter(help="Also compare at these shares of the surface: LOW:HIGH:COUNT, such as 0.2:0.8:7.")
+        str | None, Parameter(help="Also compare designs with these shares of material: LOW:HIGH:COUNT (0.2:0.8:7).")
     ] = None
     level: Annotated[
         Literal["quick", "full"] | None,
         Parameter(
             help="quick: solve each structure once. full: solve finer and finer meshes, and bound the error of the "
-            "compliance [full; quick with --volumes; quick for competitors with openings if all full checks would take "
-            "over a minute]."
+            "compliance. The default is full; with --volumes it is quick. If all full checks would take over a minute, "
+            "the default for competitors with openings is quick."
         ),
     ] = None
     buckling: Annotated[bool, Switch(help="Also compute the lowest buckling factor of each structure.")] = False
@@ -231,7 +231,7 @@ def _comparisons(design: "Design", questions: Questions, reporter: Reporter) -> 
     try:
         design_judge, rival_judge, level_note = judges(design, questions.competitor_names, checks)
         if level_note:
-            reporter.print_line(f"compare     {level_note} (to check all of them fully: --level full)")
+            reporter.print_line(f"compare     {level_note} (--level full makes full checks of all structures)")
         report_progress = partial(reporter, "compare")
         compared = comparison(
             design, questions.competitor_names, design_judge, report_progress, rival_judge, bool(shares)
@@ -240,8 +240,8 @@ def _comparisons(design: "Design", questions: Questions, reporter: Reporter) -> 
     except DsfabError as error:
         if not shares:
             raise
-        reporter.print_line(f"compare     no comparison with the design's own share of material: {error}")
-    # a coarse mesh would make an uncut sheet a quarter too soft
+        reporter.print_line(f"compare     the design's own share of material cannot be compared: {error}")
+    # `whole` checks uncut sheets fully, because a coarse mesh would make them a quarter too soft
     judge = checks.judge(questions.level or "whole")
     for share in shares:
 
@@ -292,7 +292,7 @@ def _print_results(comparisons: list[ComparisonAtShare], findings: "Findings | N
 FILES = ("summary.html", "summary.csv")
 
 SummaryRow = dict[str, Any]
-"""Row of the summary: `name`, `folder`, `error`, and without an error the results of the design, None if unknown:
+"""Row of the summary: `name`, `folder` and `error`. Without an error it also has results of the design, or None:
 `verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `bound`, `ratio_to_full`, `seconds`.
 `NAME_ratio` is the compliance of a competitor, divided by the design's."""
 

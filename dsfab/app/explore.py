@@ -126,7 +126,7 @@ class FilmOptions:
     animate: Annotated[
         Literal["gif", "webp"] | None, Parameter(help="Also make a film over the one key that is varied: gif or webp.")
     ] = None
-    fps: Annotated[float, Parameter(help="Pictures a second of the film.")] = 8.0
+    fps: Annotated[float, Parameter(help="Frames per second of the film.")] = 8.0
 
 
 def explore(

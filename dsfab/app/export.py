@@ -40,7 +40,7 @@ GROUPS = {
     "member_forces": "forces of members",
     "utilisation": "forces of members",
 }
-"""Titles of groups of formats, by the content of their files. A content that is not listed is its own title."""
+"""Titles of groups of formats, by the content of their files. If a content has no title here, its name is the title."""
 
 TO_HELP = (
     "The solid: stl, 3mf, step, stpz (compressed), brep, obj, ply, off, glb; ifc with its material and mass; 3dm with "
@@ -58,7 +58,7 @@ SheetName = Literal["uncut", "cut"]
 
 @dataclass(frozen=True)
 class ExportRequest:
-    """A request for a file. Without `sheet` the file holds the solid, or for calculix the uncut sheet."""
+    """A request for a file. If `sheet` is None, a mesh file holds the solid, and a calculix file the uncut sheet."""
 
     suffix: str
     path: Path
@@ -86,8 +86,8 @@ def export(
     Parameters
     ----------
     preset
-        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote. Its design
-        is used again if its preset.toml and --set do not change it."""
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote. The design of
+        a folder is used again if its preset.toml has not changed, and --set changes no value."""
     loaded_preset, folder = preset_and_folder(preset, source.with_overrides(*step.overrides()))
     reporter, built = Reporter(quiet), built_design(preset, loaded_preset)
     if step.estimate:
@@ -140,7 +140,7 @@ def preset_and_folder(name: str, source: Source) -> tuple["Preset", Path]:
 
 
 def built_design(name: str, preset: "Preset") -> "Design | None":
-    """Return the design of a built folder if its preset is equal; else None."""
+    """Return the design of a built folder if the folder's preset equals `preset`; else None."""
     from dsfab.design.output.archive import read_archive
 
     folder = built_folder(name)
@@ -189,7 +189,7 @@ def _export_request(
         holds = ", ".join(key[1:] for key, form in meshes.items() if form.sheets)
         raise ExportError(f"a {suffix} file holds only solids; leave out --sheet, or write one of {holds}")
     if suffix not in meshes:
-        raise ExportError(f"a {suffix} file has no choice of sheets; leave out --sheet")
+        raise ExportError(f"--sheet does not apply to a {suffix} file; leave out --sheet")
     return ExportRequest(suffix, path, sheet)
 
 

@@ -1,6 +1,5 @@
 """A process that draws a sketch during the computation of widths, then the finished structure.
-
-This module imports no drawing library, so that the process loads these libraries during the computation."""
+This module imports no drawing library. The drawing process loads these libraries while the main process computes."""
 
 import pickle
 import subprocess
@@ -66,7 +65,7 @@ class FirstPicture:
             raise
 
     def draw(self, sketch: "Design", path: Path, pixels: tuple[int, int], options: dict[str, Any]) -> None:
-        """Start to draw the sketch, unless `path` is an unreadable file; later calls do nothing.
+        """Start to draw the sketch; later calls do nothing. Draw nothing if the file at `path` cannot be read first.
         sketch  : see `Design.sketch`.    options : options of `dsfab.render.previewer.Previewer`."""
         if self._sketched:
             return

@@ -139,7 +139,7 @@ def _show_mesh(path: Path, source: Source) -> bool:
 
 
 def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str, str | None]:
-    """Return whether `dsfab build` takes a mesh, with a text, and the unit that it takes for the file's numbers."""
+    """Return whether `dsfab build` takes a mesh, a text with reasons or repairs, and the unit of the file's numbers."""
     from dsfab.preset.proposal import propose
     from dsfab.surface import unit_guess
 
@@ -178,7 +178,7 @@ def _fact_rows(facts: "MeshFacts") -> list[tuple[str, str]]:
             f"{facts.vertices:,} vertices, {count_phrase(facts.faces, 'triangle')}, edges of "
             f"{length(facts.mean_edge)} on average",
         ),
-        ("polygons", f"{facts.polygons:,} in the file, cut into triangles" if facts.polygons < facts.faces else ""),
+        ("polygons", f"{facts.polygons:,} in the file, read as triangles" if facts.polygons < facts.faces else ""),
         ("area", f"{facts.area:.4g} m2"),
         ("volume", "" if facts.volume is None else f"{facts.volume:.4g} m3"),
         ("pieces", f"{facts.pieces:,}"),
@@ -187,7 +187,7 @@ def _fact_rows(facts: "MeshFacts") -> list[tuple[str, str]]:
             "no boundary: the surface is closed" if facts.closed else loop_words + (" ..." if len(loops) > 6 else ""),
         ),
         ("genus", "" if facts.genus is None else str(facts.genus)),
-        ("sharpest", f"{facts.smallest_angle:.1f} degrees is the smallest angle"),
+        ("sharpest", f"{facts.smallest_angle:.1f} degrees is the smallest angle of a triangle"),
         ("manifold", "yes, and oriented" if facts.manifold else "no"),
         *(("because", fault) for fault in facts.faults),
         *(("read", text) for text in facts.record.read),

@@ -38,8 +38,8 @@ def new(
 ) -> int:
     """Write a preset for a surface of your own, with sensible values and a line for each decision.
 
-    dsfab proposes unit, vertical axis, supports and loads of the mesh, then thickness, pattern and widths. Doubts come
-    first, each as a question with the option that answers it. `dsfab build` takes the preset or the mesh.
+    dsfab proposes unit, vertical axis, supports and loads of the mesh, then thickness, pattern and widths. If dsfab is
+    in doubt, it first prints questions, with options as answers. `dsfab build` takes the preset or the mesh.
 
     Parameters
     ----------

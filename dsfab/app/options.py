@@ -1,4 +1,4 @@
-"""Options that several commands share, and the command line's estimate of STEP files."""
+"""Options that several commands share, and the table of sizes and times that `--estimate` prints for STEP files."""
 
 import json
 from collections.abc import Iterator
@@ -78,9 +78,9 @@ Stand = Annotated[
     str | None,
     Parameter(
         name="--stand",
-        help="What holds a mesh, if dsfab should not choose: feet, loops (column heads), edge (all around), ring "
-        "(inner edge), edges (both), hung, ends, sides, posts, corners, tent, walls, hollows, columns, base; or a "
-        "height in metres, below which the edge is supported (measured from its lowest point).",
+        help="Supports of the mesh: feet, loops (column heads), edge (all around), ring (inner edge), edges (both), "
+        "hung, ends, sides, posts, corners, tent, walls, hollows, columns, base. A height in metres supports the edge "
+        "up to this height above its lowest point. [dsfab chooses]",
     ),
 ]
 BuiltIn = Annotated[bool, Switch(name="--built-in", help="Clamp the mesh at its supports: it cannot rotate there.")]
@@ -115,7 +115,7 @@ class MeshFlags:
 
     @property
     def wishes(self) -> "MeshWishes":
-        """The user's parts, supports and loads of a mesh, in place of proposed ones."""
+        """The user's choice of parts, supports and loads of a mesh."""
         from dsfab.preset.proposal import MeshWishes
 
         return MeshWishes(self.stand or "", self.built_in, self.load, self.only)
@@ -138,8 +138,7 @@ class Source(MeshFlags):
     def read_preset(
         self, name: str, proposal: "Proposal | None" = None, thickness: Literal["sized", "guessed", "open"] = "sized"
     ) -> "Preset":
-        """Return the preset of a name or file with the changes; for a mesh file the proposed preset.
-
+        """Return the preset of a name or file, or the proposed preset of a mesh file, with these options applied.
         proposal  : proposal for the mesh, if the caller has it.
         thickness : for the thickness `auto`: "sized" computes a value, "guessed" guesses it, "open" leaves `auto`.
         Raises PresetError for an unknown or invalid preset, and for a preset without its mesh."""
@@ -262,7 +261,7 @@ NO_FLAGS = StepFlags()  # No option is set, so the preset's own STEP options app
 
 
 def estimate_step(preset: "Preset", reporter: Reporter, built: "Design | None" = None) -> int:
-    """Print the estimated faces, size, times and memory of a design's STEP file, without writing the file."""
+    """Print the faces, size, times and memory that dsfab expects for a STEP file of `built` or of a new design."""
     from dsfab.design import run
 
     with reporter:

@@ -37,7 +37,7 @@ SHOW_WORDS = {
 """Words of --show that are not the name of a single picture, with the pictures that they show."""
 
 SHOWN_ON_REQUEST = {"utilisation": "strength", "buckling": "buckling", "frequency": "frequencies"}
-"""Pictures that `all` includes only if the preset sets their key of [statics]."""
+"""Pictures that `--show all` includes only if the preset sets a key of [statics], each with this key."""
 
 
 def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
@@ -59,7 +59,7 @@ def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class PreviewPage:
-    """Pictures of a page, and its file. options : options of `dsfab.render.previewer.Previewer`, except `show`."""
+    """Pictures for one page, and the path of the page. options : options of `Previewer`, except `show`."""
 
     names: tuple[str, ...]
     pixels: tuple[int, int]
@@ -110,7 +110,7 @@ def preview(
     watch: Annotated[bool, Switch(help="Draw again when the preset file is saved, until Ctrl-C.")] = False,
     quiet: Quiet = False,
 ) -> int:
-    """Draw a preset in a few seconds: evenly spaced stripes as built, other patterns and all fields on the uncut sheet.
+    """Draw a preset in seconds: evenly spaced stripes as in a build, other patterns and all fields on the uncut sheet.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def preview(
 def _first_picture(picture: PictureOptions, reporter: Reporter) -> "Iterator[FirstPicture | None]":
     single = "," not in picture.show and picture.show.strip() not in (*SHOW_WORDS, *FINISHED_PICTURES)
     sketched = single and reporter.is_watched
-    # the drawing process saves time only before this process loads VTK
+    # a second process saves time only if this process has not loaded VTK yet
     needs_structure = picture.show.strip() == "structure" and "vtkmodules" not in sys.modules
     if not (sketched or needs_structure) or (os.cpu_count() or 1) == 1:
         from dsfab.render.opengl import probe_ahead

@@ -1,4 +1,4 @@
-"""State of a sweep: a live progress line, a list of its best runs, and a full build of one run."""
+"""Live progress line of a sweep, list of its best runs, and full build of a single run."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -76,7 +76,7 @@ class SweepProgress:
         self._console.print(text, markup=False)
 
     def stop(self) -> None:
-        """Remove the live line."""
+        """Remove the progress line from the terminal."""
         if self._status:
             self._status.stop()
             self._status = None

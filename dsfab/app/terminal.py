@@ -48,7 +48,7 @@ class Reporter:
         return self._console.is_terminal and not self.quiet
 
     def __call__(self, stage: str, doing: str) -> None:
-        """End the last stage and begin a stage."""
+        """End the last stage and begin `stage`. doing : what the stage does, for the printed line."""
         self.done()
         self._stage = (stage, doing, time.perf_counter())
         if self._console.is_terminal:
@@ -65,7 +65,7 @@ class Reporter:
             self._stage = None
 
     def stop(self) -> None:
-        """Remove the line that shows the current stage, and do not print its seconds."""
+        """Remove the line that shows the current stage; unlike `done`, print no seconds of the stage."""
         if self._status:
             self._status.stop()
             self._status = None

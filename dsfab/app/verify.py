@@ -52,9 +52,9 @@ def summary_text(rows: "Sequence[TrialRow]") -> str:
 
     result = summary(rows)
     return (
-        f"verdicts on {result.designs} random designs: {result.inside:.0%} have an error within their bound, median "
-        f"bound {result.median_bound:.1%}, largest error {result.largest_error:.1%}, {result.converged} converged; "
-        f"quick level: median error {result.quick_median:.1%}, nine of ten errors under {result.quick_most:.1%}"
+        f"verdicts on {result.designs} random designs: the bound holds for {result.inside:.0%}, the median bound is "
+        f"{result.median_bound:.1%}, the largest error {result.largest_error:.1%}; {result.converged} converged; by "
+        f"one solve (quick), the median error is {result.quick_median:.1%}, and 90 % are under {result.quick_most:.1%}"
     )
 
 
@@ -84,7 +84,7 @@ TEST_HEAD = (
     *("test", "mesh", "elements", "cells", "unknowns", "value", "reference"),
     *("ratio", "of limit", "rate", "target", "verdict"),
 )
-"""Head of the table. `of limit` is the value divided by the limit of thin sheets, if the reference is another value."""
+"""Head of the table. `of limit` is the value divided by the limit of thin sheets; empty if that is the reference."""
 
 PAGE = Path("outputs/verification")  # Default folder of the page.
 
@@ -92,7 +92,7 @@ PAGE = Path("outputs/verification")  # Default folder of the page.
 def verify(
     *tests: str,
     elements: Annotated[
-        tuple[str, ...], Parameter(name=["--elements", "-e"], negative=(), help="Such as hybrid+hhj; repeatable.")
+        tuple[str, ...], Parameter(name=["--elements", "-e"], negative=(), help="Pair like hybrid+hhj (repeatable).")
     ] = (),
     list_: Annotated[bool, Switch(name="--list", help="List tests and sources only.")] = False,
     json_: Annotated[bool, Switch(name="--json", help="Print a JSON list instead of a table.")] = False,
@@ -166,9 +166,9 @@ def _remarks(tests: Sequence["Test"], rows: Sequence["VerificationRow"]) -> list
     spread = {key: value for key, value in pattern_spread(rows).items() if key[1:] == (pair, 16)}
     if spread:
         widest = max(spread, key=lambda key: spread[key])
-        lines.append(f"results of mesh patterns at 16 cells differ by up to {100 * spread[widest]:.2g} % ({widest[0]})")
+        lines.append(f"results of different 16-cell meshes differ by up to {100 * spread[widest]:.2g} % ({widest[0]})")
     counts = Counter(standing.outcome for standing in standings(rows, {test.name: test for test in tests}))
     if counts:
         outcomes = ", ".join(f"{name} {counts[name]}" for name in ("better", "alike", "worse") if counts[name])
-        lines.append(f"{pair} beside {counts.total()} published values from meshes of equal size: {outcomes}")
+        lines.append(f"{pair}, compared with {counts.total()} published values for meshes of equal size: {outcomes}")
     return [*lines, summary_text(shipped_table())]

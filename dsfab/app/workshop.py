@@ -27,7 +27,7 @@ class WorkshopFlags:
 
     model: Annotated[
         str | None,
-        Parameter(help="Make a model in card at this scale, 1:50; by default from sheets of A3, 1 mm thick."),
+        Parameter(help="Make a model in card at a scale such as 1:50; by default from sheets of A3, 1 mm thick."),
     ] = None
     stock: Annotated[
         str | None, Parameter(help="Sheets to cut from: A3, or length and width: 2.5x1.25m, 420x297mm.")

@@ -30,7 +30,7 @@ def lock(owner: object, name: str, dtype: Any, shape: tuple[int | None, ...]) ->
 
 
 def lock_floats(owner: object, **shapes: tuple[int | None, ...]) -> None:
-    """Replace the named fields of a frozen dataclass by read-only copies: floats of the given shapes (see `lock`)."""
+    """Replace fields of a frozen dataclass by read-only copies in floats. shapes : their shapes by name, see `lock`."""
     for name, shape in shapes.items():
         lock(owner, name, np.float64, shape)
 
@@ -191,7 +191,7 @@ def first_few(indices: Ints, count: int = 5) -> str:
 
 
 ALIKE = 0.05
-"""Widths of openings or bars count as equal below this relative difference, because the mesh causes such errors."""
+"""Relative difference below which widths of openings or bars count as equal: the mesh causes differences like this."""
 
 
 def split_value(values: Floats, threshold: float, tolerance: float = ALIKE) -> float:

@@ -44,8 +44,8 @@ def _steel(name: str, strength: int, source: str = "") -> NamedMaterial:
 
 
 def _timber(name: str, young: float, density: float, strength: float, says: str, source: str) -> NamedMaterial:
-    """Return a timber; values along its grain."""
-    source += "; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed"
+    """Return a timber with values along its grain. says : derivation of the strength.    source : of the values."""
+    source += "; strength factors EN 1995-1-1; thermal expansion EN 1991-1-5; Poisson's ratio assumed"
     return NamedMaterial(name, young, 0.3, density, strength, 5e-6, f"tension along the grain {says}", source)
 
 
@@ -76,7 +76,7 @@ _ALL = (
     ),
     NamedMaterial(
         *("aluminium 6082", 70e9, 0.3, 2700.0, 218e6, 23e-6),
-        says="T6, proof strength 240 MPa / 1.1, up to 100 mm thick; about half of it beside welds",
+        says="T6, proof strength 240 MPa / 1.1, up to 100 mm thick; beside welds about half of this strength",
         source="EN 1999-1-1, 3.2.5, 6.1.3 and table 3.2a",
     ),
     NamedMaterial(
@@ -86,12 +86,12 @@ _ALL = (
     ),
     NamedMaterial(
         *("GFRP", 17e9, 0.23, 1800.0, 57e6, 10e-6),
-        says="tension along the profile 170 MPa / 3; across it 30 MPa / 3, and young is 5 GPa",
-        source="E17 of EN 13706-3; factor about as large as in the EUROCOMP code; other values from makers' data",
+        says="tension along the profile 170 MPa / 3; across the profile 30 MPa / 3, and young 5 GPa",
+        source="E17 of EN 13706-3; factor on strength as in the EUROCOMP code, roughly; other values from makers' data",
     ),
     NamedMaterial(
         *("PLA", 3.5e9, 0.36, 1240.0, 20e6, 68e-6),
-        says="tension 50 MPa / 2.5; the factor for printed layers and creep is from no standard",
+        says="tension 50 MPa / 2.5; no standard gives this factor for printed layers and creep",
         source="Farah, Anderson and Langer 2016; manufacturers' data sheets",
     ),
 )
@@ -115,11 +115,11 @@ _STOCK = (
     ("C24, C30", "16 19 22 25 32 38 44 50 63 75 100 125 150 175 200 225 250 300", "sawn softwood, EN 1313-1"),
     (
         *("GL24h, GL28h, GL32h", "20 30 40 60 80 100 120 140 160 180 200 220 240 280 320 360 400 440 480 520 560 600"),
-        "laminations and standard beams of makers, EN 14080",
+        "laminations and standard beams of manufacturers, EN 14080",
     ),
     (
         *("LVL 48 P", "21 24 27 30 33 39 45 51 57 63 69 75 90 102 114 126 138 150 189 225 300"),
-        "panels of manufacturers up to 75 mm; two to four panels are glued for more",
+        "panels of manufacturers up to 75 mm; thicker sheets are two to four panels, glued together",
     ),
     ("CLT", "60 80 90 100 120 140 160 180 200 220 240 260 280 300 320", "manufacturers' panels with 3 to 8 layers"),
     ("plywood", "4 6.5 9 12 15 18 21 24 27 30 35 40 45 50", "birch plywood, Handbook of Finnish Plywood"),

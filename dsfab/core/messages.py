@@ -29,7 +29,7 @@ def count_phrase(number: int, thing: str, verb: str = "") -> str:
 
 
 def stopping_clause(count: int) -> str:
-    """Return the text 'stops before its ends, where it would run into', in the plural for several bars."""
+    """Return 'stops before its ends, where it would run into' for one bar, and a plural form for several bars."""
     ends = "stops before its ends, where it" if count == 1 else "stop before their ends, where they"
     return f"{ends} would run into"
 

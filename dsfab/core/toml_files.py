@@ -10,7 +10,7 @@ from dsfab.core.errors import PresetError
 
 PRESETS = tuple(folder / "presets" / kind for folder in Path(__file__).resolve().parents[1:3] for kind in ("", "paper"))
 """Folders of the presets that come with dsfab: inside the package in a wheel, at the top level in a checkout.
-The presets of the paper's figures have their own folder."""
+Presets for the figures of the paper "Diffusion Structures" (2020) have their own folder."""
 
 
 def shipped_presets() -> dict[str, Path]:

@@ -1,4 +1,4 @@
-"""Objections to a design. Its statics show them before the surface is cut."""
+"""Objections to a design, such as a support at a single vertex. The statics find them before the surface is cut."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -21,7 +21,7 @@ from dsfab.results import CaseResult, StaticsResult
 from dsfab.statics import SupportEntry, load_entries, support_entries
 from dsfab.surface import Nearest, Snow, Surface, Wind, load_names, support_names
 
-NEVERTHELESS = "(statics.check = false builds the design nevertheless)"
+NEVERTHELESS = "(statics.check = false switches this check off)"
 
 
 class Objection(NamedTuple):
@@ -51,7 +51,7 @@ def require_buildable(preset: Preset, statics: StaticsResult) -> None:
 
 
 def refusal(preset: Preset, statics: StaticsResult) -> str:
-    """Return the most serious objection to a sheet; '' if there is none, or if `statics.check` is false."""
+    """Return the most serious fault of a sheet as a text; '' if there is no fault, or if `statics.check` is false."""
     return f"{statics.objections[0]} {NEVERTHELESS}" if preset.statics.check and statics.objections else ""
 
 
@@ -97,8 +97,8 @@ def _on_one_vertex(surface: Surface, acting: Acting, cases: Mapping[str, CaseRes
     names = zip(support_names(acting.support), acting.support, strict=True)
     holding = " and ".join(name for name, support in names if support.at.vertices(surface)[vertex])
     return Objection(
-        f"{least[vertex]:.0%} of the reaction is on one vertex, at {point_words(surface.V[vertex])} ({holding}), and a "
-        "sheet cannot stand on a point: support a region there, with the picker `ball` or a larger depth"
+        f"{least[vertex]:.0%} of all reactions act on one vertex, at {point_words(surface.V[vertex])} ({holding}), but "
+        "a sheet cannot stand on a point: support a region there, with the picker `ball` or a larger depth"
     )
 
 

@@ -61,7 +61,7 @@ class StageResults:
     results : results of the stages.
     derived : values computed from results, each with the last stage on which it depends. A pickled design has none.
     inputs  : large intermediate values, each with the stage that needs it. They are deleted after this stage.
-    A revision shares the results and derived values of the stages before its first changed section."""
+    After a change of the preset, the new design shares results of the stages before the first changed section."""
 
     results: dict[str, Any] = field(default_factory=dict)
     derived: dict[str, tuple[str, Any]] = field(default_factory=dict)
@@ -129,7 +129,7 @@ class Design:
 
     @classmethod
     def from_preset(cls, preset: Preset, earlier: "Design | None" = None, progress: Progress | None = None) -> "Design":
-        """Return a design. It shares results of `earlier` from the stages before the first section that differs.
+        """Return a design. It shares results of `earlier` from the stages before the first section with other values.
         Raises PresetError if `preset` is not a preset, or if its thickness is 'auto'."""
         if not isinstance(preset, Preset):
             raise PresetError(missing_preset(preset))

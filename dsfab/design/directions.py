@@ -36,7 +36,7 @@ def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) ->
 
 
 def load_axes(surface: Surface, load: LoadCase) -> Floats:
-    """Return three axes, rows (3, 3), for the signs of modes and the bases of modes with equal eigenvalues."""
+    """Return three axes, rows (3, 3). They fix the signs of modes, and the bases of modes with equal eigenvalues."""
     sizes = np.linalg.norm(load.force, axis=1)
     density = sizes / np.where(surface.vertex_areas > 0, surface.vertex_areas, np.inf)
     resultant = load.force.sum(axis=0)
@@ -45,9 +45,9 @@ def load_axes(surface: Surface, load: LoadCase) -> Floats:
 
 
 def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log: Log) -> DiffusionResult:
-    """Return tensors and modes of both families, the result of stage 3."""
+    """Return tensors and modes of the major and the minor stripes, the result of stage 3."""
     options = preset.diffusion
-    log.report("diffusion", f"computing {options.modes} modes of both families")
+    log.report("diffusion", f"computing {options.modes} modes of major and minor stripes")
     with log.row("diffusion"):
         symmetry, tensors = _tensors(preset, surface, statics)
         operators = [diffusion_operator(surface, D) for D in (tensors.major, tensors.minor)]
@@ -61,7 +61,7 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
             f"modes are symmetric ({', '.join(options.symmetry)}, {symmetry.order} images), with a relative error of "
             f"{asymmetry:.1g} on this mesh",
         )
-    # for errors below 10 %, 3.2 sqrt(r) mesh edges from side to side of the surface suffice
+    # errors are below 10 % if the surface is at least 3.2 sqrt(r) mesh edges wide; r is the anisotropy
     edge = np.sqrt(surface.area) / (3.2 * np.sqrt(options.r))
     if surface.mean_edge > edge:
         log.note(
@@ -113,12 +113,12 @@ class Steering:
     loops: tuple[LoopSurroundings, ...] = ()
 
     def with_loops(self, frames: Frames, stress: StressDirections) -> "Steering":
-        """Return a `Steering` with an additional guide around each loop of `loops`."""
+        """Return a `Steering` with one more guide around each of the small boundary loops in `loops`."""
         around = (loop.guidance(frames, stress, self.turn) for loop in self.loops)
         return replace(self, guidance=(*self.guidance, *around), loops=())
 
     def confidence(self, surface: Surface, stress: Floats) -> Floats:
-        """Return how clear the stripe direction is on each face (m,), 0 to 1. stress : (m,) clarity without guides."""
+        """Return how clear the stripe direction is on each face (m,), 0 to 1. stress : (m,) clarity by stress alone."""
         return np.minimum(stress + self.guide_weights(surface), 1.0) if self.guidance else stress
 
     def guide_weights(self, surface: Surface) -> Floats:
@@ -135,7 +135,7 @@ class Steering:
         if share := float(surface.areas @ crossed) / surface.area:
             messages.append(
                 f"the larger principal stress changes its direction: on {share:.0%} of the surface, members change "
-                "their family, so that no member ends at this change"
+                "their family, so that no member ends where the direction changes"
             )
         along_one = first_share / np.maximum(first_share + second_share, np.finfo(float).tiny)
         return StripeSteering(along_one, self.guide_weights(surface), crossed, "; ".join(messages))
@@ -161,14 +161,14 @@ def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacin
         causes = [f"rotate = {options.rotate:g}"] * (not turned.all()) + ["guides"] * (not guided.all())
         if causes:
             message = (
-                f"surface, supports and loads have a symmetry of {symmetry.order} images, but the pattern has only "
+                f"surface, supports and loads have {symmetry.order} symmetric images, but the pattern has only "
                 f"{remaining_order}, because of {' and '.join(causes)}"
             )
     return Steering(float(np.radians(options.rotate)), guidance, group, message)
 
 
 def keeps_orientation(surface: Surface, symmetry: Symmetry) -> Bools:
-    """Return (g,) True for each mirror or rotation that keeps the sense of rotation on over 90 % of the area."""
+    """Return (g,) True for each mirror or rotation that keeps clockwise angles clockwise on over 90 % of the area."""
     normal = surface.normals
     agree = [
         np.linalg.det(R) * np.einsum("mi,mi->m", normal @ R.T, normal[face]) > 0

@@ -50,7 +50,7 @@ class FamilyLines:
     wish  : (m,) wanted number of halvings on each face, 0 to `most`.
     free  : (m,) wanted number of halvings on each face, without limits.
     slope : (n,) lines per metre at each vertex, before halving.
-    grown : mean slope divided by the mean wanted slope."""
+    grown : mean number of lines per metre, divided by the mean of the requested numbers."""
 
     phase: CornerPhase
     most: int
@@ -80,7 +80,7 @@ class StripeDirections:
 
     @classmethod
     def from_statics(cls, preset: Preset, surface: Surface, statics: StaticsResult, spacings: list[float]) -> Self:
-        """Return the directions of a preset. spacings : spacing of each drawn family, metres."""
+        """Return the directions of a preset. spacings : metres, one for each family that [pattern] requests."""
         symmetry = _symmetry(preset, surface, statics)
         sigma = followed_stress(preset, surface, statics)
         stress = StressDirections(*principal_stresses(surface, symmetry.mean_stress(sigma) if symmetry else sigma))
@@ -89,7 +89,7 @@ class StripeDirections:
         steer = replace(steering(preset.pattern, frames, symmetry, min(spacings)), loops=loops)
         symmetry = steer.symmetry
         images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.identity(surface.n)
-        length = max(float(np.mean(spacings)), surface.mean_edge)  # members cannot follow changes over shorter lengths
+        length = max(float(np.mean(spacings)), surface.mean_edge)  # members cannot turn over shorter lengths
         along, over = stripe_directions(preset.pattern, frames, stress, steer, images, length)
         steer = steer.with_loops(frames, stress)
         confidence = steer.confidence(surface, stress.confidence(surface.areas))
@@ -106,7 +106,7 @@ class StripeDirections:
         return cross(self.frames.normal, self.along), self.along
 
     def steered_with_members(self, families: Sequence[FamilyLines]) -> StripeSteering | None:
-        """Return the record of changes, with a note on each guide curve that becomes a member."""
+        """Return the user's changes of directions, with a note on each guide curve that becomes a member."""
         if self.steered is None or not self.members:
             return self.steered
         surface, messages = self.frames.surface, [self.steered.told] * bool(self.steered.told)
@@ -124,7 +124,7 @@ def _member_message(line: GuideLine, share: float, across: bool) -> str:
     hint = f"; the {other_family} family already runs along this curve: family = '{other_family}' bends members less"
     hint = hint if across else ""
     if share >= 0.995:  # a few points of the curve may lie outside the member
-        return f"a {line.family} member runs on the curve of {key}{hint}"
+        return f"a {line.family} member follows the whole curve of {key}{hint}"
     return (
         f"a {line.family} member follows only {share:.0%} of the curve of {key}, because of another guide, an edge "
         f"or a point around which stripes turn; move the curve{hint}"
@@ -134,9 +134,9 @@ def _member_message(line: GuideLine, share: float, across: bool) -> str:
 def stripe_directions(
     options: Pattern, frames: Frames, stress: StressDirections, steer: Steering, images: Images, length: float
 ) -> tuple[Floats, Bools]:
-    """Return directions (n, 3) of the major stripes, smoothed over `length` (m), and a mask (n,) of vertices where the
-    families exchange their names. There major stripes follow the minor principal stress. So members keep their
-    direction where the direction of the larger stress changes by 90 degrees."""
+    """Return directions (n, 3) of the major stripes, smoothed over `length` (m), and a mask (n,) of vertices where
+    major stripes follow the minor principal stress. There the direction of the larger stress has changed by 90 degrees,
+    and members keep their own. steer : changes by the user.    images : symmetric images of the surface."""
 
     def smooth(stress: StressDirections, length: float) -> Floats:
         guidance = steer.with_loops(frames, stress).guidance
@@ -144,7 +144,7 @@ def stripe_directions(
 
     crossed = np.zeros(frames.surface.n, dtype=bool)
     if not options.is_steered:
-        # smoothing over a whole edge would join separate regions
+        # smoothing over the full mean edge length would join separate regions
         crossed = _crossed_over(options, frames, smooth(stress, 0.6 * frames.surface.mean_edge), images)
         # a smaller region has no space for two members
         crossed = crossed & (_region_areas(frames, crossed) > (2.0 * length) ** 2)
@@ -155,7 +155,6 @@ def stripe_directions(
 
 
 def _region_areas(frames: Frames, crossed: Bools) -> Floats:
-    """Return for each vertex (n,) the area (m2) of its region, in which `crossed` is constant."""
     surface, (i, j) = frames.surface, frames.ends.T
     inside = crossed[i] == crossed[j]
     count, region = link_components(surface.n, i[inside], j[inside])
@@ -169,7 +168,7 @@ def _exchanged_on(directions: StressDirections, faces: Bools) -> StressDirection
 
 
 def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
-    """Return a mask (n,) of vertices where the families swap names; all False with guides, rotation or asymmetry."""
+    """Return a mask (n,) where major and minor swap names; all False with guides or `rotate`, or if not symmetric."""
     crossed = family_crossings(frames, along)
     symmetric = np.abs(images.mean(crossed.astype(float)) - crossed).max() < 0.5
     return crossed if symmetric and not options.is_steered else np.zeros_like(crossed)
@@ -177,9 +176,9 @@ def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Image
 
 @dataclass(frozen=True, eq=False)
 class FamilyCourse:
-    """Directions and density of one family, which give its lines for any spacing.
+    """Directions and density of one family, from which `lines` computes the family's lines for any spacing.
     g     : (n, 3) direction of the phase gradient at each vertex.    u : (n,) logarithm of the density.
-    start : (n,) weight of each vertex for the choice of the phase.    members : guide curves that become members."""
+    start : (n,) weight of each vertex when the phase is chosen.    members : guide curves that become members."""
 
     follow: StripeDirections
     g: Floats
@@ -190,7 +189,7 @@ class FamilyCourse:
 
     @classmethod
     def for_family(cls, directions: StripeDirections, name: str, halve: bool) -> Self:
-        """Return directions and density of family `name`. The weights `start` are the stress to the fourth power."""
+        """Return directions and density of family `name`. `start` is the relative stress to the fourth power."""
         g = directions.gradients[FAMILIES.index(name)]
         surface = directions.frames.surface
         size = vertex_means(surface, np.abs(directions.given.stress).max(axis=1))
@@ -205,11 +204,11 @@ class FamilyCourse:
 
     def lines(self, spacing: float) -> FamilyLines:
         """Return the lines of the family, with a mean spacing of `spacing` metres.
-        Of two possible phases, the one with lines at vertices with large stress and large displacement is used."""
+        Lines are shifted by half a period if they then pass through larger stresses and displacements."""
         frames, images, halvings = self.follow.frames, self.follow.images, self.halved.most
         surface = frames.surface
         finest = density(surface, self.u, spacing, self.halved)
-        coarse = Flow(frames, self.g, finest / 2**halvings)  # a closed curve crosses a multiple of 2**halvings lines
+        coarse = Flow(frames, self.g, finest / 2**halvings)  # only the lines that remain after all halvings
         locked_to_guides, aim = guide_phases(self.members, frames, self.g, coarse.density)
         lock = locked_to_guides | boundary_lines(surface, self.g, spacing)
         conditions = self.start, lock, images.projection(surface.V, self.g, coarse.density), aim
@@ -228,7 +227,7 @@ class FamilyCourse:
 
 
 def _movement(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
-    """Return the size of each vertex's displacement (n,), summed over the followed loads; ones if nothing moves."""
+    """Return the displacement of each vertex (n,), summed over loads that the pattern follows; ones if all are zero."""
     followed = [(weight, statics.cases[name].equilibrium.u) for name, weight in preset.followed_weights.items()]
     movement = sum(abs(weight) * np.linalg.norm(u, axis=1) for weight, u in followed)
     return np.asarray(movement if np.any(movement) else np.ones(surface.n))
@@ -249,7 +248,7 @@ def _symmetry(preset: Preset, surface: Surface, statics: StaticsResult) -> Symme
 
 
 def _slope(surface: Surface, size: Floats, singular: Bools, wanted_density: Floats) -> Floats:
-    """Return lines per metre (n,) around each vertex. size : (m,) length of the phase's gradient on each face."""
+    """Return lines per metre (n,) around each vertex, near `wanted_density` (n,). size : (m,) length of gradients."""
     regular = (~singular).astype(float)
     mean, regular_share = vertex_means(surface, np.stack([size * regular, regular], axis=1)).T
     slope = np.divide(mean, regular_share, out=wanted_density.copy(), where=regular_share > 0)
@@ -257,7 +256,7 @@ def _slope(surface: Surface, size: Floats, singular: Bools, wanted_density: Floa
 
 
 def follows_membrane(preset: Preset, surface: Surface, statics: StaticsResult) -> bool:
-    """Return True if the pattern follows the membrane stress, without bending. Optimal forces need membrane stress."""
+    """Return True if the pattern follows the membrane stress, without bending; `forces = "optimal"` requires this."""
     cases = [statics.cases[name] for name in preset.followed_weights]
     return all(case.layered is None for case in cases) and not is_slab(surface, [case.answers for case in cases])
 
@@ -283,8 +282,8 @@ FINEST = 0.5  # Smallest spacing of stripes, divided by the mean edge length.
 
 
 def same_stripes(earlier: Pattern, current: Pattern) -> bool:
-    """Return True if two [pattern] sections give the same centre lines. Widths, kept regions, and keys that only change
-    stripes on modes may differ. With `rounds`, stripes depend on their own weight, so nothing may differ."""
+    """Return True if two [pattern] sections give the same centre lines. The sections may differ in widths, kept regions
+    and keys for modes. With `rounds` they must be equal, because stripes then depend on their own weight."""
     if current.rounds:
         return earlier == current
 
@@ -322,8 +321,8 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
 def _redrawn_lines(
     directions: StripeDirections, courses: dict[int, FamilyCourse], families: list[FamilyLines], spacings: list[float]
 ) -> "_DividedFamilies":
-    """Return both families of lines. A family is computed again if its mean spacing differs by over 5 % from the
-    requested one (m). If the difference is still over 30 %, no line of this family ends early on a crossing member."""
+    """Return both families of lines. If the mean spacing of a family differs by over 5 % from its value in `spacings`
+    (m), new lines are computed. If it still differs by over 30 %, new lines are computed without halving."""
     surface, result = directions.frames.surface, _DividedFamilies.from_lines(directions, *families)
     tries = [result]
     for limit, halve in ((0.05, True), (0.3, False)):
@@ -331,7 +330,7 @@ def _redrawn_lines(
         redo = [k for k, lines in enumerate(families) if lines.most > 0 and abs(deviations[k]) > limit]
         if not redo:
             break
-        for k in redo:  # the mean spacing is only known after halving, which ends some lines early
+        for k in redo:  # halving ends some lines early, so the mean spacing is not known before
             wider = spacings[k] * float(np.exp(deviations[k]))
             families[k] = courses[k].lines(wider) if halve else courses[k].without_halving.lines(spacings[k])
         tries.append(_DividedFamilies.from_lines(directions, *families))

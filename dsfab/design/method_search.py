@@ -60,8 +60,8 @@ def _stiffest(candidates: list[MethodCandidate]) -> MethodCandidate | None:
 def stressed_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the best even stripes and the best modes, each with the width rule `stressed`.
-    Yield nothing if the width rule must not change."""
+    """Yield the best evenly spaced stripes and the best stripes from modes, with widths by the rule `stressed`.
+    Yield nothing if the preset's own width rule must stay."""
     if not _exchangeable(preset.pattern.width):
         return
     for method in ("stripes", "modes"):
@@ -69,7 +69,7 @@ def stressed_candidates(
         if not stiffest:
             continue
         words = stiffest.attempt.name.partition(",")[0]
-        log.report("pattern", f"trying {words} with the width rule stressed: cutting and solving")
+        log.report("pattern", f"trying {words} with the width rule 'stressed': cutting and solving")
         width = preset.pattern.width.model_copy(update={"rule": "stressed"})
         variant_preset = stiffest.preset.with_pattern(width=width)
         scratch, choice = replace(log, notes=[]), stiffest.choice
@@ -83,7 +83,7 @@ def stressed_candidates(
 def optimal_force_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the best evenly spaced stripes, drawn again along the forces of the stiffest sheet of varying thickness.
+    """Yield the best evenly spaced stripes again, now along the forces in the stiffest sheet of varying thickness.
     Yield nothing if the width rule must not change, if the user sets directions, or if the pattern follows bending."""
     options = preset.pattern
     stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
@@ -106,7 +106,7 @@ def optimal_force_candidates(
 def respaced_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the best evenly spaced stripes with larger and smaller spacings, with and without halving.
+    """Yield the best evenly spaced stripes with larger and smaller spacings, with and without `pattern.halve`.
     Yield nothing if there is no solid fraction, or if the preset sets the spacings."""
     stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
     if not stiffest or not preset.pattern.width.solid_fraction:
@@ -129,8 +129,8 @@ def respaced_candidates(
 
 
 def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple[dict[str, Family], str]:
-    """Return the families whose spacing the preset does not set, with `factor` times their spacing, and the spacings as
-    text. Spacings under two mesh edges are left out, because a member and an opening need one edge each."""
+    """Return the families whose spacing the preset does not set, with `factor` times this spacing; and a text with the
+    new spacings. Spacings under two mesh edges are left out: a member needs one edge, an opening another edge."""
     families, distances = dict[str, Family](), list[str]()
     for name in preset.pattern.family_names:
         family: Family = getattr(preset.pattern, name)
@@ -142,7 +142,7 @@ def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple
 
 
 def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) -> MethodCandidate:
-    """Return a candidate, cut completely with defaults of [slicing], and solved with the finite elements of trials."""
+    """Return a candidate, cut completely with defaults of [slicing], and solved with the same elements as trials."""
     preset = candidate.preset.model_copy(update={"slicing": Slicing()})
     trial, log = Trial(preset, analysis, candidate.even), Log(None)
     try:
@@ -162,8 +162,8 @@ def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) ->
 def uncrowded_candidate(
     candidate: MethodCandidate, analysis: StressedSurface, draw: Callable[[Preset], MethodCandidate], progress: Progress
 ) -> MethodCandidate:
-    """Return a candidate. If its filled openings form a solid plate, try other values of [pattern], and return the
-    best candidate (see `uncrowded_changes`).
+    """Return a candidate for the pattern. If dsfab would fill neighbouring openings of it, so that they form a solid
+    plate, try other values of [pattern], and return the best candidate (see `uncrowded_changes`).
     draw : function that returns the stripes of a preset, without widths."""
     surface, options, pattern = analysis.surface, candidate.preset.pattern, candidate.drawn
     trial = pattern and (pattern.trial or trial_cut(candidate.preset, surface, pattern))
@@ -185,7 +185,7 @@ def uncrowded_candidate(
     listed = "; ".join(_attempt_description(candidate.attempt) for candidate in candidates)
     outcome = f"dsfab took {selected.attempt.name} instead"
     if selected is candidates[0]:
-        selected, outcome = candidate, "no other pattern is better"
+        selected, outcome = candidate, "no other pattern is better, first by its flaws, then by its stiffness"
     note = Note("pattern", f"{plate.message}: {outcome}; compliance relative to the uncut sheet: {listed}")
     return replace(selected, preset=selected.preset.with_pattern(crowding="note"), notes=(*selected.notes, note))
 
@@ -208,16 +208,16 @@ def uncrowded_changes(design: DesignDraft, plate: FilledOpenings) -> Iterator[di
 
 
 def methods(preset: Preset) -> list[tuple[str, bool]]:
-    """Return the methods to try, as pairs (name, True if crowded stripes end early on crossing members)."""
+    """Return the methods to try, as pairs (name, halve). halve : every second stripe ends where stripes crowd."""
     halved = [("stripes", True)] if preset.pattern.may_halve else []
-    modes = [] if preset.pattern.is_steered else [("modes", preset.pattern.halve)]  # guides cannot steer modes
+    modes = [] if preset.pattern.is_steered else [("modes", preset.pattern.halve)]  # modes cannot follow guides
     return [*halved, ("stripes", False), *modes]
 
 
 def method_candidates(
     preset: Preset, analysis: StressedSurface, log: Log, method: str, halve: bool
 ) -> Iterator[MethodCandidate]:
-    """Yield a candidate of one method for each width rule."""
+    """Yield the patterns of one method, one for each width rule, after cutting and solving."""
     title = {"modes": "modes", "stripes": "halved stripes" if halve else "stripes"}[method]
     variant_preset = preset.with_pattern(method=method, halve=halve, weight_rounds=0)
     if method == "modes":
@@ -312,8 +312,8 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
 
 
 def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return the candidates. If the best ones are nearly equal, up to four of them are built and solved again. The
-    best of all is built last, so that slicing can continue from its trial cut."""
+    """Return the candidates for the pattern. If the best are nearly equal, cut and solve up to four of them again, as
+    in a build. The best of all is cut last, so that slicing can continue from its cut."""
     *flaws, soft = min(candidate.attempt.rank for candidate in candidates)
     limit = (*flaws, (1 + NEAR_BEST) * soft)
     shares = [other for other in candidates if other.sheet and other.preset.pattern.width.solid_fraction]
@@ -326,7 +326,6 @@ def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSur
 
 
 def _ranking(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return candidates, best first. If flaws are equal and stiffness is nearly equal, accurate elements decide."""
     ranked = sorted(candidates, key=lambda candidate: candidate.attempt.rank)
     *flaws, soft = ranked[0].attempt.rank
     near_best = [candidate for candidate in ranked if candidate.sheet and list(candidate.attempt.rank[:-1]) == flaws]
@@ -337,7 +336,6 @@ def _ranking(candidates: list[MethodCandidate], analysis: StressedSurface) -> li
 
 
 def _accurate_softness(candidate: MethodCandidate, analysis: StressedSurface) -> float:
-    """Return compliance (J) times share of material, with three digits, by more accurate elements than in trials."""
     assert candidate.sheet is not None
     trial = Trial(candidate.preset, analysis, candidate.even)
     compliance = trial.compliance(candidate.sheet.surface, trial.loads_on(candidate.sheet), "compliance_once")

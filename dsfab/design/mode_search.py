@@ -29,7 +29,7 @@ from dsfab.slicing import Sheet, Tidy, filled_slits, resolve_pinches, tidied_she
 from dsfab.statics import Aid, FaceStiffness, Quantity, solve_for
 from dsfab.surface import LoadCase, Surface, pieces
 
-SHARE_TOLERANCE = 2e-3  # Largest error of the solid fraction in trials.
+SHARE_TOLERANCE = 2e-3  # Largest error of the solid fraction when the search cuts a pattern.
 
 
 class CarryingSheet(NamedTuple):
@@ -53,7 +53,7 @@ class TrialResult(NamedTuple):
 
 
 class Trial:
-    """Trials on one surface: each pattern is cut and solved. even : evenly spaced stripes; None for modes."""
+    """Cutting and solving of patterns on one surface. even : evenly spaced stripes; None for stripes from modes."""
 
     def __init__(self, preset: Preset, analysis: StressedSurface, even: EvenStripes | None = None) -> None:
         self.preset, self.given, self.surface, self.even = preset, analysis, analysis.surface, even
@@ -88,7 +88,7 @@ class Trial:
         return TrialResult(candidate, pattern, carrying.sheet, carrying.cells)
 
     def carrying(self, layers: Sequence[Layer]) -> "CarryingSheet":
-        """Cut the surface along `layers`; return the sheet. Raises DsfabError if the sheet does not carry the loads."""
+        """Cut along the outlines of `layers`; return the material. Raises DsfabError if it does not carry the loads."""
         surface = self.surface
         tidy = tidy_of(self.preset, self.given, layers)
         fields, levels = [layer.field for layer in layers], [layer.levels for layer in layers]
@@ -136,7 +136,7 @@ LEAST_HALF_WIDTH, MOST_HALF_WIDTH = 0.01, 0.55
 
 
 class WidthStep(NamedTuple):
-    """Step of the rule `stressed`: `worth` is compliance (J) times share of material, `after` the next half-widths."""
+    """Step of the rule `stressed`. worth : compliance (J) times share of material.    after : next half-widths."""
 
     worth: float
     grading: Floats
@@ -146,9 +146,8 @@ class WidthStep(NamedTuple):
 def stressed_step(
     preset: Preset, analysis: StressedSurface, log: Log, even: EvenStripes | None = None
 ) -> Floats | None:
-    """Return the best relative half-widths (n, 2) of both families from pattern.width.steps trials.
-    The best trial has the smallest compliance times material. Return None if the first sheet does not carry the loads.
-    """
+    """Return the best relative half-widths (n, 2) of major and minor stripes, from pattern.width.steps trials.
+    The best has the smallest compliance times material. Return None if the first trial does not carry its loads."""
     steps = _steps(StressedTrial(preset, analysis, even), log)
     if not steps:
         return None
@@ -162,14 +161,14 @@ def stressed_step(
 
 
 def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice: Choice) -> Choice:
-    """Return the candidates in a new order: modes and phases that are stiffest with the rule `stressed` come first.
-    Only the best three pairs of modes and the pair with the lowest mode numbers are tried with this width rule."""
+    """Return the choice with a new first candidate: the modes and phases that are stiffest with the rule `stressed`.
+    Only the best three pairs of modes, and the pair with the lowest mode numbers, are tried with this width rule."""
     leading: dict[tuple[int, int], Candidate] = {}
     for candidate in choice.candidates:
         leading.setdefault(candidate.mode, candidate)
     carry = {mode: candidate for mode, candidate in leading.items() if not candidate.refused}
     finalists = list(carry.values())[:3]
-    finalists = list(dict.fromkeys([*finalists, carry[min(carry)]]))  # stressed widths may help the lowest modes most
+    finalists = list(dict.fromkeys([*finalists, carry[min(carry)]]))  # the rule may help the lowest modes most
     if len(finalists) < 2:
         return choice
 
@@ -182,7 +181,7 @@ def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice:
     log.note(
         "pattern",
         f"modes {stiffest.mode[0]} and {stiffest.mode[1]} with phases {stiffest.phase[0]:g} and "
-        f"{stiffest.phase[1]:g} are the stiffest of {len(finalists)} with stressed widths",
+        f"{stiffest.phase[1]:g} are the stiffest of {len(finalists)} pairs with the width rule 'stressed'",
     )
     return Choice((stiffest, *(candidate for candidate in choice.candidates if candidate is not stiffest)))
 
@@ -222,7 +221,7 @@ class StressedTrial(Trial):
         carrying = self.carrying(layers)
         options = self.preset.pattern
         requested = options.width.solid_fraction
-        if options.forces == "optimal":  # correct the share: `_share` counts ends of members that are removed later
+        if options.forces == "optimal":  # `_share` counts ends that are removed later, so correct the request
             self.added = float(np.clip(self.added + carrying.kept - requested, -0.1, 0.1))
         names = np.array([layer.name for layer in layers])
         K = self.stiffness(carrying.sheet.surface, self.loads_on(carrying.sheet))
@@ -250,11 +249,11 @@ class StressedTrial(Trial):
 
 START = (0.25, 0.0, 0.5, 0.75)
 """Phases of the first round if the search chooses the modes of both families, which then have the same phase. All four
-phases are tried if a family has mode 1, else only the first phase, because higher modes hardly depend on the phase."""
+phases are tried if a family has mode 1. Otherwise only the first is tried: higher modes hardly depend on the phase."""
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
-"""Phases of the first round, in all combinations: the first list if the preset sets both modes, else the second."""
+"""Phases of the first round, in all combinations. First list: the preset sets both modes. Second list: it does not."""
 TOGETHER = ((1, 1), (-1, -1))  # Equal changes of the phases of both families, in steps of `ROUNDS`.
-AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Changes of the phase of one family, or of both families.
+AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Changes of the phases of major and minor stripes.
 ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))
 """Later rounds of the search: number of best pairs of modes, step of their phases (periods), and changes to try."""
 CONNECTED_SHARE = 0.98
@@ -264,8 +263,8 @@ ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]  # Modes and phases
 
 def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
     """Return the candidates for modes and phases that are `auto`, best first. The best candidate has the smallest
-    compliance times material. At most 57 are tried. With the width rule `stressed`, trials use graded widths, and then
-    `stressed_choice` sorts the candidates again.
+    product of compliance and material. At most 57 are tried. With the width rule `stressed`, trials use graded widths.
+    Then `stressed_choice` selects the first candidate.
     Raises PatternError if no candidate carries the loads."""
     candidates: dict[ModesAndPhases, Candidate] = {}
     with log.row("choice"):
@@ -275,7 +274,7 @@ def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
         ):
             untried = [numbers for numbers in dict.fromkeys(numbers_of_round) if numbers not in candidates]
             if untried:
-                message = f"choosing modes and phases, round {number + 1}: cutting and solving {len(untried)}"
+                message = f"choosing modes and phases, round {number + 1}: patterns to cut and solve: {len(untried)}"
                 log.report("pattern", message)
             candidates.update({numbers: trial.candidate(*numbers) for numbers in untried})
     ranked = tuple(sorted(candidates.values(), key=_rank))
@@ -283,8 +282,9 @@ def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
     stiffest = ranked[0]
     if stiffest.refused:
         raise PatternError(
-            f"none of {refused} modes and phases carries the loads; for the first pair, {stiffest.refused}; set "
-            "pattern.rim, increase pattern.keep or pattern.width.solid_fraction, or choose other frequencies"
+            f"none of {refused} combinations of modes and phases carries the loads; reason for the first: "
+            f"{stiffest.refused}; set pattern.rim, increase pattern.keep or pattern.width.solid_fraction, or choose "
+            "other frequencies"
         )
     log.note(
         "pattern",
@@ -299,7 +299,7 @@ def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
 
 
 def _rank(candidate: Candidate) -> tuple[bool, bool, float, ModesAndPhases]:
-    """Return the sort key. Rounding makes mirror images equal; among these, lower modes and phases come first."""
+    """Return the sort key. Rounding gives mirror images equal compliances; then lower modes and phases come first."""
     soft = float(f"{candidate.compliance * candidate.kept:.3g}")
     return bool(candidate.refused), candidate.whole < CONNECTED_SHARE, soft, (candidate.mode, candidate.phase)
 
@@ -324,7 +324,7 @@ def _search_rounds(
         for candidate in sorted(candidates.values(), key=_rank):
             leading.setdefault(candidate.mode, candidate)
         finalists = list(leading.values())[:count]
-        if count > 1:  # phases matter most for the pair with the lowest mode numbers
+        if count > 1:  # the phases matter most for the modes with the lowest numbers
             finalists = list(dict.fromkeys([*finalists[:-1], leading[min(leading)]]))
         yield [
             (finalist.mode, _moved_phase(finalist.phase, (a * open_phase[0], b * open_phase[1]), step))

@@ -97,7 +97,7 @@ def _sheet_quality(
 def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
     """Return the quality of a family, with only those dead ends that remain in the cut sheet. An end that continues as
     a member of the other family is no dead end.
-    reach      : metres; an end was removed if no material is within this distance.
+    reach      : metres; an end is not in the cut sheet if no material is within this distance.
     half_width : (n,) half-width of the family's members at each vertex, in periods."""
     width = 2 * float(np.median(half_width)) * family.spacing[1]
 
@@ -144,7 +144,7 @@ def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> 
 
 
 def followed_directions(design: PatternedDesign) -> StressDirections:
-    """Return the stresses along both families, and their directions. With `rotate`, stresses are absolute values."""
+    """Return the directions that both families follow, and the stresses along them; absolute values with `rotate`."""
     preset = design.preset
     stress, direction = principal_stresses(design.surface, followed_stress(preset, design.surface, design.statics))
     if design.pattern.even is None and preset.diffusion.labelling == "magnitude":
@@ -232,7 +232,7 @@ def _is_material(stripes: StripeChart, points: Floats) -> Bools:
 
 def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3) -> FilledOpenings | None:
     """Return the largest group of filled openings with at most `apart` metres between neighbours, or None.
-    samples : an opening counts as filled if this number of its largest cells are filled."""
+    samples : number of largest cells of each opening that are checked. If all are material, the opening is filled."""
     openings = openings_of(before)
     if openings is None:
         return None
@@ -253,10 +253,10 @@ def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3)
 
 
 def merged_members(options: Pattern, surface: Surface, pattern: PatternResult) -> FilledOpenings | None:
-    """Return the largest solid plate of touching members, outside kept regions; None if there is no such plate, or if
-    both families are drawn. Its area divided by the square of the spacing gives its number of filled openings."""
+    """Return the largest area outside kept regions where members of a single family touch. Return None without
+    such an area, or for two families. This area / spacing^2 gives the number of filled openings."""
     if options.families == "both":
-        return None  # plates of two families are found by `largest_filling`
+        return None  # for two families, `largest_filling` finds filled openings
     touch = pattern.half_width(options.families) >= SOLID
     layers = map(Layer, pattern.names, pattern.fields, pattern.levels, pattern.half_widths)
     kept_layers = [layer for layer in layers if layer.name not in FAMILIES]

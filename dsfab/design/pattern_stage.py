@@ -1,4 +1,4 @@
-"""Stage 4: the pattern of a preset. Its directions can follow the weight of the stripes, not of the uncut sheet."""
+"""Stage 4: the pattern of a preset. The stress can be computed again with the smaller weight of the cut sheet."""
 
 from dataclasses import replace
 from functools import partial
@@ -48,9 +48,9 @@ def stripes_under_own_weight(preset: Preset, analysis: StressedSurface, log: Log
         mean_turn, largest_turn = direction_change(surface, *stresses)
         log.note(
             "pattern",
-            f"directions follow the stress under the weight of the stripes, {share @ surface.areas / surface.area:.0%} "
-            f"of the uncut sheet's weight: directions turned by {mean_turn:.2g} degrees on average, by at most "
-            f"{largest_turn:.2g} on 95 % of the surface",
+            f"directions follow the stress under the weight of the stripes ({share @ surface.areas / surface.area:.0%} "
+            f"of the uncut sheet's weight); the weight turned directions by {mean_turn:.2g} degrees on average, by at "
+            f"most {largest_turn:.2g} degrees on 95 % of the surface",
         )
     return even
 
@@ -61,8 +61,8 @@ def _follows_own_weight(preset: Preset, statics: StaticsResult) -> bool:
 
 
 def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) -> Floats:
-    """Return the share of each face (m,) that stripes and kept regions cover: the mean over all symmetric faces.
-    Widths are approximate. Corners are not rounded, and openings are not filled."""
+    """Return the share of each face (m,) that stripes and kept regions cover. For a symmetric pattern, the share is a
+    mean over symmetric faces. Widths are approximate. Corners are not rounded, and openings are not filled."""
     surface, sketch = analysis.surface, sketched_step(preset, analysis, even=even)
     polygons = tidied_polygons(surface, sketch.fields, sketch.levels, SHARE_SNAP, sketch.tidy)
     area = polygons.cells.areas(polygons.X)[0] * ~polygons.void
@@ -118,7 +118,7 @@ class EarlierStripes(NamedTuple):
 
 
 class ChosenMethod(NamedTuple):
-    """Chosen pattern method and its stripes without widths (`way`). attempts : trials of a search, best first."""
+    """Pattern method (`way`) and its stripes, still without widths. attempts : trials of a search, best first."""
 
     way: MethodCandidate
     attempts: tuple[Attempt, ...] = ()
@@ -145,7 +145,7 @@ def chosen_method(
 
 
 def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: ChosenMethod) -> PatternResult:
-    """Return the stripes by the chosen method. If the search has drawn them, the log has their time in row `method`."""
+    """Return the stripes by the chosen method. If `method_step` drew these stripes, log row `method` has their time."""
     candidate, before = chosen.way, len(log.notes)
     log.seconds.setdefault("pattern", 0.0)
     pattern = candidate.drawn or pattern_step(

@@ -36,7 +36,7 @@ from dsfab.surface import (
 )
 
 IMAGE_DIFFERENCE = 0.3
-"""Largest difference of a region or guide from its symmetric image, divided by its area; uneven meshes cause some."""
+"""Largest allowed difference of a region or guide from its symmetric image, divided by its area; meshes are uneven."""
 
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
@@ -85,7 +85,7 @@ def whole_surface(preset: Preset, surface: Surface) -> Surface:
 
 
 def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
-    """Return the surface before its voids are cut out, and for each vertex of `surface` its number (n,) there."""
+    """Return the surface before its voids were cut out, and the number (n,) there of each vertex of `surface`."""
     results = derived_results(surface)
     if _before_voids not in results:
         from dsfab.design.surface_and_statics import base_surface  # at the top, this import would be circular
@@ -125,7 +125,7 @@ def one_sided_message(surface: Surface, regions: Sequence[PatternRegion], symmet
         matching = int((np.array(differing_areas) <= IMAGE_DIFFERENCE * float(surface.areas @ inside)).sum())
         if matching < symmetry.order:
             exceptions.append(f"{region_key(regions, k)} at {matching}")
-    message = f"stripes match at {symmetry.order} symmetric images, but some regions at fewer: {', '.join(exceptions)}"
+    message = f"stripes match at {symmetry.order} symmetric places, but these regions at fewer: {', '.join(exceptions)}"
     return message if exceptions else ""
 
 
@@ -165,7 +165,7 @@ class Loading:
 
 
 def loadings(preset: Preset, surface: Surface) -> list[Loading]:
-    """Return the cases of a preset, then its combinations, then the sum of several cases.
+    """Return the cases of a preset, then its combinations, then the sum of all cases if there are several.
     Raises SurfaceError for a support or a load without vertices."""
     section, weight = preset.surface, preset.statics.area_weight
     acting = acting_on(preset, surface)
@@ -228,10 +228,10 @@ class CoveringLoads:
         return force
 
     def _by_opening(self, load: Floats) -> Floats:
-        """Return forces (m, 3), N, on faces with material. If possible, they keep the moment of each opening's load."""
+        """Return forces (m, 3), N, on faces with material, if possible with the moment of the load on each opening."""
         loaded_faces = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
         force = group_sums(self.to[self.to >= 0], load[self.to >= 0], len(load))
-        # a face may carry loads of several openings
+        # a face may carry the covering's load over several openings
         pair, pair_index = np.unique(
             np.stack([self.opening[loaded_faces], self.to[loaded_faces]]), axis=1, return_inverse=True
         )
@@ -268,8 +268,8 @@ def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
 
 
 def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
-    """Return forces (k, 3), N, at places (k, 3), as in bolt groups. In each group, their sum is zero, and their moment
-    is that of the group. Places on a line take no moment about this line.
+    """Return forces (k, 3), N, at places (k, 3), as in bolt groups. The forces of each group have zero sum, and the
+    moment `moment` of the group. Places on a line take no moment about this line.
     group  : (k,) group of each place.    weight : (k,) bolt areas.    moment : (g, 3) moments of g groups, N m."""
     count = len(moment)
     total = np.bincount(group, weight, count)
@@ -287,8 +287,8 @@ LOST_LOAD_REMEDY = "set pattern.rim, raise pattern.keep, or change a phase or a 
 
 
 def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[LoadCase]) -> str:
-    """Return a clause about the first load on pieces without support, or ''.
-    A load on such a piece is lost, even if supported material is near. Up to 1 % of a load may be lost.
+    """Return a clause about the first load with more than 1 % on loose pieces (without support), or ''.
+    Material near a loose piece does not take over the load on it.
     material : all material, with loose pieces.    sheet : the material without loose pieces."""
     dropped = (material.same_vertex() >= 0) & (sheet.same_vertex() < 0)
     for load in loads:

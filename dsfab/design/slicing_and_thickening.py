@@ -45,7 +45,7 @@ def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) 
 
 def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
     """Return the kind of slits that are filled, so that members merge.
-    Without `pattern.tidy` no slit is filled, so that a topology optimisation of the same preset keeps its mass."""
+    Without `pattern.tidy` no slit is filled: it would add mass to a topology optimisation of the same preset."""
     has_stripes = pattern.even is not None or pattern.preset_with_choices(preset).pattern.method == "modes"
     return merging_rule(preset) if pattern.tidy is not None and has_stripes else "none"
 
@@ -85,9 +85,9 @@ def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
         return min_opening or 0.0, min_opening or 0.0
     spacing = min(family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
     thickness = preset.statics.thickness
-    # after tidying, `merging_rule` also fills openings that are larger than this limit
+    # with `removes_loose_ends`, the limit can be lower, because `merging_rule` also fills larger openings
     opening = min(SPECK * spacing, thickness) if options.removes_loose_ends else SPECK * spacing
-    # factor 1.1: the rounded corners beside a bridge are polygons, which are narrower than the exact arcs
+    # 1.1 and not 1: beside a bridge, an opening has polygons as round corners, and is narrower than with exact arcs
     return opening, min(1.1 * thickness, 0.2 * spacing)
 
 
@@ -104,8 +104,8 @@ class WorkshopWidths(NamedTuple):
 
 def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
     """Return the least widths of a preset on a surface, from [slicing] or by default; 0 without `pattern.workshop`.
-    The default for members is half of the thickness, about the width of a cutter. If `slicing.min_member` exceeds the
-    default, this function returns the default, because slicing widens members later."""
+    The default for members is half of the thickness, about the width of a cutter. `slicing.min_member` replaces this
+    default only if it is smaller. Slicing widens members later if `slicing.min_member` is larger."""
     if not preset.pattern.for_workshop:
         return WorkshopWidths(0.0, 0.0)
     slicing, thickness = preset.slicing, preset.statics.thickness
@@ -133,8 +133,8 @@ def _least_requested_member(options: Pattern, surface: Surface) -> float:
 
 
 def least_member(options: Pattern, surface: Surface) -> float:
-    """Return the default least width (m) of evenly spaced members of varying width. It is half of the width of equal
-    members. Without a solid fraction, half of the surface counts as material."""
+    """Return the default smallest width (m) of members whose widths differ. It is half of the width of equal members
+    with the same even spacing. Without a solid fraction, half of the surface counts as material."""
     density = sum(1 / family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
     return 0.5 * (options.width.solid_fraction or 0.5) / density
 
@@ -213,7 +213,7 @@ def slicing_step(
     _note_finishing(preset, finished, finishing, cut_cells.stubs, log)
     plate = filled_plate(preset.pattern, surface, statics.load, pattern, (cut_cells, finished.unwidened or cells))
     if plate:
-        log.note("slicing", f"{plate.message}; another pattern.keep, spacing or pattern.rotate may avoid it")
+        log.note("slicing", f"{plate.message}; to avoid it, change pattern.keep, spacing or pattern.rotate")
     if finished.shape:
         log.note("slicing", finished.shape)
     return SlicingResult(cells, sheet, kept_pieces, finished.counts["pinches"], plate)
@@ -248,9 +248,9 @@ def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingO
 def filled_plate(
     options: Pattern, surface: Surface, load: LoadCase, pattern: PatternResult, cells: tuple[Sheet, Sheet]
 ) -> FilledOpenings | None:
-    """Return the largest group of filled openings if the group forms a plate. Return None for a group around a small
-    boundary loop that is supported.
-    cells : all cells before finishing, and all cells after it."""
+    """Return the largest group of neighbouring filled openings. Return None for fewer than `FILLED_PLATE` openings,
+    and for a group around a small boundary loop that is supported.
+    cells : all cells before and after openings were filled and corners rounded."""
     spacings = [family.distance(surface.area, surface.mean_edge) for family in options.drawn_families]
     fillings = merged_members(options, surface, pattern), largest_filling(*cells, max(spacings))
     filling = max(filter(None, fillings), key=lambda group: group.openings, default=None)
@@ -274,7 +274,7 @@ def _fillet_message(radius: float, radii: Floats) -> str:
     if np.median(radii) < radius / 2:
         half = length(float(np.median(radii)))
         return f"{message}; for lack of space, half of the radii are below {half} (pattern.fillet: {length(radius)})"
-    return f"{message} with a radius of {length(radius)}, or less where space is lacking"
+    return f"{message} with a radius of {length(radius)}, or a smaller radius where space is lacking"
 
 
 def _pieces(surface: Surface, sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:
@@ -339,11 +339,11 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
         areas = surface.area, sheet.surface.area
         uncut_weight, sheet_weight = (force(preset.statics.area_weight * area) for area in areas)
         message = f"the cut sheet weighs {sheet_weight}; all results include this weight"
-        if not preset.pattern.rounds:  # else `stripes_under_own_weight` notes the weight that the directions follow
+        if not preset.pattern.rounds:  # else directions follow the cut sheet's weight, see `stripes_under_own_weight`
             message += f"; the directions follow the weight of the uncut sheet, {uncut_weight}"
         log.note("slicing", message)
     if any(part.bare.any() for part in parts):
-        log.note("slicing", "loads without a covering act on members only; the stripes follow loads on the uncut sheet")
+        log.note("slicing", "loads without a covering act only on members; for the stripes they act on the uncut sheet")
 
 
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:
@@ -373,8 +373,8 @@ def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, lo
     if offset.limited:
         log.note(
             "thickening",
-            f"{offset.limited} of {surface.n} vertices were thinned where the surface bends sharply, "
-            f"down to {offset.smallest:.0%} of the thickness",
+            f"the solid is thinner at {offset.limited} of {surface.n} vertices, where the surface bends sharply: "
+            f"at least {offset.smallest:.0%} of the thickness remains",
         )
     for text in solid.notes:
         log.note("thickening", text)

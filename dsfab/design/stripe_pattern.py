@@ -80,7 +80,7 @@ def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) 
 
 
 def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
-    """Return a mask (m,) of faces where the stripes of a mode run in the wrong direction; None without a mode."""
+    """Return a mask (m,) of faces where a mode's stripes are nearer to the other family's direction; None: no mode."""
     if layer.name not in FAMILIES or not isinstance(layer.field, np.ndarray):
         return None
     x: Floats = layer.field if layer.field.ndim == 1 else layer.field.mean(axis=1)
@@ -93,12 +93,12 @@ def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) ->
 
 
 SHARE_TOLERANCE = 4e-4  # Largest error of the solid fraction.
-UNREPORTED = 2 * SHARE_TOLERANCE  # Largest error of the solid fraction that dsfab does not report.
+UNREPORTED = 2 * SHARE_TOLERANCE  # dsfab reports only larger errors of the solid fraction.
 
 
 class _ShareTrial(NamedTuple):
-    """Trial stripes (`result`), with shares of the surface.
-    aim : share for the stripes alone.    added : share that finishing adds.    total : share after finishing."""
+    """Trial stripes (`result`), with shares of the surface. aim : wanted share of the stripes as cut.
+    added : share that rounded corners, filled openings and bridges add.    total : share of stripes and additions."""
 
     aim: float
     added: float
@@ -115,10 +115,9 @@ def corrected_pattern(
 ) -> tuple[PatternResult, float]:
     """Return stripes that cover the requested share of the surface after finishing, and the covered share.
     draw_pattern  : function that draws stripes. It gets the share that finishing will add, and a guessed width factor.
-    nearest_share : function of a share. Of all shares measured for the latest stripes, it returns the nearest.
+    nearest_share : function of a share. It returns the nearest share that was measured for the latest stripes.
     added_share   : function that returns the share that finishing adds by rounded corners and filled openings.
-    bridged_share : function that returns the share of added bridges. It is slow. After a result of 0, it is not called
-                    again.
+    bridged_share : slow function that returns the share of added bridges. After a result of 0, it is not called again.
 
     Stripes get the requested share minus the added share. The added share jumps if openings close. The search then
     tries the mean share (`aim`) of a trial with too little material and a trial with too much material."""
@@ -144,7 +143,7 @@ def corrected_pattern(
     latest = converge(attempt(0.0))
     if (bridges := bridged_share()) > SHARE_TOLERANCE:
         latest = trials[-1] = latest._replace(added=latest.added + bridges, total=latest.total + bridges)
-        trials[:-1] = []  # earlier trial patterns have no bridges, so their shares are too small
+        trials[:-1] = []  # earlier trials have too small shares, because they have no bridges
         latest = converge(latest)
     for k in range(8):  # the first three rounds try for a smaller error than the preset allows
         accepted = max(tolerance, UNREPORTED) if k >= 3 else UNREPORTED
@@ -159,7 +158,7 @@ def corrected_pattern(
 
 
 def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
-    """Return the mean `aim` (share) of one trial pattern with too little and one with too much material; 0 if none."""
+    """Return the mean `aim` of the two nearest trials of which one has too little and one too much material, or 0."""
     pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in trials for b in trials if a.total < requested < b.total]
     gap, middle = min(pairs, default=(0.0, 0.0))
     return middle if gap > SHARE_TOLERANCE / 16 else 0.0
@@ -167,17 +166,17 @@ def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
 
 COUNTED = 2  # Sample points along each side of a face, for approximate shares.
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
-"""Factors on the approximate widths. These widths decide which openings close because members are too near to each
-other. Smaller factors close fewer openings."""
+"""Factors on the approximate widths. The resulting widths decide which openings are closed, because the members beside
+them are too near to each other. Smaller factors close fewer openings."""
 SHARE_SNAP = 0.05  # Default of slicing.snap, for cuts that only measure the share of the surface with material.
 
 
 class WidthSearch(NamedTuple):
-    """Options of the search for widths with which layers cover pattern.width.solid_fraction of the surface.
-    share     : function that returns the share of the surface that layers cover.
+    """Options of the search for widths, with which the material has the share pattern.width.solid_fraction.
+    share     : function that returns the share of the surface that layers (stripes and kept regions) cover.
     tolerance : largest error of the share.    guess : width factor of a similar pattern, or 0.
     counted   : faster, less accurate `share` for the beginning of the search, or None.
-    added     : share that finishing will add, for example by rounded corners."""
+    added     : share of the surface that rounded corners and filled openings will add after the search."""
 
     share: Callable[[Sequence[Layer]], float]
     tolerance: float
@@ -190,7 +189,7 @@ class WidthSearch(NamedTuple):
 class _MeasuredShares:
     """Function that cuts the surface along layers (stripes and kept regions), and returns the share with material.
     reached  : all returned shares.    layers : the latest layers.
-    polygons : surface cut along the latest layers.    trial : latest cut with finishing."""
+    polygons : surface cut along the latest layers.    trial : latest cut, finished up to the first rounding."""
 
     preset: Preset
     given: StressedSurface
@@ -217,7 +216,7 @@ class _MeasuredShares:
         return self.trial.added_area / self.given.surface.area if self.trial else 0.0
 
     def bridged(self) -> float:
-        """Add bridges and least widths to the latest trial; return the share that they add."""
+        """Add bridges and least widths to the latest trial; return the added area / area of the surface."""
         if self.trial is None:
             return 0.0
         self.trial, share = with_bridges(self.preset, self.given.surface, self.trial)
@@ -235,8 +234,8 @@ def pattern_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return the pattern. Kept regions are drawn before stripes, because a layer does not cut earlier layers.
-    preset  : preset in which modes and phases are chosen.    choice : this choice, if the preset said `auto`.
+    """Return the pattern. Kept regions are the first layers, so that stripes do not cut them.
+    preset  : preset with chosen modes and phases.    choice : modes and phases that were chosen for `auto`, or None.
     grading : (n, f) relative half-widths of the stripes of f families.    even : evenly spaced stripes, if any."""
     options, surface = preset.pattern, analysis.surface
     with log.stage("pattern", "drawing stripes"):
@@ -282,7 +281,7 @@ def sketched_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return the pattern of `pattern_step` with approximate widths. Sample points give the share of material."""
+    """Return the pattern of `pattern_step` with approximate widths: sample points measure the share of material."""
     surface = analysis.surface
     kept_layers = kept_regions(preset, surface, analysis.load, even)
     families = drawable_families(preset, analysis, member_widths(preset, surface).radius, grading, even)
@@ -300,9 +299,8 @@ def member_widths(preset: Preset, surface: Surface) -> Widths:
 
 
 def least_width(preset: Preset, surface: Surface) -> float:
-    """Return the default least width (m) of evenly spaced members of varying width. It is the thickness for graded
-    members, and the least width of a workshop for stressed members. Slicing then does not have to widen members,
-    which would be slow."""
+    """Return the default least width (m) of evenly spaced members of varying width. For the rule `graded` it is the
+    thickness. For `stressed`, `least_drawn_member` returns it; slicing then need not widen members, which is slow."""
     stressed = preset.pattern.width.rule == "stressed"
     least = least_drawn_member(preset, surface) if stressed else preset.statics.thickness
     return min(least, least_member(preset.pattern, surface))
@@ -344,15 +342,15 @@ def solved_layers(
     share, tolerance, guess, counted, added = search
     if width.solid_fraction:
         requested = width.solid_fraction - added
-        slope = 0.85 * requested if guess else 0.0  # 0.85, because members overlap at crossings
+        slope = 0.85 * requested if guess else 0.0  # d share / d relative width; 0.85 because members overlap
         if counted is None and not guess and any(layer.closed is not None for layer in layers(factor)):
-            counted = counted_share(surface, kept_layers, COUNTED)  # to find the widths at which openings close
+            counted = counted_share(surface, kept_layers, COUNTED)  # approximate widths decide which openings close
         if counted is not None:
             with suppress(PatternError):  # the final search raises a better message
                 factor *= solved_factor(lambda relative: counted(layers(factor * relative)), requested, SHARE_TOLERANCE)
                 slope = (counted(layers(1.02 * factor)) - counted(layers(0.98 * factor))) / 0.04
         jump = width.solid_fraction_tolerance
-        if preset.pattern.families != "both":  # without crossings, whole members are loose, and the share jumps
+        if preset.pattern.families != "both":  # one family has no crossings; a loose member makes the share jump
             spacing = preset.pattern.drawn_families[0].distance(surface.area, surface.mean_edge)
             jump = max(jump, width.solid_fraction * spacing / float(np.sqrt(surface.area)))
 
@@ -369,8 +367,8 @@ def layers_with_share(
     factor: float,
     solve: Callable[[Callable[[float], float]], float],
 ) -> tuple[list[Layer], float]:
-    """Return layers that cover the requested share, and their width factor, which is x * `factor`.
-    `factor` decides which openings close.    solve : function that finds x. Its argument is the function share(x).
+    """Return layers that cover the requested share, and their width factor.
+    `factor` decides which openings close.    solve : finds x = width factor / `factor` from the function share(x).
 
     The search repeats with slightly more or fewer closed openings in two cases: the share jumps because an opening
     closes, or the final width factor is over 2.5 times larger or smaller than `factor`."""
@@ -397,8 +395,8 @@ def layers_with_share(
 
 @dataclass
 class _CachedLayers:
-    """Layers for width factors that are multiples of `factor`. The latest layers are stored.
-    layers : function of two width factors; returns layers.    closing : second factor; decides which openings close."""
+    """Cache of the latest layers (stripes and kept regions). Their width factors are multiples of `factor`.
+    layers : function of a width factor and of `closing`, the width factor that decides which openings close."""
 
     layers: Callable[[float, float], list[Layer]]
     factor: float
@@ -406,7 +404,7 @@ class _CachedLayers:
     last: tuple[float, list[Layer]] = (-1.0, [])
 
     def layers_at(self, relative: float) -> list[Layer]:
-        """Return the layers for the width factor `relative * factor`."""
+        """Return the layers with members of the width factor `relative * factor`."""
         if self.last[0] != relative:
             self.last = relative, self.layers(self.factor * relative, self.closing)
         return self.last[1]

@@ -94,7 +94,7 @@ With 250,000 vertices, their factorisation takes 17 GB (`hinge`: 3.6 GB)."""
 
 def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log, rough: bool = False) -> list[Answers]:
     """Return stress, energy, frequencies and buckling of a solved sheet, for each case and combination.
-    rough : True for only stress and energy, by the elements that solved the sheet."""
+    rough : True to compute only stress and energy, with the elements of the solved sheet."""
     sheet = preset.statics
     model, matrices = sheet.sheet().model_for(surface), dict(solved.made)
 
@@ -142,14 +142,14 @@ def _note_answers(
     elements = named_answers[0][1].elements
     if requested and sheet.bending != "hinge" and requested.elements_for(sheet.elements) != sheet.elements:
         why = f"{sheet.elements} elements are not accurate enough for reports"
-        log.note("statics", f"stress, energy, frequencies and buckling are those of {elements} elements: {why}")
+        log.note("statics", f"stress, energy, frequencies and buckling are computed with {elements} elements: {why}")
     facets = facet_number(surface, sheet.thickness)
     if requested and elements.bending == "hhj" and facets > FACETS:
         log.note(
             "statics",
             "each flat face bends under pressure and weight, so the largest stress is too high by a fraction of up to "
-            f"{facets:.2g} (edge length x fold angle / thickness, better under {FACETS}); make the mesh finer "
-            "(surface.edge, or surface.refine with smooth)",
+            f"{facets:.2g} (edge length x fold angle / thickness). Make the mesh finer, until this fraction is below "
+            f"{FACETS} (surface.edge, or surface.refine with smooth)",
         )
     for name, answers in named_answers:
         _note_case_answers(f" under {name}" if len(named_answers) > 1 else "", answers, sheet, log)
@@ -159,7 +159,7 @@ def _note_case_answers(under: str, answers: Answers, sheet: Statics, log: Log) -
     if answers.assumed:
         log.note("statics", f"frequencies and buckling{under} are for movements out of the plane: {answers.assumed}")
     for refusal in answers.refusals:
-        aside = "" if answers.elements.bending else " (it was solved in its plane, but vibrates and buckles out of it)"
+        aside = "" if answers.elements.bending else " (the sheet was solved without movements out of its plane)"
         log.note("statics", refusal + under + aside)
     if answers.buckling is not None and not len(answers.buckling.factor):
         log.note("statics", f"the load compresses no part of the uncut sheet{under}: it does not buckle")
@@ -191,9 +191,9 @@ class FollowedStress(NamedTuple):
 def followed_layers(
     preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers], sigma: Sequence[Floats]
 ) -> FollowedStress:
-    """Return the stress that statics.stress selects, for a sheet that was solved with bending.
+    """Return the stress that the pattern follows according to statics.stress, for a sheet that was solved with bending.
     sigma : (m, 3, 3) stress in the middle of the thickness (Pa), for each case and combination.
-    Raises StaticsError if elements with reliable moments cannot solve the sheet."""
+    Raises StaticsError if accurate moments are needed, and elements that compute them cannot solve the sheet."""
     option = preset.statics.stress
     if is_slab(surface, answers):
         lower = [stress.tensor("bottom") for stress in _moment_stresses(preset, surface, acting, answers)]
@@ -202,7 +202,7 @@ def followed_layers(
     share = bending_share(preset, surface, acting, answers)
     if option == "layers" or (option == "auto" and share >= BENDING_SHARE):
         stresses = _moment_stresses(preset, surface, acting, answers)
-        message = f"the pattern follows the stress of all layers of the sheet: bending stores {share:.0%} of its energy"
+        message = f"the pattern follows the stress of all layers; bending stores {share:.0%} of the sheet's energy"
         layered = [layer_stress(surface, s.tensor("middle"), _bending_stress(s)) for s in stresses]
         return FollowedStress(sigma, layered, message)
     if option == "membrane" and share >= BENDING_SHARE:
@@ -279,12 +279,12 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
         log.note("statics", f"the surface is {length(surface.size)} large: check its unit")
     if not USUAL_SLENDERNESS[0] < slenderness < USUAL_SLENDERNESS[1]:
         log.note(
-            "statics", f"{message}: statics hold for size / thickness of about 20 to 2000; check units and thickness"
+            "statics", f"{message}: statics are valid for size / thickness of about 20 to 2000; check units, thickness"
         )
 
 
 def checked_sheet(preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = ()) -> SolvedSheet:
-    """Return `solved_sheet`. Raises SurfaceError for a wrong thickness, or for a support or load off the surface."""
+    """Return `solved_sheet`. Raises SurfaceError for an impossible thickness, or a support or load off the surface."""
     check_scale(preset, surface, log)
     for text in off_surface(preset, surface):
         log.note("statics", text)
@@ -315,12 +315,12 @@ def rough_statics(preset: Preset, surface: Surface, solved: SolvedSheet) -> Stat
         return None
     answers = answers_step(preset, surface, solved, Log(None), rough=True)
     if sheet.stress == "auto" and bending_share(preset, surface, solved.acting, answers) >= BENDING_SHARE / 2:
-        return None  # `bending_share` is only approximate here, so the limit is halved
+        return None  # half of the limit, because `bending_share` is only approximate here
     return _statics_result(preset, surface, solved, answers, FollowedStress(solved.sigma), Log(None))
 
 
 def same_followed_stress(rough: StaticsResult, statics: StaticsResult) -> bool:
-    """Return True if the pattern follows the same stress in both results, in every case."""
+    """Return True if the pattern follows the same stress in `rough` as in `statics`, in every case."""
     pairs = ((case.followed_stress, rough.cases[name].followed_stress) for name, case in statics.cases.items())
     return all(np.array_equal(*pair) for pair in pairs)
 
@@ -355,7 +355,7 @@ def surface_step(preset: Preset, log: Log) -> Surface:
         count = pieces(surface.F, surface.edges)[0]
     if count > 1:
         doubled = coincident(surface.V)
-        merge = f", unless its {doubled} vertices with equal coordinates are merged" if doubled else ""
+        merge = f", unless you merge the {doubled} vertices with equal coordinates" if doubled else ""
         log.note("surface", f"the surface has {count} separate pieces; each needs its own supports{merge}")
     for remark in parallel_remarks(surface.V, surface.F):
         log.note("surface", remark)

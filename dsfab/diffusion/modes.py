@@ -1,4 +1,4 @@
-"""Modes of a diffusion operator for its smallest eigenvalues. Axes that rotate with the surface fix their signs."""
+"""Modes of a diffusion operator with the smallest eigenvalues. The sign of a mode does not depend on the solver."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -48,7 +48,7 @@ def reference_axes(surface: Surface, weights: Sequence[Floats] = (), vectors: Se
 
 
 def _axis_candidates(x: Floats, measures: Sequence[Floats], vectors: Sequence[Floats]) -> Iterator[Floats]:
-    """Yield the directions that `reference_axes` lists, of length about 1, or about 0 if a direction has no meaning."""
+    """Yield the directions that `reference_axes` lists, of length about 1, or about 0 if the geometry defines none."""
     for vector in vectors:
         length = float(np.linalg.norm(vector))
         if length > 0:
@@ -75,7 +75,7 @@ def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
 
 
 REPEATED = 1e-6  # Eigenvalues count as repeated if their relative difference is smaller.
-VISIBLE = 1e-2  # A reference field decides a basis or a sign only if its part in the eigenspace is larger.
+VISIBLE = 1e-2  # A reference field decides a basis or a sign only if a larger fraction of it is in the eigenspace.
 SPARE = 2
 """Number of additional eigenpairs, so that usually all copies of a repeated last eigenvalue are computed."""
 
@@ -93,7 +93,7 @@ class Modes:
         lock_floats(self, lam=(None,), X=(None, len(self.lam)))
 
     def mode(self, number: int) -> Floats:
-        """Return mode `number` (n,). Mode 1 is the first that is not constant, as in the paper's figures.
+        """Return mode `number` (n,). Mode 1 is the first that is not constant, as in the figures of Madan et al.
         Raises PatternError for a number beyond the computed modes."""
         if not 1 <= number <= len(self.lam):
             raise PatternError(f"mode {number} does not exist; modes 1 to {len(self.lam)} were computed")
@@ -163,7 +163,7 @@ def _modes(surface: Surface, L: csr_array, solve: Factor, k: int, axes: Floats, 
 
 
 def _root(surface: Surface, mass: Floats) -> Floats:
-    """Return the square root (n,) of the mass. A vertex without faces gets the root of the whole area instead of 0."""
+    """Return the square root (n,) of the mass, or of the surface's area at a vertex without faces (mass 0)."""
     return np.sqrt(np.where(mass > 0, mass, surface.area))
 
 
@@ -180,7 +180,7 @@ def _factor(surface: Surface, A: csr_array) -> Factor:
     For 30 to 50 single solves, both are faster than the multifrontal factor."""
     if solver_name() == "PARDISO":
         return factorise(A, surface.V)
-    results = derived_results(surface)  # all operators have the same order of elimination
+    results = derived_results(surface)  # all operators of a surface use the same order of elimination
     solve = SuperLU(A, surface.V, np.arange(surface.n), order=results.get(SuperLU), definite=True)
     results[SuperLU] = solve.order
     return solve
@@ -204,9 +204,8 @@ def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int
 
 def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Floats) -> Floats:
     """Return the same eigenspaces in a basis that does not depend on the solver.
-    Reference fields decide: x, y, z along the axes, then their products. They are projected on the space of a repeated
-    eigenvalue, and orthonormalised. The sign of a mode is that of its third moment if this is clear. Otherwise the
-    reference fields decide the sign."""
+    Reference fields (x, y, z along the axes, then their products) are projected on the space of a repeated eigenvalue,
+    and orthonormalised. A mode's third moment decides its sign; if it is about zero, the reference fields decide."""
     fields = _reference_fields(surface, mass, axes)
     out = X.copy()
     start = 0

@@ -33,7 +33,7 @@ OFF_SUPPORT = 1.0
 """Largest distance, in mean edges, of a mirrored or rotated supported vertex from the nearest supported vertex."""
 OFF_LOAD = (0.3, 0.02)
 """Largest change of loads by a mirror or rotation, as a fraction of the total: for smoothed forces, for resultants."""
-SAMPLE_POINTS = 100  # Number of points that are checked before all points.
+SAMPLE_POINTS = 100  # Approximate number of points in quick checks, which come before the check of all points.
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,15 +70,15 @@ class Symmetry:
         return np.asarray(total / self.order)
 
     def asymmetry(self, surface: Surface, x: Floats) -> float:
-        """Return the largest RMS difference of a field (n,) from its mirrored or rotated images / RMS of the field."""
+        """Return the largest RMS difference of a field (n,) from its symmetric images, divided by the field's RMS."""
         mass = surface.vertex_areas
         size = float(np.sqrt(mass @ x**2))
         return max(float(np.sqrt(mass @ (T @ x - x) ** 2)) for T in self.maps) / size
 
     def invariant(self, L: csr_array, X: Floats, mass: Floats) -> tuple[Floats, Floats]:
-        """Return the modes of X (n, k) with equal values at all images: eigenvalues (j,), M-orthonormal modes (n, j).
-        The modes are combinations of the means of X over the group. Among these combinations L is diagonalised again
-        (Rayleigh and Ritz)."""
+        """Return symmetric modes (equal values at all images of a point): eigenvalues (j,), M-orthonormal modes (n, j).
+        These are combinations of the means of the modes X (n, k) over the group. In the space of these means, the
+        eigenvalue problem of L is solved again (Rayleigh and Ritz)."""
         Y = self.mean(X)
         share, C = np.linalg.eigh(Y.T @ (mass[:, None] * Y))
         keep = share > 0.5**2  # shares are near 0 or near 1, so the exact limit does not matter
@@ -103,21 +103,21 @@ def face_tree(surface: Surface) -> igl.AABB:
 def checked_symmetry(
     surface: Surface, R: Floats, loads: Sequence[LoadCase], words: str, tree: igl.AABB | None = None
 ) -> Symmetry:
-    """Return the symmetry of rotations and mirrors R (g, 3, 3) about the centroid, the identity first.
+    """Return the symmetry with rotations and mirrors R (g, 3, 3) about the surface's centroid; R[0] is the identity.
     tree : `face_tree` of the surface, if it exists already.
-    Raises PatternError, which quotes `words`, if the surface, its supports or a load lacks this symmetry."""
+    Raises PatternError, which contains `words`, if the surface, its supports or a load lacks this symmetry."""
     centre = centroid(surface)
     maps, faces, edge = [csr_array(eye_array(surface.n))], [np.arange(surface.m)], surface.mean_edge
     few = surface.V[:: max(surface.n // SAMPLE_POINTS, 1)]
     tree = tree or face_tree(surface)
-    for g in R[1:]:  # a sample of vertices is enough to refuse most surfaces
+    for g in R[1:]:  # for most asymmetric surfaces, a sample of vertices shows the asymmetry
         distance = largest_distance(surface, tree, (few - centre) @ g.T + centre)
         if distance > IMAGE_OFF_SURFACE * edge:
-            raise _symmetry_error(words, "the surface is", f"a mirrored or rotated copy is up to {distance:.3g} m off")
+            raise _symmetry_error(words, "the surface is", f"a mirrored or rotated copy deviates by {distance:.3g} m")
     for g in R[1:]:
         distance, T = point_map(surface, tree, (surface.V - centre) @ g.T + centre)
         if distance > IMAGE_OFF_SURFACE * edge:
-            raise _symmetry_error(words, "the surface is", f"a mirrored or rotated copy is {distance:.3g} m from it")
+            raise _symmetry_error(words, "the surface is", f"a mirrored or rotated copy deviates by {distance:.3g} m")
         maps.append(T)
         image = np.ascontiguousarray((surface.centroids - centre) @ g.T + centre)
         faces.append(tree.squared_distance(surface.V, surface.F, image)[1])
@@ -198,7 +198,7 @@ def _check_supports(surface: Surface, symmetry: Symmetry, words: str, load: Load
             if not alike:
                 axes = "".join(axis for axis, is_held in zip("xyz", holds, strict=True) if is_held)
                 raise _symmetry_error(
-                    words, "the supports are", f"a mirror or rotation turns supports that hold only {axes} to new axes"
+                    words, "the supports are", f"supports that hold only {axes} hold other axes after a turn or mirror"
                 )
             image = (surface.V[of_kind] - centre) @ R.T + centre
             equal = np.flatnonzero(np.isin(kind.ravel(), alike))
@@ -207,7 +207,7 @@ def _check_supports(surface: Surface, symmetry: Symmetry, words: str, load: Load
                 raise _symmetry_error(
                     words,
                     "the supports are",
-                    f"a mirrored or rotated support is {distance:.3g} m from the nearest support with equal axes",
+                    f"a mirrored or rotated support is {distance:.3g} m from the nearest support with the same axes",
                 )
 
 
@@ -249,7 +249,7 @@ LENIENT = 1.5  # Quick checks multiply all tolerances by this factor.
 def largest_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) -> Symmetry | None:
     """Return the largest symmetry group of a surface with its loads; None without any mirror or rotation.
 
-    axes : (3, 3) orthonormal rows that rotate with the surface, its supports and its loads.
+    axes : (3, 3) result of `reference_axes`. The candidates depend on these axes.
 
     Each candidate is checked at a sample of points. The remaining candidates are checked together at all points, and
     one by one if this check fails."""
@@ -288,7 +288,7 @@ class _QuickCheck:
 
     @cached_property
     def _held_points(self) -> list[tuple[Floats, cKDTree]]:
-        """A sample and a k-d tree of the supported points of each load case, relative to the centroid."""
+        """For each load case: a sample of the supported points, and a k-d tree of all; relative to the centroid."""
         held_points = [self.surface.V[load.supported] - self.centre for load in self.loads]
         return [(x[:: max(len(x) // SAMPLE_POINTS, 1)], cKDTree(x)) for x in held_points if len(x)]
 
@@ -337,10 +337,9 @@ def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator
 
 
 def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
-    """Return the normal (3,) of the best mirror for an irregular mesh of a round surface.
-    Each candidate points to one of the points farthest from the axis. The best mirror maps the outermost points most
-    closely onto vertices. Equal mirrors are ranked by the vertices near the mirror plane and the perpendicular plane.
-    samples : minimum number of outermost points."""
+    """Return the normal (3,) of the best mirror for an irregular mesh of a round surface. Each candidate points to one
+    of the points farthest from the axis. The best mirror maps the outermost points (at least `samples`) most closely
+    onto vertices. Among equal mirrors, the best has most of these points near its plane or the perpendicular plane."""
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))
     outer = V[distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * surface.size]

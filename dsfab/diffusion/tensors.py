@@ -20,7 +20,7 @@ def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
     membrane : (m, 3, 3) stress of the middle surface, Pa, tangent to each face.
     bending  : (m, 3, 3) stress that bending adds at the bottom (the side opposite to the normal), Pa.
 
-    The result changes its sign with the stress. Faces without bending keep their membrane stress exactly.
+    Opposite stresses give the opposite result. Faces without bending keep their membrane stress exactly.
     Reversed normals change the sign of the result only if the middle surface has no stress."""
     t = tangents(surface)
     flat, bent = (np.einsum("mai,mij,mbj->mab", t, sigma, t, optimize=True) for sigma in (membrane, bending))
@@ -78,15 +78,14 @@ def diffusion_tensors(
     labelling: Labelling = "signed",
     isotropy: float = ISOTROPY,
 ) -> DiffusionTensors:
-    """Return tensors with the principal directions of the stress and eigenvalues r and 1 (paper, section 3.3).
+    """Return tensors with the principal directions of the stress and eigenvalues r and 1 (Madan et al., section 3.3).
 
     sigma     : (m, 3, 3) stress, Pa, tangent to the faces.
     r         : anisotropy, >= 1; 1 gives the Laplacian.
-    gamma     : the paper's force magnitude, a factor on the stress.
-    labelling : `signed`: the primary stress is the algebraically larger one (tension). `magnitude`: it is the one with
-                the larger absolute value (the paper). If compression and tension are almost equal, rounding decides the
-                labels of `magnitude`.
-    isotropy  : tolerance of the classification; ref is the RMS of the principal stresses over the area, without gamma.
+    gamma     : force magnitude of Madan et al., a factor on the stress.
+    labelling : choice of the primary stress. `signed`: the algebraically larger one (tension). `magnitude`: the one
+                with the larger absolute value (Madan et al.). Rounding decides if absolute values are almost equal.
+    isotropy  : tolerance of isotropic faces. ref : RMS of the principal stresses over the area, without gamma.
                 `signed`: gamma (s1 - s2) <= isotropy ref. `magnitude`: (gamma |s1| + eps) / (gamma |s2| + eps) <= 1 +
                 isotropy, with eps = isotropy ref."""
     stress, direction = principal_stresses(surface, sigma)

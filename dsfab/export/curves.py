@@ -39,7 +39,7 @@ class SampledLine:
 
     @classmethod
     def from_points(cls, points: Floats, smooth: bool) -> Self:
-        """Return the polyline (k, d) with the number of samples for the first attempt."""
+        """Build a polyline from points (k, d), with as many samples as the first attempt of a fit needs."""
         length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
         total = float(np.round(length[-1], KNOT_DIGITS))
         return cls(points, length, total, max(8 * len(points), 16 * SAMPLES_PER_SPAN), smooth)
@@ -52,7 +52,7 @@ class SampledLine:
 
     @cached_property
     def sample_lengths(self) -> Floats:
-        """Lengths along the line of all samples (count + 1,)."""
+        """Arc length along the line at each sample (count + 1,)."""
         return np.asarray(np.arange(self.count + 1) / self.count * self.total)
 
     @cached_property
@@ -69,7 +69,7 @@ class SampledLine:
 
     @property
     def breaks(self) -> Floats:
-        """(s,) ends of the spans for the first fit: one span, or two for a smooth line."""
+        """(s,) ends of the spans in the first fit: a smooth line has two spans, other lines one."""
         return np.array([0.0, self.total / 2, self.total] if self.smooth else [0.0, self.total])
 
     def _points_at(self, shares: Floats) -> list[Floats]:
@@ -162,7 +162,7 @@ class SplineSystem:
         return self._smooth_poles(system, poles, points, tangent) if tangent.any() else poles
 
     def _smooth_poles(self, system: LeastSquares, poles: Floats, points: Floats, tangent: Floats) -> Floats:
-        """Add the unknown tangent of each smooth line. It moves poles at both ends, so it is not in the band matrix."""
+        """Add the unknown tangents of smooth lines. They move poles at both ends, so no band matrix has them."""
         free = tangent - system.solve(system.sums(system.values_at_samples(tangent)))
         along, residual = system.values_at_samples(free), points - system.values_at_samples(poles)
         poles, end = poles.copy(), np.cumsum([run.count + 1 for run in self.runs])
@@ -174,7 +174,7 @@ class SplineSystem:
         return poles
 
     def errors(self, poles: Floats) -> list[Floats]:
-        """Return, for each line, the largest distance (s,) of each span from the polyline. poles : (n, d)."""
+        """Return the largest distance of each span of a curve from its polyline: (s,) for each line. poles : (n, d)."""
         begin = np.concatenate([lengths[:-1] for lengths in self.breaks])
         wide = np.concatenate([lengths[1:] - lengths[:-1] for lengths in self.breaks])
         four = (begin[:, None] + wide[:, None] * THIRDS).ravel()
@@ -309,7 +309,7 @@ def _split(curve: Curve, parameter: float) -> list[Curve]:
 
 CLOSEST = 1e-3  # smallest tolerance (mm) of curves
 SAMPLES_PER_POINT, FEWEST_SAMPLES = 32, 400
-"""Largest number of samples of a curve: a number per point of the polyline, but at least `FEWEST_SAMPLES`.
+"""Largest number of samples of a curve: SAMPLES_PER_POINT times the polyline's points, or FEWEST_SAMPLES if larger.
 With more samples, the curve could have more poles than the polyline has points."""
 REMEMBERED = 4096  # number of lines whose curves stay in the cache
 
@@ -326,12 +326,12 @@ def chains(part: Part) -> list[list[Curve]]:
 
 def curves_along(points: Floats, tolerance: float) -> list[Curve]:
     """Fit curves to a polyline (k, 3) within `tolerance` (mm); curves begin and end at its sharp corners.
-    A closed polyline without sharp corners becomes one smooth curve. Segments remain where a spline is impossible."""
+    A closed polyline without sharp corners becomes one smooth curve. Where a spline is impossible, segments remain."""
     return all_curves_along([points], tolerance)[0]
 
 
 def all_curves_along(lines: Sequence[Floats], tolerance: float) -> list[list[Curve]]:
-    """Apply `curves_along` to each polyline (k, 3); one fit covers all lines that are not in the cache."""
+    """Apply `curves_along` to each polyline (k, 3). Lines that are not in the cache are fitted together."""
     lines = [np.ascontiguousarray(points, dtype=np.float64) for points in lines]
     keys = [(points.tobytes(), points.shape, tolerance) for points in lines]
     chain_by_key = {key: _remembered[key] for key in keys if key in _remembered}

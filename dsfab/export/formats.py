@@ -26,12 +26,12 @@ from dsfab.thickening.solid import Solid
 
 MemberContent = Literal["members", "shapes", "section_forces", "member_forces", "utilisation", "frame"]
 MISSING: dict[MemberContent, str] = {
-    "members": "no members to write; only a design knows them",
-    "shapes": "no members to write; only a design knows them",
-    "section_forces": "no section forces; only a design knows them",
-    "member_forces": "no forces of members; only a design knows them",
-    "utilisation": "no members to check; only a design knows them",
-    "frame": "no beam model; only a design knows it",
+    "members": "no members to write; only a design has members",
+    "shapes": "no members to write; only a design has members",
+    "section_forces": "no section forces; only a design has section forces",
+    "member_forces": "no forces of members; only a design has members",
+    "utilisation": "no members to check; only a design has members",
+    "frame": "no beam model; only a design has a beam model",
 }
 """Error text for a part that lacks the content of a format."""
 
@@ -52,11 +52,11 @@ class Format:
 
 @dataclass(frozen=True)
 class MeshFormat(Format):
-    """A format for solids, or for any mesh.
-    sheets       : True if the format can contain an open sheet.
+    """A format for any mesh, or for solids only.
+    sheets       : True if the format can contain an open sheet; False for solids only.
     alternatives : yields versions of the part, the best first, and an ExportError for each version that was not tried.
                    `write` chooses the first version that passes the check.
-    sentence     : returns a sentence about the chosen version, from this version and the errors of refused versions.
+    sentence     : returns a sentence about the chosen version. It also receives the errors of refused versions.
     refusal      : returns the error to raise if all versions were refused, from the errors of these versions."""
 
     sheets: bool = True
@@ -69,7 +69,7 @@ class MeshFormat(Format):
 class SheetFormat(Format):
     """A format for lines or fields of a sheet.
     content : required content of the part: lines; a solid and lines; or fields.
-    curves  : True if the format contains smooth curves. These need lines without rounding."""
+    curves  : True if the format contains smooth curves, for which the lines must not be rounded first."""
 
     content: Literal["lines", "solid and lines", "fields"] = "lines"
     curves: bool = False

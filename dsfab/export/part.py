@@ -47,8 +47,8 @@ class StripedSheet(NamedTuple):
     """A sheet divided along all edges of its stripes, even where another stripe covers an edge.
     F       : (m, 3) cells, oriented as the uncut surface.
     weights : (n', n) barycentric weights of the sheet's vertices on the vertices of the uncut surface.
-    label   : (m,) number of the set of stripes that cover a cell.    loose : (m,) True for cells outside stripes.
-    seam    : (k, 2) pairs of coincident half-edges with the same direction, at the cut through a one-sided surface."""
+    label   : (m,) number of the combination of stripes that cover a cell.    loose : (m,) True outside of stripes.
+    seam    : (k, 2) pairs of half-edges with the same start and end, at the cut through a one-sided surface."""
 
     F: Ints
     weights: csr_array
@@ -127,12 +127,10 @@ class Details:
     frame     : the beam model of the members; `facts` then compare its results with the results of the sheet.
     section_forces : section forces by case and combination, in the faces of `sheet` (m).
     member_forces  : forces by member.    utilisation : utilisation of the members.
-    description    : text about the whole part.
-    material       : name of the material, or ''.
-    members        : members and nodes.
-    whole_members  : True if crossing members lie on each other, so that each member has its whole area.
+    description    : text about the whole part.    material : name of the material, or ''.
+    members        : members and nodes.    shapes : members as bodies, m.
+    whole_members  : True if crossing members are laid on each other, so that each keeps its whole area at the crossing.
     drawings       : drawing files of each member's parts, by the name of the member.
-    shapes    : members as bodies, m.
     origin    : origin of the file on its site, in survey coordinates (east, north, up), m."""
 
     lines: tuple[StructureLine, ...] = ()
@@ -248,8 +246,8 @@ class Part:
 
 
 def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> Part:
-    """Return a solid or sheet as a part in millimetres. Raises ExportError if it has no faces, or numbers that are not
-    finite, and if a solid is open or has no volume."""
+    """Return a solid or sheet as a part in millimetres. Raises ExportError if it has no faces, for numbers that are
+    not finite, for an open solid, and for a solid without a positive volume."""
     part = Part(thing.V * MM_PER_M, thing.F, name, isinstance(thing, Solid), step_faces)
     if not len(part.F):
         raise ExportError(f"{name!r} has no faces, so the file would be empty; check the mesh")
@@ -269,7 +267,7 @@ def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> 
 def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
     """Return the part with rounded vertices V (n, 3), after contraction of edges that rounding has shortened to zero.
     Raises ExportError if the new solid is open, empty, or differs in volume by over 0.1 %.
-    holding : name of the rounding for the error message."""
+    holding : content with the rounded numbers, for the error message, such as "a STEP file with 5 decimals"."""
     a, b = half_edges(part.F)
     lost = np.flatnonzero((V[a] == V[b]).all(axis=1))
     if not len(lost):
@@ -291,7 +289,7 @@ def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
 
 
 def in_single_precision(part: Part) -> Part:
-    """Round the part to 32-bit numbers; raises ExportError like `without_collapsed`."""
+    """Round the part to 32-bit numbers; raises ExportError if that changes the shape, see `without_collapsed`."""
     return without_collapsed(part, part.V.astype(np.float32).astype(np.float64), "numbers of single precision")
 
 
@@ -301,6 +299,6 @@ def open_edges(F: Ints) -> int:
     keys = np.minimum(a, b) * (int(F.max()) + 1) + np.maximum(a, b)
     forward, backward = (np.sort(keys[mask]) for mask in (a < b, a > b))
     if np.array_equal(forward, backward) and len(forward) + len(backward) == len(keys):
-        return 0  # this quick test is enough for nearly all meshes
+        return 0  # nearly all meshes end here, without the slower count of open edges below
     keys, edge = np.unique(keys, return_inverse=True)
     return int(np.count_nonzero(np.bincount(edge, np.where(a < b, 1.0, -1.0), len(keys))))

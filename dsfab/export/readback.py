@@ -17,7 +17,7 @@ NUMBERS_READ_BACK = 1e-9  # largest error of numbers read back / largest number
 
 @dataclass(frozen=True)
 class ReadBack:
-    """Content that a reader finds in a file: count of `what`, for example faces, and the relative error of a measure.
+    """Content that was read back from a file: number of things (`what`, for example faces), and error of a measure.
     measure : volume of a solid, area of a sheet, length of lines.    off : relative error; NaN without a measure."""
 
     count: int

@@ -106,8 +106,8 @@ class LeastSquares:
 
     @classmethod
     def from_hats(cls, values: Floats, first_hats: Ints, first_poles: Ints, n: int, fixed_poles: Ints) -> Self:
-        """Factor the normal matrix (n, n) of k samples.
-        first_hats  : (k,) number of the first nonzero basis function at each sample.
+        """Factor the normal matrix (n, n) of k samples. values : (4, k) nonzero basis functions at each sample.
+        first_hats  : (k,) number of the first of these functions.    fixed_poles : numbers of poles that are given.
         first_poles : (r,) number of the first pole of each curve."""
         factor, failed = dpbtrf(_band(values, first_hats, first_poles, fixed_poles, n), lower=1)
         if failed:
@@ -115,7 +115,7 @@ class LeastSquares:
         return cls(values, first_hats, factor, fixed_poles)
 
     def solve(self, right_side: Floats) -> Floats:
-        """Return the solution (n, d) for a right-hand side (n, d); 0 at fixed poles."""
+        """Return the solution (n, d) for a right-hand side (n, d); 0 at poles with a given position."""
         right_side = np.array(right_side)
         right_side[self.held] = 0.0
         solution, _ = dpbtrs(self.factor, right_side, lower=1)
@@ -150,7 +150,7 @@ def _band(values: Floats, first_hats: Ints, first_poles: Ints, fixed_poles: Ints
             band[j - i] += np.bincount(first_hats + i, values[i] * values[j], n)
     band[0, fixed_poles] = 0.0
     size = np.diff(np.append(first_poles, n))
-    # a small number on the diagonal is for spans without samples
+    # a small number on the diagonal, because a span without samples would make the matrix singular
     band[0] += np.repeat(1e-12 * np.add.reduceat(band[0], first_poles) / (size - 2), size)
     band[0, fixed_poles] = 1.0
     for below in range(1, 4):
@@ -179,7 +179,7 @@ class SplineRows:
     def from_counts(
         cls, number: Ints, count: Ints, x: Floats, Q: Floats, tolerance: Floats, parts: int
     ) -> "SplineRows":
-        """Return the samples of r curves: `count` (r,) samples of each curve, and x (k,), Q (k, d) in sequence."""
+        """Return samples x (k,), Q (k, d) of r curves, one curve after the other. number, count : see `SplineRows`."""
         end, row = np.cumsum(count), np.repeat(np.arange(len(count)), count)
         return cls(number, count, end - count, end - 1, row, x, Q, tolerance, parts)
 
@@ -192,23 +192,23 @@ class SplineRows:
 
     @property
     def line(self) -> Floats:
-        """(k, d) points on the chord of each curve, at the samples' x."""
+        """(k, d) points on straight lines between the ends of each curve, at the parameters x of all samples."""
         start, end = self.Q[self.first], self.Q[self.last]
         return start[self.row] + self.x[:, None] * (end - start)[self.row]
 
     def distances(self, points: Floats) -> Floats:
-        """Return distances (k,) of samples from `points` (k, d): the largest distance in `parts` coordinate groups."""
+        """Return the distance (k,) of each sample from its row of `points` (k, d): the largest if a row has several."""
         offset = (points - self.Q).reshape(len(points), self.parts, -1)
         return np.asarray(np.sqrt(np.einsum("kpi,kpi->pk", offset, offset).max(axis=0)))
 
     def row_maxima(self, distances: Floats) -> Floats:
-        """Return the largest of the values (k,) in each row (r,)."""
+        """Return the largest of the `distances` (k,) of the samples of each curve (r,)."""
         return np.asarray(np.maximum.reduceat(distances, self.first))
 
 
 @dataclass(frozen=True, eq=False)
 class RowSpans:
-    """Spans of curves, from knot `low` to `high` (s,). row : (s,) their curves.    of : (k,) span of each sample."""
+    """Spans of curves, from knot `low` to `high` (s,). row : (s,) curve of each span. of : (k,) span of each sample."""
 
     low: Floats
     high: Floats
@@ -229,7 +229,7 @@ class RowSpans:
         return knots
 
     def with_halves(self, bad: Bools, unfinished: Bools, rows: SplineRows) -> "RowSpans":
-        """Return the spans of the unfinished curves (r,) after the `bad` spans (s,) were halved."""
+        """Return the spans of `unfinished` curves (r,), with `bad` spans (s,) halved. rows : samples of all curves."""
         stays = unfinished[self.row]
         low, high, two = self.low[stays], self.high[stays], bad[stays]
         row = (np.cumsum(unfinished) - 1)[self.row[stays]]
@@ -251,7 +251,7 @@ def splines_through(
 ) -> list[Fitted]:
     """Fit lines, parabolas or cubics with few spans to points Q (k, d) at x (k,) from 0 to 1, within tolerances.
     A curve begins at its first point and ends at its last point. All curves have the same d.
-    parts : number of points in a row of Q. Each of these points must be within the tolerance.
+    parts : number of points that each row of Q contains. Each of these points must be within the tolerance.
     Each result includes the largest distance from the points. It exceeds the tolerance if there are too few samples."""
     fits = dict[int, Fitted]()
     for batch in _batches([len(x) for x, _ in samples]):

@@ -30,7 +30,7 @@ class _Work:
         self._error: Exception | None = None
 
     def do(self) -> None:
-        """Do the work unless it is done; store an exception for `end`."""
+        """Do the work unless it was done before; keep its exception, if there is one, for `end`."""
         if not self._done:
             self._done = True
             try:
@@ -39,7 +39,7 @@ class _Work:
                 self._error = error
 
     def end(self) -> None:
-        """Do the work unless it is done, then raise its exception if there is one."""
+        """Do the work unless it was done before; raise the exception of the work, if there is one."""
         self.do()
         if self._error:
             raise self._error
@@ -50,7 +50,7 @@ _WAITING: ContextVar[_Work | None] = ContextVar("_WAITING", default=None)
 
 @contextmanager
 def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
-    """Do `work` while the first program in this context runs, or at the end if no program ran and nothing failed."""
+    """Call `work` once: while the first program in the block runs, else after the block, if nothing failed."""
     waiting = _Work(work)
     token = _WAITING.set(waiting)
     try:
@@ -61,8 +61,8 @@ def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
 
 
 def run_program(program: str, *arguments: str, seconds: float) -> str:
-    """Return the output of the Python file `program`.
-    Raises subprocess.TimeoutExpired after `seconds` of processor time, and ProgramError unless the exit code is 0."""
+    """Return the output of the Python file `program`. Raises ProgramError if the exit code is not 0, and
+    subprocess.TimeoutExpired after `seconds` of processor time."""
     with _start(program, *arguments, stdin=None) as run:
         try:
             return _answer(run, seconds)
@@ -104,7 +104,7 @@ class PreparedProgram:
         return _last(_answer(self.process, seconds))
 
     def answer_with_work(self, is_ready: Callable[[], bool], work: Callable[[], None], seconds: float) -> str:
-        """Return the answer; call `work` as soon as `is_ready()` is true, while the program continues."""
+        """Return the answer; call `work` as soon as `is_ready()` is true, while the program still runs."""
         with ThreadPoolExecutor(1) as reading:
             pending = reading.submit(_answer, self.process, seconds)
             try:
@@ -114,7 +114,7 @@ class PreparedProgram:
                     wait([pending], 0.02)
                 if is_ready():
                     work()
-            except BaseException:  # the thread of the pool waits until the program ends
+            except BaseException:  # without `kill`, the pool would wait until the program ends
                 self.process.kill()
                 raise
             return _last(pending.result())

@@ -64,13 +64,13 @@ def temporary_folder(word: str) -> "tempfile.TemporaryDirectory[str]":
 
 
 def is_abandoned(name: str, word: str = PARTIAL) -> bool:
-    """Return True if `name` is the name of a file whose process ran on this machine and has ended."""
+    """Return True if `name` begins with `word` and names a file or folder of an ended process of this machine."""
     match = _WHOSE.fullmatch(name.removeprefix(word)) if name.startswith(word) else None
     return match is not None and match[1] == _host() and not _alive(int(match[2]), int(match[3]))
 
 
 def abandoned_paths(folder: Path, word: str = PARTIAL) -> list[Path]:
-    """Return the paths in a folder that ended processes left behind."""
+    """Return the paths in a folder that begin with `word` and belong to ended processes of this machine."""
     try:
         return sorted(path for path in folder.iterdir() if is_abandoned(path.name, word))
     except OSError:
@@ -137,11 +137,11 @@ _ADVICE = {
     errno.EFBIG: "the file is too large for this disk; choose another folder",
     errno.ENOENT: "the folder does not exist; create it first",
     errno.ENOTDIR: "a file has the name of the folder; choose another folder",
-    errno.EACCES: "there is no permission to write there; choose another folder",
-    errno.EPERM: "there is no permission to write there; choose another folder",
+    errno.EACCES: "there is no permission to write in this folder; choose another folder",
+    errno.EPERM: "there is no permission to write in this folder; choose another folder",
     errno.EROFS: "the disk is read-only; choose another folder",
     errno.EISDIR: "a folder has that name; choose another name",
-    errno.ENAMETOOLONG: "the name is too long; choose a shorter name",
+    errno.ENAMETOOLONG: "the file name is too long; choose a shorter name",
 }
 
 
@@ -165,8 +165,8 @@ def atomic_file(path: Path) -> Iterator[Path]:
 
 
 def require_writable_file(path: Path) -> None:
-    """Raise ExportError early if a file cannot be written; the trial changes no file.
-    If the folder does not exist yet, the trial uses the nearest existing folder above it."""
+    """Raise ExportError early if a file cannot be written, by creating and removing a temporary file.
+    If the folder does not exist yet, the temporary file is in the nearest existing folder above it."""
     target = Path(os.path.realpath(path))
     existing = next(folder for folder in target.parents if os.path.lexists(folder))
     try:
@@ -209,8 +209,8 @@ Outdated = Callable[[Path, Path], set[str]]  # function of the old and the new f
 @contextmanager
 def atomic_folder(folder: Path, outdated: Outdated | None = None) -> Iterator[Path]:
     """Yield a temporary folder whose files move into `folder` at the end; a failure does not change `folder`.
-    outdated : function of the old and the new folder; returns the old files to remove. By default, these are the files
-               in the old manifest if the new files include a manifest.
+    outdated : function of the old and the new folder; returns the old files to remove. By default, unchanged files of
+               the old manifest are removed if the new folder has a manifest.
     Raises ExportError if the folder cannot be written."""
     target = Path(os.path.realpath(folder))  # a link stays a link; its target changes
     missing = [parent for parent in (target, *target.parents) if not parent.exists()]
@@ -231,7 +231,7 @@ def atomic_folder(folder: Path, outdated: Outdated | None = None) -> Iterator[Pa
             f"writing to {folder} failed: {error.strerror}; free some space, or choose another folder with -o"
         ) from None
     finally:
-        if not (partial / JOURNAL).is_file():  # with a journal, the next run moves the remaining files
+        if not (partial / JOURNAL).is_file():  # a journal lists files that the next run still has to move
             remove(partial)
         for parent in missing:
             if parent.is_dir() and not any(parent.iterdir()):
@@ -242,7 +242,7 @@ class _TriedError(Exception): ...
 
 
 def require_writable(folder: Path) -> None:
-    """Raise ExportError early if a folder cannot be written; the trial does not change the folder."""
+    """Raise ExportError early if a folder cannot be written; this check does not change the folder."""
     with suppress(_TriedError), atomic_folder(folder):
         raise _TriedError
 
@@ -254,7 +254,7 @@ def manifest(folder: Path) -> dict[str, dict[str, int | str]]:
 
 
 def complete_folder(folder: Path) -> None:
-    """Complete a move into a folder that an interrupted process began, and remove the files of that process."""
+    """Complete an interrupted move of files into a folder, and remove temporary files of ended processes."""
     for partial in abandoned_paths(folder):
         if (partial / JOURNAL).is_file():
             _follow_journal(partial, folder)
@@ -310,7 +310,7 @@ def _follow_journal(partial: Path, target: Path) -> None:
 
 
 def _exchangeable(target: Path) -> bool:
-    """Return True if folders may be exchanged: the target has only the user's files, and is not the working folder."""
+    """Return True if the target folder belongs to the user, contains only files, and is not the working folder."""
     if not hasattr(os, "geteuid") or os.path.ismount(target) or target.stat().st_uid != os.geteuid():
         return False
     with suppress(OSError):

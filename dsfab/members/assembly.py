@@ -15,11 +15,11 @@ from dsfab.results import PatternResult
 from dsfab.slicing import Overlay, Sheet, stripe_overlay
 from dsfab.surface import Surface
 
-TIE = 1e-3  # Largest difference between equal positions along the structure, as a fraction of its size.
+TIE = 1e-3  # Positions along the structure count as equal up to this difference, as a fraction of its size.
 ROUND, HOLLOW = 0.5, 0.4
-"""Members form a ring if these two ratios of their centroids exceed the values.
+"""Members form a ring if two ratios of their centroids exceed these values.
 ROUND  : spread in the second principal direction, divided by the spread in the first.
-HOLLOW : smallest distance from the centre, divided by the largest."""
+HOLLOW : smallest distance of a centroid from the centre, divided by the largest."""
 
 
 def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:

@@ -17,7 +17,7 @@ from dsfab.surface import Surface, chains
 TURN = np.radians(60)
 """Largest bend of a member within the surface, measured over `WINDOW` widths. A line with a larger bend is divided."""
 WINDOW, STEPS = 1.5, 4  # Bends are measured over 1.5 times the width of the line, in 4 steps.
-SPECK = 1.0  # A line of a stripe is left out if it is shorter than the width, unless it is the longest line.
+SPECK = 1.0  # A middle line that is shorter than the stripe's width is left out, unless it is the stripe's longest.
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +67,8 @@ class MiddleLine:
 
 def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> dict[int, list[MiddleLine]]:
     """Return the middle lines of each stripe of field k, by the stripe's number; the longest line is first.
-    offset  : (m, 3) offset from the middle at the corners of cells, never 0. Its sign changes on a middle line.
-    normals : (n, 3) unit normals at the vertices of the overlay."""
+    offset  : (m, 3) offset from the stripe's middle at corners of cells, never 0. Its sign changes on a middle line.
+    normals : (n, 3) unit normals at the vertices of the sheet."""
     surface, part = overlay.sheet.surface, overlay.part[:, k]
     sign = np.sign(offset)
     crossed = sign * np.roll(sign, -1, axis=1) < 0
@@ -95,7 +95,7 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
-    """Return where the offset is 0 on sides (c, 2) of cells: (c, 2), 0 at the lower vertex number, 1 at the higher."""
+    """Return positions (c, 2) of offset 0 on sides (c, 2) of cells: 0 at the lower vertex number, 1 at the higher."""
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
     ascending = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]
@@ -192,9 +192,8 @@ class MemberAxis:
     s  : (k,) arc length from 0.    P : (k, 3) points.    T : (k, 3) unit tangents.    N : (k, 3) unit normals.
     kg : (k,) geodesic curvature, positive to the left: T' . B with B = N x T.
     kn : (k,) normal curvature, positive towards N: T' . N.    tg : (k,) geodesic torsion: -N' . B.
-    closed  : True if the last station equals the first.
-    traced  : (k,) length of the middle line up to each station.
-    strayed : largest distance between the axis and the middle line."""
+    closed  : True if the last station equals the first.    strayed : largest distance of the axis from its middle line.
+    traced  : (k,) length of the middle line, to which the axis was fitted, up to each station."""
 
     s: Floats
     P: Floats

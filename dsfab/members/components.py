@@ -20,7 +20,7 @@ NOWHERE = 10.0  # A marker: offset of a region without a middle line, larger tha
 
 
 class NamedBand(NamedTuple):
-    """Stripes of one field of the pattern, and their kind: "strip" of a family, or "rim", "band", "keep" or "plate"."""
+    """Stripes of one field of the pattern, with the field's name (family). kind : strip, rim, band, keep or plate."""
 
     kind: str
     family: str
@@ -57,10 +57,10 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 
 
 def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
-    """Return the kind and the stripes of a field of kept material, from values x (n,) or (n, 2) at the vertices.
+    """Return the kind of a field of kept material, and its stripes. x : (n,) or (n, 2) values at the vertices.
     "reach": all points within a distance. "plate": a region. "band": a strip along an outline, with x (n, 2)."""
     zero = np.zeros(1)
-    if x.ndim == 2:  # column 0 is positive in the region; column 1: distance from its outline minus the band's width
+    if x.ndim == 2:  # a band; column 0 is positive inside its outline, column 1 is distance from outline minus width
         width = -float(x[:, 1].min())
         inward = np.where(x[:, 0] >= 0, -x[:, 1], x[:, 1] + 2 * width)
         return "band", DrawnBand(name, np.stack([inward, inward - width], axis=1), zero, hides=True)
@@ -72,7 +72,7 @@ def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
 
 DISC = 0.4  # Kept material is a disc if its area is over DISC x the area of a circle with the same perimeter.
 HIDDEN, COVERED = 0.05, 0.3
-"""Smallest fraction of a member's area that must be visible: HIDDEN for strips, COVERED for kept material."""
+"""Members with at most this visible fraction of their area are dropped: HIDDEN for strips, COVERED for other kinds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,11 +80,10 @@ class Component:
     """The cells of a member before it has a name. `Overlay` explains cells, stripes and fields.
 
     kind   : "strip", "rim", "band", "ring", "disc", "plate" or "fill".    family : family of the pattern, or "".
-    stripe : number of the stripe of most of its cells; 0 without a stripe.
+    stripe : number of the stripe with most of its cells; 0 for none.    group : index in `Overlay.of`; -1 for none.
     cells  : (c,) cells of the overlay, ascending.
     core   : (c,) True for cells that define the member's width; False for fillets beside several members.
-    line   : middle line, or None.    field : number of the pattern's field; -1 for none.
-    group  : index of the stripe in `Overlay.of`; -1 for none."""
+    line   : middle line, or None.    field : number of the pattern's field; -1 for none."""
 
     kind: str
     family: str
@@ -101,7 +100,7 @@ class Component:
         return area / self.line.length if self.line else float(np.sqrt(area))
 
     def with_cells(self, extra_cells: Ints, core: bool) -> "Component":
-        """Return the component with extra cells (k,). core : True if the extra cells also count for the width."""
+        """Return the component with extra cells (k,). core : True if these cells also count for the member's width."""
         cells = np.concatenate([self.cells, extra_cells])
         order = np.argsort(cells, kind="stable")
         marks = np.concatenate([self.core, np.full(len(extra_cells), core)])
@@ -109,7 +108,7 @@ class Component:
 
 
 def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: float) -> list[Component]:
-    """Return the components of all stripes. Cells at crossings are in several components, cells of slivers in none.
+    """Return future members. A cell at a crossing is in several members; a cell of a small leftover part is in none.
     normals : (n, 3) unit normals at the vertices of the overlay.    edge : mean edge of the uncut mesh, metres."""
     pieces = list[Component]()
     round_ = roundness(overlay)
@@ -127,8 +126,8 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
 
 
 def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """Return the middle lines of a field's stripes, by number of the stripe.
-    A middle line lies at offset 0. If a stripe does not contain offset 0, the line lies at the stripe's mean offset."""
+    """Return the middle lines of a field's stripes, by number of the stripe. They lie at offset 0 from the middle.
+    If a stripe does not contain offset 0, the line lies at the stripe's mean offset."""
     offset = overlay.offset[:, :, k]
     lines = middle_lines(overlay, k, offset, normals)
     part = overlay.part[:, k]
@@ -225,7 +224,7 @@ def nearest_line(overlay: Overlay, cells: Ints, lines: list[MiddleLine]) -> Ints
 
 
 def _visible(overlay: Overlay, pieces: list[Component]) -> list[Component]:
-    """Drop components that lie almost completely below other components, such as a rim below material at supports."""
+    """Drop future members that are almost completely covered by others, such as a rim by material at supports."""
     made_by, areas = overlay.sheet.family, overlay.sheet.surface.areas
     shares = [
         areas[component.cells[made_by[component.cells] == component.field]].sum() / areas[component.cells].sum()
@@ -237,8 +236,8 @@ def _visible(overlay: Overlay, pieces: list[Component]) -> list[Component]:
 
 class CellsByStripes(NamedTuple):
     """Cells labelled by their stripes.
-    sheet : m cells, also divided along hidden edges of stripes.
-    label : (m,) number of the set of stripes that cover a cell.    loose : (m,) True outside of all stripes."""
+    sheet : m cells, also divided along edges of stripes that other stripes cover.
+    label : (m,) number of the combination of stripes on a cell.    loose : (m,) True outside of all stripes."""
 
     sheet: Sheet
     label: Ints

@@ -32,7 +32,7 @@ class SharedPatch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _SharedCells:
-    """Cells (c,) in both fields `one` and `two`: members a and b (c,), and number (c,) of the connected part."""
+    """Cells (c,) in a member `a` of field `one` and a member `b` of field `two`; number (c,) of the connected part."""
 
     one: int
     two: int
@@ -84,7 +84,7 @@ def _patches(overlay: Overlay, shared: _SharedCells) -> list[SharedPatch]:
 
 
 def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
-    """Return the rows (q,) of `shared.cells` in which middle lines of both fields cross, and the crossings (q, 3)."""
+    """Return rows (q,) of `shared.cells` in which the middle lines of two members cross, and the crossings (q, 3)."""
     surface, cells = overlay.sheet.surface, shared.cells
     offset_a, offset_b = (overlay.offset[cells, :, field] for field in (shared.one, shared.two))
     crossed = np.sign(offset_a) * np.roll(np.sign(offset_a), -1, axis=1) < 0
@@ -94,7 +94,7 @@ def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
     begin, end, t = _places_on_sides(offset_a, F, side)
     every = np.arange(len(row))[:, None]
     values = offset_b[every, begin] + t * (offset_b[every, end] - offset_b[every, begin])
-    # no value is 0, so that a crossing on an edge lies in exactly one of the two cells at the edge
+    # values near 0 are moved away from 0: a crossing on an edge then lies in exactly one of the edge's two cells
     values = np.where(np.abs(values) < SAME_PHASE, np.copysign(SAME_PHASE, offset_b[every, begin]), values)
     meets = np.sign(values[:, 0]) * np.sign(values[:, 1]) < 0
     a, b = surface.V[F[every, begin]], surface.V[F[every, end]]
@@ -125,7 +125,7 @@ class Member:
     id     : "A07", "B12b", "rim 1": letter of the family, or kind; then a number that grows along the structure. A
              small letter follows if a stripe has several members.
     kind   : strip, or stub if it is less than twice as long as wide; rim and band along edges; ring and disc around
-             a support or load; fill between members, and plate, without an axis.
+             a support or load. A fill (between members) and a plate have no axis.
     family : family of the pattern: "major", "minor", "keep", "rim"; or "" for a fill.
     stripe : number of the stripe of most of its cells.    part : number among the members of this stripe, from 1.
     cells  : (c,) cells of `MemberGraph.sheet`, including cells below other members.
@@ -157,7 +157,7 @@ class Member:
 
     @property
     def length(self) -> float:
-        """Length of its axis, metres; 0 without an axis."""
+        """Length of the member's axis, metres; 0 without an axis."""
         return self.axis.length if self.axis else 0.0
 
     @property
@@ -198,7 +198,7 @@ class Node:
 @dataclass(frozen=True, eq=False)
 class MemberGraph:
     """Members and nodes of a design.
-    sheet  : sheet of the design; its cells are divided along the edges of all members, even below another member.
+    sheet  : sheet of the design; its cells are divided along the edges of all members, even inside another member.
     source : (m,) cell of the design's sheet that contains each cell."""
 
     sheet: Sheet
@@ -215,7 +215,7 @@ class MemberGraph:
 
     @cached_property
     def nodes_along(self) -> dict[str, tuple[Node, ...]]:
-        """Nodes along the axis of each member, by the member's name; nodes of kind "grazing" are left out."""
+        """Nodes along the axis of each member, by the member's name, without nodes of kind "grazing" (see `Node`)."""
         stations = stations_of_nodes(self.members, self.nodes)
         return {name: tuple(node for _, node in sorted(pairs, key=itemgetter(0))) for name, pairs in stations.items()}
 
@@ -264,7 +264,7 @@ class MemberGraph:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on stubs and grazing members, for the reader who plans to build."""
+        """Sentences on stubs, and on overlaps of members whose middle lines do not meet, for readers who will build."""
         lines = []
         stubs, grazing = self._stubs, [node for node in self.nodes if node.kind == "grazing"]
         if self.stub_share > 0.01:
@@ -281,7 +281,7 @@ class MemberGraph:
 
 
 def stations_of_nodes(members: Sequence[Member], nodes: Sequence[Node]) -> dict[str, list[tuple[float, Node]]]:
-    """Return each member's nodes and their arc lengths (m) on its axis, by its name; not nodes of kind "grazing"."""
+    """Return, by member, its nodes and their arc lengths (m) on its axis, without kind "grazing" (see `Node`)."""
     stations: dict[str, list[tuple[float, Node]]] = {member.id: [] for member in members}
     for node in nodes:
         if node.kind != "grazing":
@@ -295,7 +295,7 @@ ENDS = 1.0  # Longest piece of a member beyond its end node, in widths of the cr
 
 @dataclass(frozen=True, eq=False)
 class Joints:
-    """Members, the component of cells of each member, and unit normals (n, 3) at the vertices of the divided sheet."""
+    """Members, the cells of each member (`parts`), and unit normals (n, 3) at the vertices of the divided sheet."""
 
     overlay: Overlay
     members: list[Member]
@@ -303,7 +303,7 @@ class Joints:
     normals: Floats
 
     def nodes(self, shared: list[SharedPatch]) -> list[Node]:
-        """Return the nodes of all overlaps, numbered along each member in turn; a node counts for its first member."""
+        """Return the nodes of all overlaps, numbered member by member, each with the first of its two members."""
         listed = []
         for overlap in shared:
             pair = min(overlap.a, overlap.b), max(overlap.a, overlap.b)

@@ -1,4 +1,4 @@
-"""Assignment of cells outside all stripes to members, and removal of stripes along a rim or kept band."""
+"""Assignment of cells without a member, and removal of strips along material that always stays, such as a rim."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -22,7 +22,7 @@ def owners(overlay: Overlay, components: list[Component]) -> Ints:
 
 
 def with_loose_cells(overlay: Overlay, components: list[Component]) -> list[Component]:
-    """Return the components extended by all loose cells, so that every cell is in a component."""
+    """Return components that contain every cell. Cells in no component join a neighbour or become a new component."""
     surface, member = overlay.sheet.surface, owners(overlay, components)
     loose = np.asarray((member < 0).all(axis=1))
     if not loose.any():
@@ -53,7 +53,7 @@ def with_loose_cells(overlay: Overlay, components: list[Component]) -> list[Comp
 
 
 def _borders(overlay: Overlay, member: Ints, patch: Ints) -> tuple[Ints, Floats]:
-    """Return sorted pairs (b, 2) of a patch of loose cells and an adjacent component; common border lengths (b,), m."""
+    """Return sorted pairs (b, 2) of a patch (cells of no member) and an adjacent component; border lengths (b,), m."""
     surface, total = overlay.sheet.surface, int(member.max()) + 1
     f, g = np.concatenate([overlay.adjacent_cells, overlay.adjacent_cells[:, ::-1]]).T
     edge = np.tile(surface.edges.of.ravel()[surface.edges.pairs[:, 0]], 2)
@@ -79,12 +79,12 @@ def _sizes(overlay: Overlay, patch: Ints, count: int) -> tuple[Floats, Floats]:
 
 
 FOLLOWS, INTO = 3.0, 1.5
-"""A line follows kept material if its length inside exceeds FOLLOWS widths of the material.
-Such a line ends inside, INTO widths after it enters the material, so that it meets the material's middle line."""
+"""A line follows kept material, such as a rim, if its length inside exceeds FOLLOWS widths of the material.
+The line is then cut off INTO widths behind the material's edge, so that it still meets the material's middle line."""
 
 
 def without_followers(overlay: Overlay, components: list[Component]) -> list[Component]:
-    """Remove parts of strips inside kept material, such as a rim; their cells go to the component that hides them."""
+    """Remove parts of strips that lie in kept material, such as a rim; their cells become cells of this material."""
     areas, made_by = overlay.sheet.surface.areas, overlay.sheet.family
     member = owners(overlay, components)
     is_kept = np.array([c.kind != "strip" and c.field >= 0 for c in components], dtype=bool)
@@ -110,8 +110,8 @@ def without_followers(overlay: Overlay, components: list[Component]) -> list[Com
 
 
 def _hidden_parts(line: MiddleLine, width: Floats, own_width: float) -> tuple[MiddleLine, list[tuple[int, int]]]:
-    """Return the line, and the first and last point of each part inside kept material. A closed line is cut open.
-    width     : (k - 1,) width (m) of the material that hides each segment, or 0.
+    """Return the line, and the first and last point of each part to remove. A closed line is cut open.
+    width     : (k - 1,) width (m) of the kept material, such as a rim, around each segment; 0 for none.
     own_width : width of the line's member, metres."""
     if line.closed and (bare := np.flatnonzero(width == 0)).size:
         line, width = line.opened_at(int(bare[0])), np.roll(width, -int(bare[0]))

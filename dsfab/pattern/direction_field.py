@@ -41,8 +41,8 @@ def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
 
 def family_crossings(frames: Frames, along: Floats) -> Bools:
     """Return a mask (n,) of vertices at which the major and the minor family of stripes swap names.
-    along : (n, 3) tangents of major stripes, up to sign. In a region, they rotate by less than 45 degrees from vertex
-    to vertex. Families keep their names in the largest region, and swap names at each border between regions."""
+    along : (n, 3) tangents of major stripes, up to sign. In a region of vertices, tangents rotate by less than 45
+    degrees along edges. Names stay in the largest region, and swap at each border between regions."""
     surface, (i, j) = frames.surface, frames.ends.T
     square = np.cross(frames.normal[j], along[j])
     turned = np.abs(dots(along[i], square)) > np.abs(dots(along[i], along[j]))
@@ -59,7 +59,7 @@ def family_crossings(frames: Frames, along: Floats) -> Bools:
     area = np.bincount(region, surface.vertex_areas, count) / surface.area
     crossed, unvisited = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
     while unvisited.any():
-        root = int(np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1)))  # rounded: equal areas stay equal
+        root = int(np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1)))  # rounded, to ignore tiny differences
         order, predecessor = breadth_first_order(tree, root, directed=False)
         unvisited[order] = False
         for child in order[1:].tolist():
@@ -76,7 +76,7 @@ def signs_with_short_seams(frames: Frames, along: Floats) -> Floats:
 
 
 def _cut_edges(surface: Surface, singular: Bools) -> Bools:
-    """Return a mask (e,) of edges that are crossed by paths of faces between `singular` faces (m,) and boundaries."""
+    """Return a mask (e,) of edges that paths across faces cross. Paths join `singular` faces (m,) and boundaries."""
     edges = surface.edges
     is_cut = np.zeros(len(edges.ends), dtype=bool)
     if not singular.any():
@@ -107,7 +107,7 @@ def _cut_edges(surface: Surface, singular: Bools) -> Bools:
 
 
 def _path_edges(surface: Surface, face: int, predecessor: Ints, singular: Bools) -> list[int]:
-    """Return the edges that a path crosses on its way to a face; it begins at a singular face or at the boundary."""
+    """Return the edges that a path to `face` crosses. The path begins at a singular face or at the boundary."""
     edges, path_edges = surface.edges, []
     while predecessor[face] >= 0:
         path_edges.append(int(np.intersect1d(edges.of[face], edges.of[predecessor[face]])[0]))
@@ -118,7 +118,7 @@ def _path_edges(surface: Surface, face: int, predecessor: Ints, singular: Bools)
 
 
 def _path_ends(surface: Surface, singular: Bools) -> Ints:
-    """Return for each face (m,) the number of the singular face or boundary where a path may end; 0 for none."""
+    """Return a number (m,) for each face at which a path may end, per singular face or boundary loop; 0 elsewhere."""
     edges = surface.edges
     count, loop = link_components(surface.n, *edges.ends[edges.boundary].T)
     name = np.zeros(surface.m, dtype=np.int64)
@@ -177,7 +177,7 @@ class StressDirections:
 
 RISE = (0.02, 0.75)
 """Limits of the mean squared slope (sine) of a shell with arches: a flat plate has 0, half a sphere 2/3, a tower 1."""
-CLEAR_SHARE = 0.75  # Smallest fraction of a family's area that must be pulled to call the family "pulled".
+CLEAR_SHARE = 0.75  # Fraction of a family's area in tension above which the family is called "pulled".
 
 
 class FamilyRole(NamedTuple):
@@ -201,7 +201,7 @@ class FamilyRole(NamedTuple):
 
 def family_roles(surface: Surface, directions: StressDirections) -> tuple[FamilyRole, FamilyRole]:
     """Return the roles of the major and the minor family of stripes; z points up, and tension is positive.
-    Hoops and purlins are horizontal on average, weighted by squared slope. Arches rise, mainly in compression."""
+    The mean direction of hoops and purlins, weighted by squared slope, is level. Arches rise, mainly in compression."""
     size = surface.areas[:, None] * np.abs(directions.stress)
     total = size.sum(axis=0)
     pulled = np.divide((size * (directions.stress > 0)).sum(axis=0), total, out=np.full(2, np.nan), where=total > 0)

@@ -1,4 +1,4 @@
-"""Tangent frames at vertices, transport of directions along edges, and twisted Laplacians."""
+"""Tangent frames at vertices, transport of directions along edges, and Laplacians with complex weights ("twisted")."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 FEW = 16
-"""Largest number of vertices for `_corrected_solver`. Only ends of `turned` edges count (see `factor`).
-Each such vertex costs a solve for every factor. For more vertices, a real matrix (2 n, 2 n) is faster."""
+"""Largest number of vertices for `_corrected_solver`; only ends of `turned` edges count (see `TwistedFactors.factor`).
+Each of these vertices needs one solve per factorisation. Above `FEW`, a real matrix (2 n, 2 n) is faster."""
 
 Solve = Callable[[Complexes], Complexes]
 
@@ -27,8 +27,8 @@ class TwistedFactors:
         self._V, self._ends, self._one_pattern = V, ends, SamePatternFactors(V)
 
     def factor(self, coupling: Complexes, diagonal: Floats, turned: Bools | None = None) -> Solve:
-        """Return the solver b -> (K + diagonal)^-1 b, (n,) complex, valid until the next factor.
-        coupling : (e,) w e^{i turn}.    diagonal : (n,).    turned : (e,) edges that couple with the conjugate."""
+        """Return the solver b -> (K + diagonal)^-1 b, (n,) complex, valid until the next call; K: a twisted Laplacian.
+        coupling : (e,) weights w e^{i turn}.    diagonal : (n,).    turned : (e,) edges at which K takes conjugates."""
         turned = np.zeros(len(coupling), dtype=bool) if turned is None else turned
         across = np.unique(self._ends[turned])
         if len(across) > FEW:
@@ -58,7 +58,7 @@ class TwistedFactors:
         return _EntryPositions(np.concatenate([i, j, every]), np.concatenate([j, i, every]), n)
 
     def _real_factor(self, coupling: Complexes, diagonal: Floats, turned: Bools) -> Solve:
-        """Return the solver of the real matrix (2 n, 2 n); real and imaginary parts of a number are neighbours."""
+        """Return the solver of a real matrix (2 n, 2 n); real and imaginary parts of a number are neighbours in it."""
         c, s, sign = coupling.real, coupling.imag, np.where(turned, -1.0, 1.0)
         values = -np.concatenate([c, -sign * s, s, sign * c])
         places, pattern = self._real_pattern
@@ -135,7 +135,7 @@ class Frames:
 
     @cached_property
     def turning(self) -> Floats:
-        """(e,) angle r: a direction with angle a in the frame at an edge's second end has angle a + r at its first."""
+        """(e,) angle r between the frames at an edge's ends: an angle a at the second end is a + r at the first end."""
         i, j = self.ends.T
         across = cross(self.normal[j], self.normal[i])
         cosine = dots(self.normal[i], self.normal[j])[:, None]

@@ -48,9 +48,9 @@ class Guide:
         if (self.curve is None) == (self.at is None):
             raise GuideError("give either curve = [[x, y, z], ...] or at = { pick = ... } with a direction")
         if self.at is not None and self.reach is not None:
-            raise GuideError("reach is for a curve; remove reach from a region, whose size follows from pick")
+            raise GuideError("the key reach is for a curve; remove the key, because pick gives the size of the region")
         if self.at is not None and self.member:
-            raise GuideError("the key member is for a curve; remove the key from a region")
+            raise GuideError("only a curve can be a member; remove the key member from the region")
         if self.curve is not None and self.direction is not None:
             raise GuideError("a curve has its own directions; leave direction out")
         if self.curve is not None and len(set(self.curve)) < 2:
@@ -60,7 +60,7 @@ class Guide:
 
     @property
     def pull(self) -> float:
-        """Weight of the guide in the minimisation; at least 100 if the guide's curve becomes a member."""
+        """Weight of the guide in the minimisation (see `Guidance`); at least 100 if its curve becomes a member."""
         return max(self.weight, 100.0) if self.member else self.weight
 
 
@@ -74,8 +74,8 @@ class Guidance:
 
     @classmethod
     def from_guides(cls, frames: Frames, guides: tuple[Guide, ...], spacing: float) -> tuple[Self, ...]:
-        """Return a `Guidance` for each of the user's guides with a weight above 0.
-        spacing : reach (m) of curves without a reach of their own. Raises PatternError for a guide without effect."""
+        """Return a `Guidance` for each of the user's guides with a `pull` above 0.
+        spacing : `reach` (m) of curves that set none. Raises PatternError for a guide off or normal to the surface."""
         squares = [(guide, _guide_squares(frames, k, guide, spacing)) for k, guide in enumerate(guides)]
         weighted = [guide.pull * square * (1 if guide.family == "major" else -1) for guide, square in squares]
         return tuple(cls(np.abs(square), square) for square in weighted if np.abs(square).any())
@@ -91,7 +91,7 @@ class Guidance:
 
 
 def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) -> Complexes:
-    """Return squares (n,) of a guide's direction, complex in the vertices' frames, of size 0 to 1 (0: out of reach)."""
+    """Return squares (n,) of a guide's direction, complex numbers in the vertices' frames; size 0 (no effect) to 1."""
     surface = frames.surface
     if guide.at is not None:
         assert guide.direction is not None
@@ -113,7 +113,7 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
 
 def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
     """Return squares (n,) of the curve's direction at each vertex, complex numbers; their size falls to 0 at `reach`.
-    The direction is a mean of all pieces less than a tenth of the reach farther away than the nearest piece."""
+    The direction is a mean of the nearest piece of the curve and of pieces up to 0.1 x `reach` farther away."""
     surface, points = frames.surface, np.array(guide.curve)
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)

@@ -12,21 +12,21 @@ from dsfab.surface import Distances, Origins, PatternRegion, Surface, geodesic_d
 from dsfab.surface.fields import DividedField, DividedSurface
 from dsfab.surface.topology import link_components
 
-EVEN = 0.01  # Largest error of a region's outline, divided by the distance from the region's origins to its outline.
+EVEN = 0.01  # Largest error of a region's outline, divided by the region's `reach` (see `curve_fields`).
 SNAP = 0.05
-"""Usual `slicing.snap`: a cut moves an outline onto vertices within this fraction of a mesh edge.
-If this move is longer than 2 x `EVEN` x reach (see `SHORT`), the edges at the vertex are halved."""
+"""Usual `slicing.snap`: a cut nearer to a vertex than this fraction of an edge goes through the vertex.
+If this moves the outline of a region by over 2 x `EVEN` x `reach`, the edges at the vertex are halved."""
 SHORT = 1 / 16
-"""Smallest edge that is halved, divided by the reach: the width of a region around its points, curves or faces."""
+"""Smallest edge that is halved, divided by the region's `reach` (see `curve_fields`)."""
 FINEST = 1 / 16
-"""Smallest edge that is halved, as a fraction of the longest side of its face.
-A sheet with smaller parts is hard to solve. The corners of an outline may be cut off by up to half of such an edge."""
+"""Smallest edge that is halved, as a fraction of the longest side of its face. A sheet with smaller parts is hard to
+solve. Corners of an outline may be cut off by up to half of this smallest edge."""
 NEAR = 0.3
-"""Largest move of an outline onto a vertex, as a fraction of a mesh edge; it is also at most `EVEN`.
+"""Largest move of an outline onto a vertex, as a fraction of a mesh edge. The move is also at most `EVEN` x `reach`.
 An outline beside a vertex would make very thin triangles."""
 ASIDE = 0.1
-"""If an outline crosses an edge nearer to its middle than this fraction of the edge, the crossing divides the edge.
-A vertex at the middle would lie too close to the outline."""
+"""An edge is usually divided at its middle. If an outline crosses the edge nearer to the middle than this fraction of
+the edge, the edge is divided at the crossing. A vertex at the middle would lie too close to the outline."""
 
 
 def curve_fields(
@@ -56,7 +56,7 @@ def curve_fields(
 
 
 def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Bools:
-    """Return a mask (e',) of edges to divide for any region, except edges inside an earlier region of the list."""
+    """Return a mask (e',) of edges to divide near outlines of regions, but not inside a region earlier in the list."""
     parts, uncut = divided.surface, divided.whole
     size, sides = parts.edge_lengths, parts.edges.of
     finest, longest = np.zeros(len(size)), uncut.edge_lengths[uncut.edges.of].max(axis=1)
@@ -92,7 +92,7 @@ def _distance_growth(surface: Surface, distance: Floats) -> tuple[Floats, Floats
 
 
 def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floats:
-    """Return distances (n,). Values near `reach` (see `NEAR`) become `reach`, except in faces with only near values."""
+    """Return distances (n,). Values near `reach` (see `NEAR`) become `reach`, unless all corners of a face are near."""
     _, vertex_growth = _distance_growth(surface, distance)
     is_near = np.abs(distance - reach) <= np.minimum(NEAR * vertex_growth, EVEN * reach)
     is_near[surface.F[is_near[surface.F].all(axis=1)]] = False
@@ -100,7 +100,7 @@ def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floa
 
 
 def _undivided_field(surface: Surface, region: tuple[Origins, float], distances: Distances) -> Floats:
-    """Return a region's field (n,) on undivided faces. Straight distances are used if they are nearly the same."""
+    """Return a region's field (n,) on undivided faces, from straight distances if these nearly equal `distances`."""
     origins, reach = region
     near_vertices = np.unique(surface.F[distances.reached])
     straight = euclidean_distances(
@@ -118,12 +118,12 @@ def _finite_distances(distance: Floats, reach: float) -> Floats:
 
 
 def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools:
-    """Return a mask (e,) of edges at an outline where distances are not linear, or `SNAP` moves the outline too far."""
+    """Return a mask (e,) of edges to divide: distances at the outline are not linear, or `SNAP` moves it too far."""
     vertex, middle, faces = distances.vertex, distances.middle, np.flatnonzero(distances.reached)
     sides, ends = surface.edges.of[faces], surface.edges.ends
     deviation = np.abs(vertex[ends[sides]].mean(axis=2) - middle[sides])
     farthest = np.maximum(vertex[surface.F[faces]], middle[sides]).max(axis=1)
-    deviation[farthest == 0] = reach  # a face with only sides at distance 0 is divided to show distances inside
+    deviation[farthest == 0] = reach  # all sides of the face have distance 0; divide it, to see distances inside
     is_uneven = np.zeros(len(ends), dtype=bool)
     is_uneven[sides[(deviation > EVEN * reach) & (farthest + deviation.max(axis=1) >= reach)[:, None]]] = True
     finite = _finite_distances(vertex, reach)
@@ -134,7 +134,7 @@ def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools
 
 
 def euclidean_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
-    """Return the straight distance (n,) to the nearest of faces, edges or vertices, given by their corners; metres."""
+    """Return the straight distance (n,), m, to the nearest simplex: a face, an edge or a vertex, by its corners."""
     squared = np.full(surface.n, np.inf)
     for group in simplices:
         if len(group):
@@ -145,7 +145,7 @@ def euclidean_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
 @dataclass(frozen=True, eq=False)
 class RegionBand:
     """A band along the outline of a region, inside the region.
-    outline : edges between faces inside and outside the region; `layer` has distances from them.    width : metres.
+    outline : edges between faces inside and outside the region.    width : metres.
     inside  : (n,) 1 inside the region, 0 on its outline, -1 outside."""
 
     outline: Origins
@@ -154,8 +154,8 @@ class RegionBand:
 
     def layer(self, field: Floats | DividedField) -> Layer:
         """Return the band as a layer. field : minus the distance (n,) from the outline, metres.
-        The layer has the level 0 and two fields: `inside`, and distance - width. Material is where `inside` is above 0
-        and distance - width is below 0."""
+        The layer has two columns of values and the level 0. Material is where the first column, `inside`, is above 0
+        and the second column, distance - width, is below 0."""
         half_width = np.full(len(self.inside), np.inf)
         if not isinstance(field, DividedField):
             return Layer("rim", np.stack([self.inside, -field - self.width], axis=1), np.zeros(1), half_width)
@@ -176,7 +176,7 @@ def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[La
 
 def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float) -> list[RegionBand]:
     """Return a band inside the outline of each region that the preset marks with do = "rim".
-    The default width is `rim` (m). If `rim` is 0, it is half of the region's area / length of its outline.
+    The default width is `rim` (m). If `rim` is 0, the default width is half of (region's area / length of its outline).
     Raises PatternError for a region off the surface, and for a region that covers a whole piece of the surface."""
     bands = []
     for k, faces in _faces(surface, regions, "rim"):
@@ -226,7 +226,7 @@ def distance_to_boundary(surface: Surface, reach: float = np.inf) -> Floats:
 
 def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.inf) -> Floats:
     """Return the distance (n,) to marked vertices and to the edges and faces between them, metres.
-    The distance to a patch is straight. The distance to points and curves is along the surface."""
+    The distance to `patches` is straight. The distance to all other points and curves is along the surface."""
     patch = patches(surface, vertices)
     curves = geodesic_distances(surface, curve_origins(surface, vertices & ~patch), reach)
     return np.minimum(distance_to_patches(surface, patch), curves.vertex)
@@ -275,8 +275,8 @@ def _edge_ends(surface: Surface, edges: Bools) -> Bools:
 def kept_layers(
     surface: Surface, marked: Bools, keep: float, rim: float, regions_of_user: Sequence[PatternRegion] = ()
 ) -> list[Layer]:
-    """Return the layers of kept material: regions of the user, `keep` metres around marked vertices (n,), a `rim`.
-    The outline around a patch is straight on each face. The outline around points and curves is smooth, see
+    """Return layers of material: regions of the user, `keep` m around marked vertices (n,), `rim` m along the boundary.
+    The outline around `patches` is straight on each face. The outline around other points and curves is smooth, see
     `curve_fields`. Regions of the user end at edges of the surface."""
     patch = patches(surface, marked)
     regions = []

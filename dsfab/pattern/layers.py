@@ -20,10 +20,9 @@ from dsfab.surface.mesh import Surface
 class Layer(NamedTuple):
     """A field, and the levels at which its values change between material and openings.
     Values (n,) are material if an odd number of levels lies below them. For values (n, 2) see `Stripes.band`.
-
     field      : values, a corner field, or a field that is linear on parts of faces.
-    half_width : (n,) d in periods, for shaders.
-    closed     : (n,) values, or None. An opening becomes material if the mean of the values in it is positive."""
+    half_width : (n,) half widths of stripes, in periods, for previews.
+    closed     : (n,) values, or None. An opening becomes material if the mean of these values in it is positive."""
 
     name: str
     field: Floats | CornerField | DividedField
@@ -47,7 +46,7 @@ class ModeFamily:
     def from_mode(
         cls, surface: Surface, name: str, stripes: Stripes, x: Floats, stress: Floats | None = None, radius: float = 0.0
     ) -> "ModeFamily":
-        """Return the family, with its slope averaged over a radius in metres; default stress (n,): 1 everywhere."""
+        """Return the family; its `slope` is averaged over `radius` metres (see `slopes`). stress : (n,), default 1."""
         stress = np.ones(surface.n) if stress is None else stress
         return cls(name, stripes, x, slopes(surface, stripes.phases(x), radius), stress)
 
@@ -59,7 +58,7 @@ class ModeFamily:
         """Return half widths d (n,), in periods."""
         return widths.half_widths(self.stripes.half_width, self.slope, self.stress, factor)
 
-    adds = 0  # any order of families is right, because stripes on a mode have no finer stripes; see `DrawableFamily`
+    adds = 0  # without effect, because stripes on a mode have no finer stripes; see `DrawableFamily`
 
     @property
     def density(self) -> Floats:
@@ -67,7 +66,7 @@ class ModeFamily:
         return self.slope
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return the family as one layer, with one field if all widths are equal, else with two fields."""
+        """Return one layer. Its field has one column if all widths are equal, else two columns (see `Stripes.band`)."""
         d = self.half_widths(widths, factor)
         if widths.vary:
             return [Layer(self.name, self.stripes.band(self.x, d), self.stripes.middles(self.x), d)]
@@ -77,7 +76,7 @@ class ModeFamily:
 class DrawableFamily(Protocol):
     """A family of stripes on an eigenmode, or of evenly spaced stripes.
     density : (n,) stripes per metre.    stress : (n,) size of the stress along the stripes; any unit.
-    adds    : position of the family; the family at position 0 adds its finer stripes first."""
+    adds    : order of the families when finer stripes are added between coarse stripes; 0 is first."""
 
     @property
     def adds(self) -> int: ...
@@ -104,15 +103,15 @@ class DrawableFamily(Protocol):
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
         """Return the layers: first coarse stripes on the whole surface, then finer stripes in openings between them.
-        closing : factor of the widths that decide which openings are filled completely; default `factor`. A fixed
-                  `closing` prevents jumps of the fraction of material as `factor` grows."""
+        factor  : factor on the half widths.    closing : factor on the half widths that decide which openings are
+                  filled; default `factor`. A fixed `closing` prevents jumps of the fraction of material."""
         ...
 
 
 def stripe_layers(
     families: Sequence[DrawableFamily], widths: Widths, factor: float = 1.0, closing: float = 0.0
 ) -> list[Layer]:
-    """Return the layers of all families: first the coarse stripes, then finer stripes by `DrawableFamily.adds`."""
+    """Return the layers of all families: coarse stripes, then finer stripes sorted by `adds` (see `DrawableFamily`)."""
     family_layers = [(family.adds, family.layers(widths, factor, closing)) for family in families]
     return [layers[0] for _, layers in family_layers] + [
         layer for _, layers in sorted(family_layers, key=itemgetter(0)) for layer in layers[1:]
@@ -120,7 +119,7 @@ def stripe_layers(
 
 
 def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], widths: Widths) -> float:
-    """Return the common factor on graded widths that gives the same mean fraction of material as the rule `plain`.
+    """Return the common factor on the half widths at which their mean is as large as under the rule `plain`.
     Bounds in metres apply afterwards. Raises PatternError if too little of the surface is stressed."""
     free = Widths(widths.rule, widths.member, widths.q)
 
@@ -132,13 +131,13 @@ def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], width
 
 
 CLOSING_WIDTHS = (1.45, 1.55)
-"""Limits of half widths, divided by the crowded half width: `CROWDING` times the median half width of the members.
-Up to the first limit, members become thinner, so that openings stay. From the second limit on, members merge.
+"""Two limits of half widths, divided by the crowded half width (`CROWDING` times the median half width, at least
+`SLIT`). Up to the first limit, members become thinner, so that openings stay. From the second limit on, members merge.
 Openings that become material as a whole (`Layer.closed`) use `WHOLE` instead."""
 FOLLOWING_WIDTHS = (1.15, 1.25)
-"""Replaces `CLOSING_WIDTHS` if widths follow the stress. Members then merge earlier: stressed places need material."""
+"""Replaces `CLOSING_WIDTHS` if widths follow the stress. Members merge earlier: large stress needs material."""
 WHOLE = 1.3
-"""An opening becomes material if its mean half width is over WHOLE x the crowded half width (`CLOSING_WIDTHS`).
+"""An opening becomes material if the mean half width in it is over WHOLE x the crowded half width (`CLOSING_WIDTHS`).
 If widths follow the stress, the mean of `FOLLOWING_WIDTHS` replaces `WHOLE`."""
 WIDTH_RULES = {
     "solid": SOLID,
@@ -152,14 +151,13 @@ WIDTH_RULES = {
 
 @dataclass(frozen=True, eq=False)
 class EvenFamily:
-    """Stripes with centre lines where a phase is a whole number. Halvings remove some of these lines.
-
+    """Stripes with centre lines where a phase is a whole number. A halving removes every second line from some faces.
     phase   : phase at the corners of the faces, before any line is removed.
-    wanted  : for each halving, the finest lines first: (m,) fraction of each face in which the halving keeps its lines.
+    wanted  : an array (m,) for each halving, the finest lines first: the fraction of each face that keeps these lines.
               Lines at multiples of 2^len(wanted) remain everywhere.
     slope   : (n,) lines of the phase per metre.    density : (n,) remaining lines per metre.
     stress  : (n,) size of the stress along the stripes; any unit.    adds : see `DrawableFamily`.
-    whole   : True if openings between crowded members become material as a whole, False if narrow parts only."""
+    whole   : True to fill openings between members that are too close as a whole, False to fill narrow parts only."""
 
     name: str
     stripes: Stripes
@@ -176,12 +174,12 @@ class EvenFamily:
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return half widths d (n,), divided by the spacing of the lines that remain after halvings.
-        Crowded members become thinner or merge, see `CLOSING_WIDTHS`; the rule `plain` does not change them."""
+        """Return half widths d (n,), divided by the spacing of the lines that remain (see `EvenFamily`).
+        Except under the rule `plain`, members that are too close become thinner or merge, see `CLOSING_WIDTHS`."""
         return self._closed_half_widths(self._requested_half_widths(widths, factor), widths)
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return a layer of coarse stripes on the whole surface, then a layer of finer stripes for each halving."""
+        """Return a layer of coarse stripes, then a layer of finer stripes for each halving; see `DrawableFamily`."""
         requested = self._requested_half_widths(widths, factor)
         local = self._closed_half_widths(requested, widths)
         opened, closed = local, None
@@ -201,7 +199,7 @@ class EvenFamily:
         return layers
 
     def _requested_half_widths(self, widths: Widths, factor: float) -> Floats:
-        """Return the half widths (n,) of the width rule alone, divided by the distance between remaining lines."""
+        """Return half widths (n,) before crowded members change, divided by the distance of lines after halvings."""
         rule = replace(widths, min_gap=0.0) if widths.rule != "plain" else widths
         return rule.half_widths(self.stripes.half_width, self.density, self.stress, factor)
 
@@ -209,7 +207,7 @@ class EvenFamily:
         return max(SLIT, CROWDING * float(np.median(requested)))
 
     def _open_half_widths(self, requested: Floats, widths: Widths) -> Floats:
-        """Return half widths (n,) at which openings stay open, except those narrower than `widths.min_gap`."""
+        """Return half widths (n,) at which openings stay open, except openings narrower than `widths.min_gap`."""
         d = np.minimum(requested, self._crowded_half_width(requested))
         return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)
 
@@ -234,7 +232,7 @@ class EvenFamily:
 
 def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: int) -> Floats:
     """Return half widths (n,) / line distance before halving. local : half widths / line distance after halving.
-    If neighbouring stripes touch, all space between lines that no halving removes is material."""
+    Where neighbouring stripes touch after halving, material fills all space between the remaining lines."""
     return np.asarray(np.where(local >= SOLID, SOLID * 2**halvings, local * slope / density))
 
 
@@ -252,13 +250,13 @@ def face_points(side: int = 3) -> Floats:
 
 
 def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -> Bools:
-    """Return a mask (m, p) of points in faces that a layer makes material; points : (p, 3) barycentric coordinates."""
+    """Return a mask (m, p) of points in material: p points in each face, at barycentric coordinates `points` (p, 3)."""
     is_material = np.zeros((surface.m, len(points)), dtype=bool)
     for layer in layers:
         below = [np.searchsorted(layer.levels, x) for x in _point_values(surface, layer.field, points)]
         if isinstance(layer.field, CornerField):
             is_material |= (below[0] > below[1]) & _is_drawn(layer.field)[:, None]
-            if layer.closed is not None:  # an estimate at points; only the cut closes each opening as a whole
+            if layer.closed is not None:  # an estimate: the cut decides for whole openings, not for points
                 is_material |= (layer.closed[surface.F] @ points.T > 0) & ~layer.field.blank[:, None]
             continue
         is_material |= below[0] % 2 == 1 if len(below) == 1 else below[0] > below[1]
@@ -279,7 +277,7 @@ def _corner_values(surface: Surface, field: Floats | CornerField) -> list[Floats
 
 
 def _is_drawn(field: CornerField) -> Bools:
-    """Return a mask (m,) of faces of which a field covers more than half; the cut divides partly covered faces."""
+    """Return a mask (m,) of faces that a field covers by more than half. The cut divides partly covered faces."""
     return ~field.blank if field.wanted is None else ~field.blank & (field.wanted > 0.5)
 
 

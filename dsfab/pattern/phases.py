@@ -19,8 +19,8 @@ SHIFT = 1e-3
 """Shift of the inverse iteration, times the squared spacing. It makes the matrix definite; the eigenvectors stay."""
 FLOW = 0.25  # 1 / duration of a step of diffusion, in units of (2 pi / spacing)^2.
 LOCKED_PHASE = 0.05
-"""Phases of locked vertices become their target if the error, in periods, is less: members at edges are straight."""
-LOCK = 3.0  # Weight of a locked phase, divided by (2 pi / spacing)^2.
+"""A locked vertex gets its target phase if the error is less than this, in periods: members at edges are straight."""
+LOCK = 3.0  # Weight of the target phase at a locked vertex, divided by (2 pi / spacing)^2; see `Flow.solve`.
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Flow:
 
     @cached_property
     def turn(self) -> Floats:
-        """(e,) growth of the phase along each edge, periods. At the edge's first end, the phase grows along g."""
+        """(e,) growth of the phase along each edge, periods; positive along `g` at the edge's first end."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
@@ -48,7 +48,7 @@ class Flow:
 
     @cached_property
     def coupling(self) -> Complexes:
-        """(e,) coupling of the phases at both ends of the edges; see `Frames.coupling`."""
+        """(e,) complex weight of each edge between the phases at its ends; see `Frames.coupling`."""
         return self.frames.coupling(-2 * np.pi * self.turn)
 
     def solve(
@@ -64,14 +64,14 @@ class Flow:
 
         The phases are angles of complex numbers psi. These minimise the sum of w |psi_j - e^{2 pi i turn} psi_i|^2 over
         edges of weight w; `turn` is the growth of the phase along an edge. If g is reversed along an edge, psi_i is
-        conjugated. At first, only the norm of the vector psi is fixed. Then steps of diffusion and normalisation give
-        each number the size 1 [Merriman, Bence, Osher 1992; for phases Viertel, Osting 2019].
+        conjugated. At first, only the norm of the vector psi is fixed. Then `rounds` steps of diffusion and
+        normalisation give each number psi_i the size 1 [Merriman, Bence, Osher 1992; for phases Viertel, Osting 2019].
 
         start : (n,) start of the iteration. Without locked vertices, a centre line passes through its largest value.
         lock  : (n,) vertices on the centre line of a stripe.
+        projection : projection of the numbers psi onto symmetric fields (see `Images.projection`); default: none.
         aim   : (n,) target phases at locked vertices, in periods, -1/2 to 1/2; default 0.
-        free  : True to begin without locked vertices, because their phases may not fit together.
-        rounds : number of steps of diffusion and normalisation."""
+        free  : True to begin without locked vertices, because their phases may not fit together."""
         surface, n = self.frames.surface, self.frames.surface.n
         mass = np.maximum(surface.vertex_areas, 1e-12 * surface.area)
         inverse_square = float(surface.vertex_areas @ self.density / surface.area) ** 2
@@ -144,8 +144,8 @@ def _unit_vector(x: Floats, mass: Floats) -> Floats:
 
 
 def through_peaks(phase: Floats, weight: Floats) -> Floats:
-    """Return phases (n,), in periods. Shift all by half a period if centre lines then pass through more weight (n,).
-    `Flow.solve` ignores the weight. Phases shift if the weighted mean of cos(2 pi phase) is below -0.02."""
+    """Return phases (n,), shifted by half a period if centre lines then pass through larger values of `weight` (n,).
+    Phases shift if the weighted mean of cos(2 pi phase) is below -0.02. `Flow.solve` ignores this weight."""
     if weight @ np.cos(2 * np.pi * phase) >= -0.02 * weight.sum():
         return phase
     return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))
@@ -194,7 +194,7 @@ class CornerPhase:
 def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | None = None) -> CornerPhase:
     """Return the phases (n,) of `Flow.solve`, in periods, as a `CornerPhase`, which is linear on each face.
     alternative : function that returns other phases (n,). It is called only if stripes end within faces. Its phases
-                  replace `phase` if stripes then end in fewer faces."""
+                  are used if they let stripes end in fewer faces."""
     result = _face_phases(flow, phase)
     if alternative and result.broken:
         result = min(result, _face_phases(flow, alternative()), key=lambda one: one.broken)
@@ -202,8 +202,8 @@ def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | 
 
 
 def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
-    """Return phases at the corners of each face from `phase` (n,), without regard to its neighbours.
-    Phases at two corners may differ by whole periods; the growth nearest to `flow.turn` is taken. A face is singular
+    """Return phases at the corners of each face from `phase` (n,), without regard to neighbouring faces.
+    Phases at two corners may differ by whole periods; the difference nearest to `flow.turn` is used. A face is singular
     if the phase or its sign is different after one turn around the face."""
     surface, sign = flow.frames.surface, flow.sign
     i, j = flow.frames.ends.T
@@ -211,7 +211,7 @@ def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
     step = flow.turn + miss - np.rint(miss)
     edge, F = surface.edges.of, surface.F
     forward = i[edge] == F  # half-edges that run in their edge's direction
-    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # at a half-edge's start, phase grows along g
+    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # along half-edges; positive along g at the start
     edge_sign = sign[edge]
     s1 = edge_sign[:, 0]
     s2 = s1 * edge_sign[:, 1]
@@ -227,7 +227,7 @@ def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
 
 
 def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase after a search from face to face, which gives adjacent faces the same sign and shift.
+    """Return the phase with a sign and a shift for each face, found from face to face, so that adjacent faces agree.
     In adjacent faces f, g, sign s and shift q satisfy z_f = s z_g + q at the start of their half-edge h0."""
     h0, h1 = surface.edges.pairs.T
     f, g = h0 // 3, h1 // 3
@@ -254,8 +254,8 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
 def propagate_phases(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
-    """Set `signs` and `shifts` (m,), which relate the phase of each face to the first face in `order` of a search.
-    At first, they relate each face to its `predecessor`. Each loop halves the path to the first face."""
+    """Set `signs` and `shifts` (m,), which relate the phase of each face to that of the first face in `order`.
+    They begin with the relation s, q of a face to its `predecessor`. Each loop doubles the steps that they bridge."""
     child = order[1:]
     if not len(child):
         return
@@ -266,7 +266,7 @@ def propagate_phases(
     place = np.empty(len(predecessor), dtype=np.int64)
     place[order] = np.arange(len(order))
     earlier = np.concatenate([[0], place[parent]])
-    sign, shift = np.concatenate([[1.0], step_sign]), np.concatenate([[0.0], step_shift])  # z_earlier = sign z + shift
+    sign, shift = np.concatenate([[1.0], step_sign]), np.concatenate([[0.0], step_shift])
     while earlier.any():
         shift = sign[earlier] * shift + shift[earlier]
         sign = sign[earlier] * sign
@@ -275,7 +275,7 @@ def propagate_phases(
 
 
 def _seen_by_first_faces(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase with values of the first face at a vertex. Corners have sign 1 and shift 0, except at seams."""
+    """Return the phase with the value of the first face at a vertex. Corners have sign 1, shift 0, except at seams."""
     first_corner = np.full(len(phase.value), -1)
     corner = surface.F.ravel()
     usable = np.flatnonzero(np.repeat(~phase.singular, 3))

@@ -1,7 +1,6 @@
 """Stripes per metre, as even as possible for stripes with a given direction.
-
-Stripes with gradients along g do not end if their density e^u has curl(e^u g) = 0. The equation determines only the
-derivative of u along the stripes, by least squares [cf. the curl-free frame fields of Diamanti et al. 2015]."""
+Stripes with gradients along g do not end if their density e^u has curl(e^u g) = 0. A least-squares solution of this
+equation gives only the derivative of u along the stripes [cf. the curl-free frame fields of Diamanti et al. 2015]."""
 
 from typing import NamedTuple
 
@@ -12,19 +11,19 @@ from dsfab.pattern.frames import Frames, corner_sums
 from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
-SMOOTH = 0.02  # Weight of |grad u|^2, for u = log(density); it determines u where directions are unclear.
+SMOOTH = 0.02  # Weight of |grad u|^2, for u = log(density). This term determines u where directions are unclear.
 EVEN = 0.3
 """Weight of u^2 for u = log(density of stripes), divided by the surface's area: it keeps the density near its mean."""
-RANGE = (-2.0, 1.5)  # Bounds of u = log(density) if no halving removes every second stripe (see `Halving`).
+RANGE = (-2.0, 1.5)  # Bounds of u = log(density) without halvings (see `Halving`).
 COARSE_RANGE = (-1.0, 3.0)
-"""Bounds of u = log(density) if halvings (see `Halving`) are allowed. They lower large densities."""
+"""Bounds of u = log(density) if halvings, which reduce large densities, are allowed (see `Halving`)."""
 MOST_HALVINGS = 3
 
 
 def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
-    """Return u (n,), the logarithm of the relative density of stripes with gradients along g (n, 3). Its median is 0.
-    On each face, u satisfies p . grad u = curl g / |mean g|, with equal signs of g at the corners.
-    Here p = n x g is the direction of the stripe.    confidence : (m,) weight of this equation, 0 to 1."""
+    """Return u (n,), the logarithm of the relative density of stripes; its median is 0. g : (n, 3) direction of the
+    phase's gradient, up to sign. On each face, g gets equal signs, and u satisfies p . grad u = curl g / |mean g|. Here
+    p = n x g is the direction of the stripe.    confidence : (m,) weight of this equation, 0 to 1."""
     surface = frames.surface
     grad = hat_gradients(surface)
     corners = g[surface.F]
@@ -46,15 +45,15 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
     coupling = np.bincount(surface.edges.of.ravel(), along_edges.ravel(), len(surface.edges.ends))
     diagonal = corner_sums(surface, blocks[:, (0, 1, 2), (0, 1, 2)]) + EVEN / surface.area * mass
     right = corner_sums(surface, p * (weight * curl / np.maximum(length, 1e-9))[:, None])
-    # complex numbers, because the matrix of the phases is complex; its sparse pattern is already analysed
+    # in complex numbers, to use the sparse pattern of the phases' complex matrix, which is already analysed
     u = frames.twisted_factors.hermitian(coupling.astype(complex), diagonal)(right.astype(complex)).real
     return np.asarray(u - weighted_quantile(u, surface.vertex_areas, 0.5))
 
 
 class Halving(NamedTuple):
     """Number of halvings of the lines at each vertex, floor(`wish`). A halving removes every second line.
-    most : largest number.    wish : (n,) ideal numbers, from 0 to `most`.    free : (n,) also below 0 or over `most`.
-    limits : bounds of the logarithm of the density before halving."""
+    most : largest number.    wish : (n,) real numbers, 0 to `most`.    free : (n,) as `wish`, also outside this range.
+    limits : bounds of u = log(density) before any halving."""
 
     most: int
     wish: Floats
@@ -96,7 +95,7 @@ def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
 
 
 def density(surface: Surface, u: Floats, spacing: float, halved: Halving) -> Floats:
-    """Return periods of the phase per metre (n,). Lines that halvings leave are on average `spacing` metres apart."""
+    """Return periods of the phase per metre (n,). After halving, lines are on average `spacing` metres apart."""
     w = np.exp(np.clip(u, *halved.limits))
     remaining = w / 2**halved.times
     mean = float(surface.vertex_areas @ remaining) / surface.area

@@ -18,7 +18,7 @@ def wave(t: Floats) -> Floats:
 
 
 def half_width(threshold: float) -> float:
-    """Return d = (1 - threshold) / 4, in periods: p(t) > threshold where t is within d of a whole number."""
+    """Return half width d = (1 - threshold) / 4, in periods: `wave` exceeds `threshold` within d of whole numbers."""
     return (1 - threshold) / 4
 
 
@@ -49,16 +49,16 @@ class Stripes:
 
     def with_width_factor(self, factor: float) -> "Stripes":
         """Return stripes whose half width is `factor` times as large, up to 0.5."""
-        if factor == 1:  # no rounding errors for an unchanged width
+        if factor == 1:  # return the same numbers, without rounding errors
             return self
         return replace(self, threshold=1 - 4 * min(factor * self.half_width, 0.5))
 
     def phases(self, x: Floats) -> Floats:
-        """Return the phase z = frequency x + phase of x (...), a whole number on centre lines."""
+        """Return z = frequency x + `phase` for a mode x (...); z is a whole number on centre lines."""
         return self.frequency * x + self.phase
 
     def band(self, x: Floats, d: Floats) -> Floats:
-        """Return z + d and z - d (n, 2), for half widths d (n,). In material, a whole number lies between them."""
+        """Return z + d and z - d (n, 2) for phases z, half widths d (n,). Material has a whole number between."""
         z = self.phases(x)
         return np.stack([z + d, z - d], axis=1)
 
@@ -73,12 +73,11 @@ class Stripes:
 
     def levels(self, x: Floats) -> Floats:
         """Return the values (k,) of the mode at the edges of stripes, in the range of x (n,), ascending.
-        Material has a phase from k - d to k + d, for whole numbers k. It begins at the first, third, fifth ... value.
-        """
+        A stripe has phases from k - d to k + d, for a whole number k. Stripes begin at the first, third ... value."""
         d = self.half_width
         if d == 0:
             return np.empty(0)
-        if d >= 0.5:  # all is material: the only level lies below all values
+        if d >= 0.5:  # all is material: one level lies below all values
             return np.array([x.min() - 1.0 / self.frequency])
         k = self.middles(x)
         return (np.stack([k - d, k + d], axis=1).ravel() - self.phase) / self.frequency
@@ -89,7 +88,7 @@ def frequency_for(surface: Surface, x: Floats, spacing: float) -> float:
     The mean distance is the area divided by the length of the centre lines. The mean of this length for all phases is
     the integral of |grad z|: the co-area formula [Federer 1959]. Raises PatternError for a constant mode."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), x[surface.F])
-    lines = float(surface.areas @ np.linalg.norm(gradient, axis=1))  # metres per unit of frequency
+    lines = float(surface.areas @ np.linalg.norm(gradient, axis=1))  # length (m) of all centre lines at frequency 1
     if not lines * spacing > 0:
-        raise PatternError("spacing must be a positive length in metres, on an eigenmode that is not constant")
+        raise PatternError("spacing must be a positive length in metres, and the eigenmode must not be constant")
     return surface.area / (spacing * lines)

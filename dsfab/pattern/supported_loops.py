@@ -15,9 +15,9 @@ from dsfab.surface import Surface, geodesic_distances
 from dsfab.surface.fields import hat_gradients
 
 REACH = 1.5
-"""Largest distance from a small loop at which stripes form rings and rays, divided by the spacing of stripes."""
+"""Stripes form rings and rays around a small supported loop up to this distance, divided by the stripes' spacing."""
 PULL = 100.0
-"""Weight of rings and rays at a small supported loop, more than the weight of the stress; 0 at the distance `REACH`."""
+"""Weight of rings and rays at a small supported loop; the stress has less weight. The weight is 0 at `REACH`."""
 
 
 def small_loops(surface: Surface, supported: Bools, spacing: float) -> list[Ints]:
@@ -30,9 +30,9 @@ def small_loops(surface: Surface, supported: Bools, spacing: float) -> list[Ints
 @dataclass(frozen=True, eq=False)
 class LoopSurroundings:
     """Surroundings of a small supported loop: one family forms rings, the other family rays.
-    weight   : (n,) weight at the vertices.
+    weight   : (n,) weight of rings and rays at the vertices.
     ray      : (n,) square of the unit direction of rays, complex in the frames of the vertices.
-    outwards : (m, 3) unit direction away from the loop; 0 beyond the reach."""
+    outwards : (m, 3) unit direction away from the loop; 0 farther away than `REACH`."""
 
     weight: Floats
     ray: Complexes
@@ -40,7 +40,7 @@ class LoopSurroundings:
 
     @classmethod
     def from_support(cls, frames: Frames, supported: Bools, spacing: float) -> tuple[Self, ...]:
-        """Return the surroundings of each small supported loop; the arguments are those of `small_loops`."""
+        """Return a `LoopSurroundings` for each small supported loop. supported (n,), spacing : see `small_loops`."""
         surface, reach, surroundings = frames.surface, REACH * spacing, []
         for loop in small_loops(surface, supported, spacing):
             on_loop = np.isin(np.arange(surface.n), loop)
@@ -54,8 +54,8 @@ class LoopSurroundings:
         return tuple(surroundings)
 
     def guidance(self, frames: Frames, stress: StressDirections, turn: float) -> Guidance:
-        """Return the directions around the loop. The family with the larger mean stress away from the loop forms rays.
-        turn : rotation of both families, radians, as for `cross_field`."""
+        """Return the directions around the loop. Major stripes are rays if the mean stress is larger along rays than
+        along rings. turn : rotation of both families, radians, as for `cross_field`."""
         surface, cosine = frames.surface, dots(stress.direction[:, 0], self.outwards)
         ray_minus_ring_stress = (stress.stress[:, 0] - stress.stress[:, 1]) * (2 * cosine**2 - 1)
         share = surface.areas * self.weight[surface.F].mean(axis=1)

@@ -35,14 +35,14 @@ class Images:
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / len(self.maps))
 
     def marked_in_any(self, marked: Bools) -> Bools:
-        """Mark (m,) all mirrored or rotated images of marked faces. Rounding errors may mark a single image only.
-        Marks stay unchanged if images of vertices are not vertices."""
+        """Return a mask (m,) of marked faces and their images, because rounding errors may mark a single image only.
+        Marks stay unchanged if a rotation or mirror does not map vertices to vertices."""
         exact = all(T.nnz == T.shape[0] for T in self.maps)
         return np.asarray(marked[self.faces].any(axis=0)) if exact and self.faces is not None else marked
 
     def directions(self, frames: Frames, along: Floats) -> Floats:
         """Return unit tangents (n, 3), up to sign, of the symmetric field nearest to the tangents `along`.
-        The function averages the matrices v v^T of tangents v, because these do not depend on signs."""
+        The function averages the matrices v v^T of tangents v, which are equal for v and -v."""
         if len(self.maps) == 1:
             return along
         n = len(along)
@@ -56,10 +56,9 @@ class Images:
         return frames.direction(np.arctan2(2 * xy, xx - yy) / 2)
 
     def projection(self, V: Floats, g: Floats, density: Floats) -> Projection:
-        """Return the projection onto symmetric phases; their gradient at V (n, 3) is `density` (n,) x g (n, 3).
-
-        If g is reversed at an image, the phase is conjugated. The phases of the vertices around an image are
-        extrapolated to the image, because a plain mean has large errors."""
+        """Return the projection onto symmetric phases, which have the gradient `density` (n,) x g (n, 3) at V (n, 3).
+        If g at a vertex and at its image have opposite signs, the phase is conjugated. Phases of the vertices around an
+        image are extrapolated to the image, because a plain mean has large errors."""
         if len(self.maps) == 1:
             return lambda x: x
         growth = density[:, None] * g
@@ -70,15 +69,15 @@ class Images:
 
     @staticmethod
     def _phase_map(R: Floats, T: csr_array, V: Floats, growth: Floats) -> tuple[csr_array, csr_array]:
-        """Return matrices A, B (n, n): phases x have the values A x + B conj(x) at the images of the vertices.
-        growth : (n, 3) gradient of the phase, up to sign, periods per metre."""
+        """Return matrices A, B (n, n). At the images of vertices V (n, 3), phases x have the values A x + B conj(x).
+        R, T : see `Images.R` and `Images.maps`.    growth : (n, 3) gradient of the phase, up to sign, periods per m."""
         column = T.indices
         row = np.repeat(np.arange(T.shape[0]), np.diff(T.indptr))
         growth_there, growth_here = growth[row] @ R.T, growth[column]
         turned = dots(growth_there, growth_here) < 0
         sign = np.where(turned, -1.0, 1.0)
         step = (T @ V)[row] - V[column]
-        turn = np.pi * dots(growth_here + sign[:, None] * growth_there, step)  # mean gradient at both ends of `step`
+        turn = np.pi * dots(growth_here + sign[:, None] * growth_there, step)  # growth of the phase along `step`
         value = T.data * np.exp(1j * turn)
         direct, conjugate = (
             csr_array((value * selected, column, T.indptr), shape=T.shape) for selected in (~turned, turned)

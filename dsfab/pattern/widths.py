@@ -1,4 +1,4 @@
-"""Widths of stripes: from a threshold, constant in metres, from the stress, or adjusted to even the strain energy."""
+"""Widths of stripes: from a threshold, constant in metres, from the stress, or adjusted until the energy is even."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,10 +13,10 @@ from dsfab.core.errors import PatternError
 from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
-_End = tuple[float, float]  # End of an interval: a factor, and its share of material minus the target.
+_End = tuple[float, float]  # End of an interval: a factor, and share(factor) - target (see `solved_factor`).
 Rule = Literal["plain", "constant", "graded", "stressed"]
 SOLID = 0.5  # Half width, in periods, at which neighbouring stripes touch.
-ROUNDS = (2, 60)  # Smallest and largest number of averagings.
+ROUNDS = (2, 60)  # Smallest and largest number of rounds of averaging in `spread_means`.
 JUMP = 5e-3
 """Largest accepted error of the share of material if the share jumps because loose ends appear or vanish."""
 
@@ -61,7 +61,7 @@ class Widths:
 
     @property
     def radius(self) -> float:
-        """Radius (m) of the disc over which slopes are averaged: half of `member` under the rule "constant", else 0."""
+        """Radius (m) of the disc over which slopes are averaged: half of the width `member` for "constant", else 0."""
         return self.member / 2 if self.rule == "constant" else 0.0
 
     @property
@@ -80,7 +80,7 @@ class Widths:
 
     def half_widths(self, base: float, slope: Floats, stress: Floats, factor: float = 1.0) -> Floats:
         """Return half widths d (n,) in periods, 0 (no material) to 0.5 (no gap); they never decrease with `factor`.
-        base   : (1 - threshold) / 4, the d of rule plain.    slope : (n,) |grad z|, periods per metre (see `slopes`).
+        base   : (1 - threshold) / 4, d for rule "plain".    slope : (n,) |grad z|, periods per metre (see `slopes`).
         stress : (n,) size of the stress along the stripes, any unit; for "stressed" the relative half widths.
         factor : factor on the half widths before the bounds apply."""
         d = factor * (slope * (self.member / 2) if self.rule == "constant" else base * self.grading(stress))
@@ -97,19 +97,18 @@ def vertex_means(surface: Surface, x: Floats) -> Floats:
 
 def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
     """Return the mean of |grad z| around each vertex (n,): periods per metre for a phase z (n,).
-    The mean gradient itself is zero on ridges of z, and would open a slit along the middle of a member.
-    radius : of the disc for the mean, metres: half the width of a member. The mean includes at least two rings of
-             faces."""
+    A mean of the vectors grad z would be zero on ridges of z, and would open a slit along the middle of a member.
+    radius : radius of the disc for the mean, m: half of a member's width. At least two rings of faces are included."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), z[surface.F])
     return spread_means(surface, np.linalg.norm(gradient, axis=1), radius)
 
 
 def spread_means(surface: Surface, x: Floats, radius: float) -> Floats:
     """Return means (n, ...) of values x (m, ...) of the faces within about `radius` metres of each vertex.
-    Each mean includes at least two rings of faces, and never faces across a gap between sheets."""
+    Each mean includes at least two rings of faces, but no faces across a gap between sheets."""
     average = _averaging(surface)
     means = average @ x
-    # equal variances: h^2 / 3 for each averaging with mesh width h, R^2 / 4 for a disc of radius R
+    # each round adds a variance h^2 / 3 (mesh width h), until the sum is the variance R^2 / 4 of a disc of radius R
     for _ in range(int(np.clip(0.75 * (radius / surface.mean_edge) ** 2, *ROUNDS))):
         means = average @ means[surface.F].mean(axis=1)
     return np.asarray(means)
@@ -141,11 +140,10 @@ def solved_factor(
     steepest: float = 40,
 ) -> float:
     """Return the factor at which the increasing function share(factor) is `target`, with an error of `tolerance`.
-
     slope    : approximate derivative of `share`, if the factor may be about 1; 0 otherwise. The search then begins with
                1, a step of Newton's method, and secants.
     jump     : accepted error if `share` jumps past the target.
-    steepest : largest growth of a share without jumps, for a relative change of the factor.
+    steepest : largest growth of `share` per relative change of the factor, except at jumps.
 
     The method is regula falsi with the Illinois rule [Dowell, Jarratt 1971]. Raises PatternError if no factor exists,
     and ShareJumpError at a jump."""
@@ -158,11 +156,11 @@ def solved_factor(
         evaluate, target, tolerance
     )
     best_end, kept_side = min(low, high, key=_miss), 0
-    for _ in range(30):  # far more steps than needed, unless the share jumps past the target
+    for _ in range(30):  # far more steps than needed, unless share(factor) jumps past `target`
         if _miss(best_end) <= tolerance:
             return best_end[0]
         if high[0] - low[0] < tolerance / steepest * high[0]:
-            break  # the share jumps past the target
+            break  # share(factor) jumps past `target`
         x = (low[0] * high[1] - high[0] * low[1]) / (high[1] - low[1])
         trial = evaluate(x)
         best_end = min(best_end, trial, key=_miss)
@@ -179,7 +177,7 @@ def solved_factor(
 
 
 def _secant_interval(evaluate: Callable[[float], _End], tolerance: float, slope: float) -> tuple[_End, _End] | None:
-    """Solve share = target by secants, from factor 1. Return an interval around it, (factor, factor), or None."""
+    """Search the factor at which share = target by secants, from factor 1. Return an interval around it, or None."""
     end = evaluate(1.0)
     for _ in range(5):
         if _miss(end) <= tolerance or end[0] * slope <= end[1]:
@@ -192,7 +190,7 @@ def _secant_interval(evaluate: Callable[[float], _End], tolerance: float, slope:
 
 
 def _bracket(evaluate: Callable[[float], _End], target: float, tolerance: float) -> tuple[_End, _End]:
-    """Return an interval between factors 0, 1, 4, 16 ... with the solution; both ends are 1 if 1 is the solution."""
+    """Return an interval between factors 0, 1, 4, 16 ... that contains the solution; (1, 1) if the solution is 1."""
     start = evaluate(1.0)
     if _miss(start) <= tolerance:
         return start, start
@@ -216,7 +214,7 @@ def _miss(end: _End) -> float:
 
 def _unreachable_error(target: float, reach: str) -> PatternError:
     return PatternError(
-        f"the pattern cannot keep {target:.1%} of the surface: {reach} with these widths, thresholds and kept regions"
+        f"the pattern cannot keep {target:.1%} of the surface: {reach} remain with these widths, thresholds and regions"
     )
 
 

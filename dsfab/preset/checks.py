@@ -129,8 +129,7 @@ def combined_names(cases: Sequence[str], combinations: Sequence[Combination]) ->
 
 
 def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
-    """Return the cases and combinations to check in a limit state. If none has this state, return all names without a
-    state. If every name has a different state, return all names."""
+    """Return cases and combinations to check in a limit state: those with it, else those without a state, else all."""
     state_of = {combination.name: combination.limit_state for combination in combinations}
     names = list(names)
     for limit_state in (state, ""):
@@ -179,7 +178,7 @@ def _combination_mistakes(cases: Sequence[str], combinations: Sequence[Combinati
             yield f"{key}.factors: all factors are 0 or missing; give a factor to one of {', '.join(cases)}"
 
 
-_RESERVED = "diffusion.follow uses this name for the sum of all cases; choose another name"
+_RESERVED = "diffusion.follow uses the name 'combined' for the sum of all cases; choose another name"
 
 
 def _no_such(what: str, name: str, existing: Iterable[str]) -> str:
@@ -211,7 +210,7 @@ def known_name(name: str | None) -> str | None:
 
 
 def own_values(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values in a complete [statics] that differ from those of its material, by key."""
+    """Return, by key, the values in a complete table [statics] that differ from the values of its material."""
     material_values = MATERIALS[values["material"]].values if values.get("material") else {}
     return {key: values[key] for key in KEYS if values[key] != material_values.get(key)}
 

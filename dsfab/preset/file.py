@@ -49,7 +49,7 @@ def _find_files(values: Any, folder: Path, key: str = "") -> None:
 
 
 def with_overrides(preset: Preset, changes: Mapping[str, Any]) -> Preset:
-    """Return the preset with new values at dotted keys. Raises PresetError like `load_preset`, or for another type."""
+    """Return the preset with new values at dotted keys. Raises PresetError, also if `preset` is not a `Preset`."""
     if not isinstance(preset, Preset):
         raise PresetError(missing_preset(preset))
     touched = {key.partition(".")[0] for key in changes}  # other sections need no checks
@@ -92,7 +92,7 @@ def preset_toml(preset: Preset, for_people: bool = False) -> str:
     for_people : True to write only the numbers of vertices and triangles of a mesh that was given in Python."""
     values = preset.model_dump(mode="json", exclude_none=True)
     if for_people and isinstance(mesh_section := preset.surface, MeshSurface):
-        values["surface"]["mesh"] = f"given in Python: {mesh_section.mesh.n} vertices, {mesh_section.mesh.m} triangles"
+        values["surface"]["mesh"] = f"Python mesh: {mesh_section.mesh.n} vertices, {mesh_section.mesh.m} triangles"
     if preset.statics.elastic:
         own_keys, statics = own_values(values["statics"]), values["statics"]
         values["statics"] = {key: value for key, value in statics.items() if key not in KEYS or key in own_keys}
@@ -113,7 +113,7 @@ def _read_only(values: dict[Any, Any]) -> MappingProxyType[Any, Any]:
     return MappingProxyType(values)
 
 
-# pickle cannot find classes that dsfab makes at import, nor the type of a read-only mapping
+# pickle finds neither classes that dsfab makes at import, nor the type of a read-only mapping
 copyreg.pickle(Preset, lambda preset: (preset_from_toml, (preset_toml(preset),)))
 copyreg.pickle(MappingProxyType, lambda mapping: (_read_only, (dict(mapping),)))
 
@@ -147,13 +147,13 @@ def _find(name_or_path: str | Path) -> Path:
 
 def _replace_surface(values: dict[str, Any], mesh: Path) -> None:
     old_surface = values.get("surface", {})
-    section = OwnSurface if "file" in old_surface else SurfaceSection  # the `edge` of a shape is not for the new mesh
+    section = OwnSurface if "file" in old_surface else SurfaceSection  # a new mesh must not take a shape's key `edge`
     new_surface = {key: old_surface[key] for key in (*section.model_fields, "unit") if key in old_surface}
     values["surface"] = {**new_surface, "file": str(mesh)}
 
 
 def _override_all(values: dict[str, Any], changes: Mapping[str, Any]) -> None:
-    """Set values at dotted keys. Remove old values that exclude the new ones: a new spacing removes the frequency."""
+    """Set values at dotted keys. Remove old values in conflict with new values: a new spacing removes the frequency."""
     drop_material_values(values.get("statics"), changes)
     for key, value in changes.items():
         _override(values, key, deepcopy(value))  # a later key must not change the values in `changes`

@@ -73,11 +73,11 @@ class Statics(Section):
     law: Law = "plane_stress"
     """Material law: plane_stress (a thin sheet) or stvk (Saint Venant-Kirchhoff, exactly as in the paper)."""
     membrane: Membrane = "constant"
-    """Membrane elements: constant strain (the paper); quadratic or hybrid, accurate for slender parts but slower."""
+    """Membrane elements: constant strain (Madan et al.); quadratic or hybrid: slower, accurate in slender parts."""
     bending: Bending = "hinge"
-    """Bending elements: hinge (the paper; for directions), midedge (converges to plate theory), hhj (the best)."""
+    """Bending elements. hinge: for directions (Madan et al.). midedge: converges to plate theory. hhj: the best."""
     stress: Literal["membrane", "layers", "auto"] = "membrane"
-    """Stress that the pattern follows. membrane: stress in the middle of the thickness (the paper); for a flat sheet
+    """Stress that the pattern follows. membrane: stress in the middle of the thickness (Madan et al.); for a flat sheet
     that only bends, stress at its lower side. layers: stress of the whole thickness, with bending. auto: layers if
     bending stores at least half of the strain energy, else membrane."""
     strength: Annotated[float, Ge(0), AfterValidator(resistance)] = 0.0
@@ -119,7 +119,7 @@ class Statics(Section):
 
     @property
     def material_words(self) -> str:
-        """Name of the material: 'GL24h', or 'GL24h, but for density' if the density differs; '' if unknown."""
+        """Name of the material, such as 'GL24h', or 'GL24h, but for density' if its density differs; '' if unknown."""
         own_keys = own_values(dict(self))
         return f"{self.material}, but for {', '.join(own_keys)}" if self.material and own_keys else self.material or ""
 
@@ -178,7 +178,7 @@ def _number_or_word(value: Any) -> str:
     return "auto" if isinstance(value, str) else "number"
 
 
-AUTO: Literal["auto"] = "auto"  # Value of a mode, phase or smallest width that dsfab chooses.
+AUTO: Literal["auto"] = "auto"  # Value of the keys mode, phase and min_width that leaves the choice to dsfab.
 Mode = Annotated[
     Annotated[int, Ge(1), Le(50), Tag("number")] | Annotated[Literal["auto"], Tag("auto")],
     Discriminator(_number_or_word),
@@ -249,26 +249,26 @@ class Width(Section):
     """[pattern.width]: width of the stripes of both families."""
 
     rule: Rule = "plain"
-    """plain: widths follow the thresholds (Madan et al.). constant: equal widths in metres. graded: wider where the
-    stress is larger. stressed (stiffest, slowest): widened where the energy is largest, in several trials."""
+    """plain: widths from the key threshold (Madan et al.). constant: equal widths in metres. graded: wider where the
+    stress is larger. stressed (stiffest, slowest): several trials widen members where the energy is largest."""
     member: Annotated[float, Ge(0)] = 0.0
-    """Width of the members for rule constant, metres. 0: solid_fraction gives the width."""
+    """Width of the members if rule is constant, metres. 0: solid_fraction gives the width."""
     q: Annotated[float, Ge(0), Le(4)] = 1.0
     """Exponent: the share of material grows with this power of the stress. For rule stressed: the start value."""
     steps: Annotated[int, Ge(1), Le(50)] = 8
     """Number of trials (cut and solve) for rule stressed."""
     min_width: LeastWidth = AUTO
-    """Smallest width of members, metres. 0: no limit. auto: a limit only for evenly spaced members. Rule graded: the
-    thickness. Rule stressed with pattern.workshop: half of the thickness. The limit is at most half of the width that
-    members would have if all were equally wide."""
+    """Smallest width of members, metres. 0: no limit. auto: a limit for evenly spaced members only, the thickness for
+    rule graded, and half of the thickness for rule stressed with pattern.workshop. The limit is at most half of the
+    width that members would have if all were equally wide."""
     max_width: Annotated[float, Ge(0)] = 0.0
     """Largest width of members, metres. 0: no limit."""
     min_gap: Annotated[float, Ge(0)] = 0.0
     """Smallest gap between two stripes of a family, metres; narrower gaps become material. 0: no limit."""
     solid_fraction: Annotated[float, Ge(0), Lt(1)] = 0.0
-    """Share of the surface that stays material, with keep and rim; dsfab scales the widths to it. 0: no scaling."""
+    """Share of the surface that is material, including keep and rim; widths are scaled to reach it. 0: no scaling."""
     solid_fraction_tolerance: Annotated[float, Ge(0), Le(0.1)] = JUMP
-    """Largest error of solid_fraction, if the share of material jumps because ends of members appear or vanish."""
+    """Largest error of solid_fraction if no width reaches it, because ends of members appear or vanish."""
 
     @model_validator(mode="after")
     def _check_widths(self) -> "Width":
@@ -301,7 +301,7 @@ def _with_curves(thing: Any) -> Any:
 Method = Literal["modes", "stripes", "auto"]
 FAMILIES = ("major", "minor")  # Names of the families of stripes.
 FILLET = 0.55
-"""Smallest radius of round corners, divided by the thickness. Round corners are polygons, so 0.5 is not enough."""
+"""Smallest radius of round corners, divided by the thickness; over 0.5, because polygons approximate the corners."""
 STRIPES_ACROSS = 12  # Default number of evenly spaced stripes across a square surface.
 
 
@@ -309,14 +309,14 @@ class Pattern(Section):
     """[pattern]: the two families of stripes, and parts that stay material."""
 
     method: Method = "modes"
-    """modes: stripes on eigenmodes (the paper). stripes: evenly spaced stripes along the stress. auto: the stiffest
+    """modes: stripes on eigenmodes (Madan et al.). stripes: evenly spaced stripes along the stress. auto: the stiffest
     pattern without dead ends and slits. auto compares modes, stripes, and stripes with halving. With width.rule
-    constant or graded and a solid_fraction, auto tries four widths: constant, graded, graded with half of q, and
+    constant or graded and a solid_fraction, auto tries four widths: constant, graded, graded with half of width.q, and
     stressed. If the preset sets no spacing, auto compares several spacings."""
     halve: bool = True
-    """For stripes: where lines are too close together, every second one ends on a crossing member. false: none ends."""
+    """For stripes. true: where stripes are too close, every second stripe ends on a crossing member. false: no ends."""
     families: Literal["both", "major", "minor"] = "both"
-    """Families of stripes. A single family has no crossings and no halving; only rim and keep connect its members."""
+    """Families of stripes. A single family has no crossings and ignores halve; only rim and keep join its members."""
     symmetry: Literal["auto", "none"] = "auto"
     """For stripes. auto: the pattern has the symmetry of surface, supports and loads. none: it may be asymmetric."""
     rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
@@ -385,7 +385,7 @@ class Pattern(Section):
 
     @property
     def drawn_regions(self) -> int:
-        """Number of solid regions and bands. Each is a layer of the cut; these layers come first."""
+        """Number of solid regions and bands. They are the first layers of the pattern, one layer each."""
         return len(self.region) - len(self.voids)
 
     @property
@@ -437,14 +437,14 @@ class Slicing(Section):
     min_opening: Annotated[float, Ge(0)] | None = None
     """Smallest size of openings, metres; smaller openings are filled. 0: none are filled. Default for stripes on
     eigenmodes: 0. Default for evenly spaced stripes: 15 % of their spacing, with pattern.tidy at most the thickness.
-    The default for evenly spaced stripes also fills openings under 35 % of the median size."""
+    This default also fills openings under 35 % of the median size."""
     min_gap: Annotated[float, Ge(0)] | None = None
     """Smallest width of openings with pattern.workshop, metres. Narrower openings are bridged, and narrower tips
     filled. 0: no limit. Default: a quarter of the thickness, at least 3 mm (small designs: a 500th of their size)."""
     min_member: Annotated[float, Ge(0)] | None = None
     """Smallest width of members, metres; narrower members are widened. 0: no limit. Default with pattern.workshop: half
-    of the thickness, or a smaller limit of [pattern.width]. Without pattern.workshop, only members under 0.8 times
-    the median width are widened, and only with pattern.tidy and round corners (pattern.fillet)."""
+    of the thickness, or less if [pattern.width] asks for less. Default without pattern.workshop: widen only members
+    under 0.8 times the median width, and only with pattern.tidy and pattern.fillet."""
     improve: bool = False
     """Improve the triangles of the cut mesh by flipping and removing edges, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0
@@ -459,7 +459,7 @@ class Thickening(Section):
     thinnest: Annotated[float, Gt(0), Le(1)] = 0.25
     """Refuse a solid that would have less than this share of its thickness where the surface is sharply curved."""
     side: Side = "mid"
-    """Side of the surface for the solid. mid: both sides. out: side of the normals, or outside. in: the other side."""
+    """Side of the surface on which the solid lies. mid: both. out: where normals point, or outside. in: the other."""
     strict: bool = False
     """Refuse a solid whose faces still intersect after all repairs. false: only report the place."""
     extra: tuple[Annotated[Extra, Field(discriminator="kind")], ...] = ()
@@ -472,7 +472,7 @@ class Fabrication(Section):
     min_member: Annotated[float, Ge(0)] = 0.0
     """Smallest width of members, metres. 0: only the limit of pattern.workshop is checked."""
     min_gap: Annotated[float, Ge(0)] = 0.0
-    """Smallest width of openings (with pattern.workshop also tips), metres. 0: only the limit of pattern.workshop."""
+    """Smallest width of openings, metres; with pattern.workshop also of tips. 0: only the limit of pattern.workshop."""
     min_wall: Annotated[float, Ge(0)] = 0.0
     """Smallest thickness of walls of the solid, metres. 0: no check."""
     accept: bool = False
@@ -501,9 +501,9 @@ class Export(Section):
     step: Literal["auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated"] = "auto"
     """planar: flat or folded designs, with lines and splines. faceted: plane faces. tessellated: triangles for viewers.
     members: four-sided curved faces that CAD programs cut and measure well; if impossible, smooth or faceted. smooth,
-    compact: a few large curved faces, the smallest file, which CAD programs often cannot cut. auto: the first success
-    of: planar; members (up to 7000 faces); smooth (if fast and OCCT can cut it); faceted (up to step_faces); smooth.
-    quick: as auto, but members only for open surfaces, no test of a cut, and no smooth at the end."""
+    compact: a few large curved faces, the smallest file, which CAD programs often cannot cut. auto tries in this order:
+    planar; members (up to 7000 faces); smooth (if fast and OCCT can cut it); faceted (up to step_faces); smooth.
+    quick: like auto, but members only for open surfaces, no test of a cut, and no second attempt at smooth."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0
     """Largest error (m) of planar, smooth or simplified STEP. 0: a share of the thickness; faceted STEP is exact."""
     step_mb: Annotated[float, Ge(0)] = 0.0
@@ -646,8 +646,8 @@ class Preset(Section):
         return self.model_copy(update=changes) if changes else self
 
     def first_difference(self, other: "Preset") -> str | None:
-        """Return the first stage with different sections in the two presets, or None. Return `surface` also if outlines
-        of regions differ, or if [statics] differs and the mesh depends on the stress."""
+        """Return the first stage for which a section differs between the two presets, or None. It is `surface` also if
+        outlines of regions differ, or if [statics] differs and the mesh depends on the stress."""
         if self.surface.by_stress and self.statics != other.statics:
             return "surface"
         regions = self.pattern.region, other.pattern.region

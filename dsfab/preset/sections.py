@@ -35,8 +35,8 @@ class Workshop(Section):
     route: Route = "auto"
     """strips: members lie flat in the surface, in bolted layers. planks: members stand upright on the surface, with
     slots at crossings. bars: straight members from node to node, with folded plates. panels: a model of flat faces with
-    tabs. sheet: a flat design in pieces of the stock's size. auto: sheet for a flat design, else the first possible of
-    strips, bars near the surface, and planks."""
+    tabs. sheet: a flat design in pieces of the stock's size. auto: sheet for a flat design; else the first that is
+    possible: strips, bars (if near the surface), planks."""
     stock: tuple[StockSize, ...] = ((2.5, 1.25),)
     """Length and width of the sheets to cut from, metres; one size or several."""
     prices: tuple[Annotated[float, Gt(0)], ...] = ()

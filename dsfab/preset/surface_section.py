@@ -64,8 +64,7 @@ class Section(BaseModel):
 
 
 class SurfaceSection(Section):
-    """Keys of every surface.
-    The checks of the keys are built on first use, because this takes half of the time to start dsfab."""
+    """Keys of every surface. Checks of these keys are built on first use, because they take half of dsfab's start."""
 
     model_config = ConfigDict(defer_build=True)
 
@@ -161,7 +160,7 @@ class FileSurface(OwnSurface):
     unit: str | None = None
     """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files contain their unit."""
     up: Up = "z"
-    """Axis of the file that points upwards. All other keys use z. GLB files are rotated without this key."""
+    """Axis of the file that points upwards. In all other keys, z points upwards. dsfab rotates GLB files by itself."""
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Point of the file that becomes the origin of the design, metres, with z up; for files with survey coordinates."""
     mend: bool = False

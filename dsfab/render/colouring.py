@@ -77,9 +77,9 @@ class Colouring:
 def check_show(show: str) -> None:
     """Raise DsfabError unless `show` names a picture that a `Previewer` can draw."""
     if show == "fabrication":
-        raise DsfabError("show 'fabrication' needs the finished solid; use it without other pictures, in dsfab preview")
+        raise DsfabError("show 'fabrication' needs the finished solid; in dsfab preview, use it without other pictures")
     if show == "members":
-        raise DsfabError("show 'members' needs the finished sheet; use it without other pictures, in dsfab preview")
+        raise DsfabError("show 'members' needs the finished sheet; in dsfab preview, use it without other pictures")
     if show not in get_args(ShownResult):
         raise DsfabError(f"show {show!r} is not known; use one of {', '.join(get_args(ShownResult))}")
 
@@ -107,7 +107,7 @@ def face_colouring(design: "Design", show: str, palette: Palette) -> Colouring:
         return Colouring(face, words=f"loads, {force_label(total)} in all")
     if show == "directions":
         if design.preset.combines:
-            return Colouring(face, words="directions of combined cases: red carries most, blue is perpendicular to red")
+            return Colouring(face, words="combined cases: red bars follow the largest stress, blue bars cross red bars")
         return Colouring(face, ColourBar(1.0, ("", "", ""), ("compression", "tension"), _DIVERGING))
     return Colouring(face)
 
@@ -143,7 +143,7 @@ def band_limit(limit: float) -> tuple[float, int]:
 
 
 def diverging_colours(share: Floats, bands: int = 0) -> Bytes:
-    """Return colours (k, 3) for stresses (k,), scaled to -1 (compression) and 1 (tension) at the ends of the bar."""
+    """Return colours (k, 3) for stresses (k,), scaled from -1 (compression) to 1 (tension). bands : see `ColourBar`."""
     return ramp((np.clip(share, -1, 1) + 1) / 2, _DIVERGING, bands)
 
 
@@ -221,7 +221,7 @@ def answer_colouring(design: "Design", show: str) -> Colouring:
     if show == "energy":
         return scaled_colouring(stress.energy, energy_label, f"strain energy per area, uncut sheet, {by}")
     if show == "vonmises":
-        words = f"peak von Mises stress in the thickness, up to {stress_label(stress.peak.stress)}, uncut sheet, {by}"
+        words = f"largest von Mises stress in each face, up to {stress_label(stress.peak.stress)}, uncut sheet, {by}"
         return scaled_colouring(stress.largest, stress_label, words)
     strength = design.preset.statics.strength
     if not strength:
@@ -275,7 +275,7 @@ def _shape_colouring(design: "Design", show: str) -> Colouring:
     answers = design.statics.answers
     if show == "buckling" and answers.buckling is not None and len(answers.buckling.factor):
         shape = answers.buckling.shapes[0]
-        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # the shape moves with the load
+        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # buckling along the load
         words = f"buckles at {answers.buckling.factor[0]:.3g} x the load"
     elif show == "frequency" and answers.vibration is not None:
         shape, words = answers.vibration.shapes[0], f"swings at {answers.vibration.hertz[0]:.3g} Hz"

@@ -158,7 +158,7 @@ class Pictures:
 def pictures_in_background() -> Iterator[Pictures]:
     """Yield `Pictures`; a second process draws them if this machine has more than one core.
     Raises DsfabError if this machine cannot draw."""
-    require_rendering()  # sets the kind of window in an environment variable, also for the second process
+    require_rendering()  # sets an environment variable for VTK, which the second process uses, too
     if (os.cpu_count() or 1) == 1:
         yield Pictures()
         return

@@ -75,7 +75,7 @@ def set_stage(
             # the ground is at the base of the support cones
             level -= marks.CONE_HEIGHT * reach
     if side.front:
-        level, stands = float((V @ side.floor).min()) - 0.012 * reach, True  # the floor is a board behind the plate
+        level, stands = float((V @ side.floor).min()) - 0.012 * reach, True  # front view: floor behind the sheet
     elif "person" in annotations.layers and stands and PERSON_RANGE[0] <= float(np.ptp(V @ up)) <= PERSON_RANGE[1]:
         bodies.append(Body(*person(*marks.place_beside(V, side, up, level), up), palette.colour_bytes("person")))
     if "tree" in annotations.layers and stands:
@@ -97,7 +97,7 @@ def page_view(
 
 
 def _stands_on_ground(surface: Surface, load: LoadCase, V: Floats, up: Floats, reach: float) -> bool:
-    """Return whether the supports are the lowest points of the structure; True without supports."""
+    """Return whether the supports are the lowest points of the structure (size `reach`, m); True without supports."""
     if not load.supported.any():
         return True
     lowest, height = float((V @ up).min()), float(np.ptp(V @ up))
@@ -128,7 +128,7 @@ def _marks(
 def legend(
     stage: Stage, caption: str, palette: Palette, size: tuple[int, int], swatches: tuple[tuple[str, Colour], ...] = ()
 ) -> Legend:
-    """Return the caption, the names of drawn marks (load, support, reaction), and scale at the structure's middle."""
+    """Return the legend: caption, names of drawn marks (load, support, reaction), scale at the middle, and swatches."""
     depth = float((stage.centre - stage.view.eye) @ stage.view.forward)
     kinds: tuple[MarkName, ...] = ("load", "support", "reaction")
     colours = [body.colour for body in stage.bodies[1:]]

@@ -181,7 +181,7 @@ class PlacedName:
 
 
 def place_names(plates: list[Nameplate], size: tuple[int, int], letter: float) -> list[PlacedName]:
-    """Return a place for each name: on its member if possible, else beside it. letter : height of letters (pixels)."""
+    """Return a place for each member's name: on the member if possible, else beside it. letter : letter height (px)."""
     taken = np.zeros((size[1] // GRID_PIXELS + 2, size[0] // GRID_PIXELS + 2), dtype=bool)
     names = []
     for plate in sorted(plates, key=lambda one: (int(one.visible.sum()), len(one.places))):

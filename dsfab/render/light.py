@@ -13,7 +13,7 @@ from dsfab.render.view import View
 
 GRAIN = 1.2  # largest random offset (map pixels) in a shadow map; hides its steps
 SURFACE_LIFT = 2.5  # height above a surface (map pixels) where its light is computed; prevents false shadows
-LARGEST_DEPTH = np.float32(0.9999)  # limit on the depth of lit points, below the depth 1 of empty map pixels
+LARGEST_DEPTH = np.float32(0.9999)  # Largest depth of points in shadow maps: below 1, the depth of empty pixels.
 _DEPTH_RANGE = LAMP_DEPTHS[1] - LAMP_DEPTHS[0]
 
 
@@ -28,7 +28,7 @@ def frame_towards(towards: Floats) -> Floats:
 class ShadowMaps:
     """Shadow maps of b lamps. A single matrix product serves all lamps.
     maps    : (b, s, s) depth from each lamp, as from `Scene.lamp`.
-    placing : (3 b, 6) matrix that maps (point, random offset, 1) to columns, rows and depths of the maps.
+    placing : (3 b, 6) matrix from (x, y, z, two random offsets up to `GRAIN`, 1) to columns, rows, depths in the maps.
     towards : (b, 3) unit vectors towards the lamps, times the strengths of the lamps."""
 
     maps: Floats32
@@ -37,7 +37,7 @@ class ShadowMaps:
 
     @classmethod
     def render(cls, scene: Scene, towards: Floats, strength: Floats, side: int) -> Self:
-        """Draw the maps of lamps in directions (b, 3) with strengths (b,); call it inside `scene.lamps()`."""
+        """Draw maps for lamps in directions (b, 3) with strengths (b,), in `scene.lamps()`. side : pixels per side."""
         frames = np.stack([frame_towards(direction) for direction in towards])
         maps = np.empty((len(frames), side, side), dtype=np.float32)
         for into, frame in zip(maps, frames, strict=True):
@@ -86,7 +86,7 @@ TILE = 1 << 10  # number of points lit together by twenty lamps, for the process
 
 @dataclass(frozen=True)
 class LightQuality:
-    """Lamps and their shadow maps. sun, sky, below : number of lamps in the sun, in the sky, and below the structure.
+    """Lamps and their shadow maps. sun, sky, below : number of lamps for the light of the sun, the sky, and from below.
     sharp : side of the sun's shadow maps, pixels.    coarse : side of all other shadow maps, pixels.
     blur  : blur of shadows on the floor / height of the picture: for the sun, and for all other lamps.
     finer : enlargement of a picture before it is reduced, for smooth edges."""
@@ -208,7 +208,7 @@ def pixel_and_floor_light(
     if level is None:
         points, N = _points(scene, view, pixels, hit)
         return _in_row_order(lamp_light(scene, all_lamps, points, N, paired * points.shape[1]).sum(axis=0), hit), None
-    coarse = (height // 6, width // 6)  # enough pixels, because shadows on the floor are soft
+    coarse = (height // 6, width // 6)  # few pixels for the floor, because its shadows are soft
     spots, floor_pixels = _floor_points(scene, view, floor, level, coarse)
     points, N = _points(scene, view, pixels, hit, spare=spots.shape[1])
     count = points.shape[1] - spots.shape[1]
@@ -219,7 +219,7 @@ def pixel_and_floor_light(
 
 
 def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0) -> tuple[Floats32, Floats32]:
-    """Return points and normals (3, k + spare), scene units, of k pixels that show a body; the last `spare` are empty.
+    """Return points and normals (3, k + spare), scene units, of k pixels that show a body, then `spare` empty columns.
     The points follow strips of 64 pixel rows. Neighbours are then close in memory, which saves time."""
     points, normals = (np.empty((3, int(hit.sum()) + spare), dtype=np.float32) for _ in range(2))
     for rows, pixel_range in _strips(hit):
@@ -270,14 +270,14 @@ def _floor_points(
     fall = ray @ floor
     distance = np.divide(level - eye @ floor, fall, out=np.full(fall.shape, np.inf), where=fall < 0)
     points = eye + np.where(np.isfinite(distance), distance, 0.0)[:, :, None] * ray
-    is_near = np.isfinite(distance) & (np.linalg.norm(points, axis=2) < 4.0)  # scene units; the floor beyond is lit
+    is_near = np.isfinite(distance) & (np.linalg.norm(points, axis=2) < 4.0)  # scene units; the farther floor is lit
     return points[is_near].T.astype(np.float32), is_near
 
 
 def _floor_share(
     light: Floats32, floor_pixels: Bools, open_light: tuple[float, float], blurs: tuple[float, float]
 ) -> Floats32:
-    """Return the light (h, w) on the floor, divided by its unshaded light, with blurred shadows."""
+    """Return the light (h, w) on the floor, divided by `open_light` (without shadows). blurs : see `LightQuality`."""
     from scipy.ndimage import gaussian_filter  # this import is slow
 
     total = sum(open_light)

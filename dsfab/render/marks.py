@@ -21,7 +21,7 @@ MarkMesh = tuple[Floats, Ints]  # vertices (n, 3) in metres, and faces (m, 3)
 
 @dataclass(frozen=True)
 class Spacing:
-    """Limits for arrows or cones in a picture: least distance `apart` / structure's size, and largest number `most`."""
+    """Limits for arrows or cones in a picture. apart : least distance / structure's size. most : largest number."""
 
     apart: float
     most: int
@@ -105,13 +105,13 @@ def gathered_forces(
     owner = _nearest(points, points[taken])
     pull = group_sums(owner, force[vertices], len(taken))
     amount = np.linalg.norm(pull, axis=1)
-    is_drawn = amount > 1e-6 * amount.max()  # the forces that share an arrow may cancel out
+    is_drawn = amount > 1e-6 * amount.max()  # forces that are summed in an arrow may cancel out
     long = longest * (0.35 + 0.65 * np.sqrt(amount[is_drawn] / amount.max()))
     return ForceArrows(vertices[taken][is_drawn], pull[is_drawn], long)
 
 
 def support_cones(surface: Surface, load: LoadCase, size: float, up: Floats, lift: float) -> MarkMesh:
-    """Return a few small cones that touch the supports from outside; see `support_side`. up : (3,) unit vector."""
+    """Return a few cones that touch the supports on one side, see `support_side`. up (3,), lift : as `load_arrows`."""
     vertices = np.flatnonzero(load.supported)
     if not len(vertices):
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
@@ -240,7 +240,7 @@ def _placed_copies(template: MarkMesh, start: Floats, along: Floats, long: Float
     return copies.reshape(-1, 3), shifted.reshape(-1, 3)
 
 
-CROSS_SPACING = Spacing(0.034, 500)  # few crosses, because many take long to draw
+CROSS_SPACING = Spacing(0.034, 500)  # for crosses along directions; few, because many take long to draw
 BAR_LENGTH, BAR_WIDTH = 0.8, 0.09  # length and width of each bar of a cross, divided by the distance between crosses
 
 
@@ -251,7 +251,7 @@ def crosses(design: "Design", palette: Palette) -> Body:
     surface, tensors, r = design.surface, design.diffusion.tensors, design.preset.diffusion.r
     if r <= 1 or tensors.isotropic.all():
         why = f"r = {r:g}" if r <= 1 else "the stress is the same in all directions"
-        raise DsfabError(f"there are no directions to show: {why}, so diffusion has no preferred direction")
+        raise DsfabError(f"diffusion has no preferred directions to show, because {why}")
     places = thin_points(surface.centroids, surface.size, CROSS_SPACING)
     apart = float(np.sqrt(1.3 * surface.area / len(places)))  # distance between neighbouring crosses
     places = places[~tensors.isotropic[places]]
@@ -259,7 +259,7 @@ def crosses(design: "Design", palette: Palette) -> Body:
     normal = surface.normals[places]
     directions = np.concatenate([along, np.cross(normal, along)])
     vertices, faces = _bars(np.tile(surface.centroids[places], (2, 1)), directions, np.tile(normal, (2, 1)), apart)
-    if design.preset.combines:  # cases may have stress of different signs
+    if design.preset.combines:  # tension and compression may differ between cases, so colours do not show them
         red = (np.arange(2 * len(places)) < len(places))[:, None]
         colour = np.where(red, *(np.array(tint, dtype=np.uint8) for tint in palette.tints[:2]))
     else:

@@ -64,7 +64,7 @@ def _curvature(member: "Member") -> float | None:
 
 
 def _nearest(V: Floats, places: list[tuple[Floats, float]]) -> list[int]:
-    """Return the number (n,) of the member nearest to each vertex. Distances are divided by the member's `reach`."""
+    """Return the number (n,) of the member nearest to each vertex, by distance / half width (`reach`) of the member."""
     least, number = np.full(len(V), np.inf), np.zeros(len(V), dtype=int)
     for k, (P, reach) in enumerate(places):
         away = np.asarray(cKDTree(P).query(V)[0]) / max(reach, 1e-9)
@@ -117,7 +117,7 @@ class _MembersDrawing:
     def picture(
         self, face: Bytes, names: Mapping[str, Colour], words: str, swatches: tuple[tuple[str, Colour], ...]
     ) -> Bytes:
-        """Return the picture. face : (m, 3) colours. names : colour by name. words : caption. swatches : legend."""
+        """Return the picture. face : (m, 3) colours. names : colours of names. words : caption. swatches : legend."""
         check_ground(self.ground)
         require_rendering()
         design, size, palette = self.design, self.size, self.palette

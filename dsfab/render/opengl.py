@@ -39,7 +39,7 @@ def probe_ahead() -> None:
 
 
 def assume_window(window: str | None = None) -> str:
-    """Use a kind of window without a test, by default the first candidate, and return its name."""
+    """Use a kind of VTK window without a test, by default the first candidate, and return its name."""
     name = window_kinds(os.environ.get(WINDOW, ""))[0] if window is None else window
     _KNOWN.add(name)
     if name:
@@ -50,7 +50,7 @@ def assume_window(window: str | None = None) -> str:
 
 
 def forget_windows() -> None:
-    """Clear all results of the test of drawing and all calls of `assume_window`; the next picture needs a new test."""
+    """Forget all tests of drawing and all windows set by `assume_window`, so that the next picture needs a new test."""
     _KNOWN.clear()
     _draws.cache_clear()
 
@@ -111,7 +111,7 @@ _ADVICE = {
     "darwin": "on macOS run dsfab in a session with a screen; macOS already contains OpenGL",
     "win32": "on Windows install the graphics card's driver or the OpenCL, OpenGL and Vulkan Compatibility Pack",
 }
-"""Advice by the name of the system in `sys.platform`."""
+"""Advice for a machine that cannot draw, by the name of the system in `sys.platform`."""
 
 
 def _advice_text(chosen: str) -> str:

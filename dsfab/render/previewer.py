@@ -1,4 +1,4 @@
-"""Previews of a design: pictures of the uncut surface, drawn with openings, that change quickly with the parameters."""
+"""Previews of a design: pictures that show openings without cutting the surface, and change fast with parameters."""
 
 import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -150,9 +150,9 @@ class Previewer:
             )
         if not self.can_display(preset):
             if self._arrows:
-                raise DsfabError("another mode has other gradients: make a new Previewer for the preset")
+                raise DsfabError("the gradient arrows do not fit the new preset: make a new Previewer for the preset")
             why = "other directions" if self._show == "directions" else f"another shape of {self._show}"
-            raise DsfabError(f"the preset's new [statics] gives {why}: make a new Previewer for the preset")
+            raise DsfabError(f"the preset's new [statics] leads to {why}: make a new Previewer for the preset")
         if not needs_only_settings(self._made.preset, preset):
             design = draft(preset, earlier=self._made)
             mesh = StripedMesh.from_design(design)
@@ -200,12 +200,12 @@ class Previewer:
         return np.asarray(image)
 
     def frame(self, size: tuple[int, int] = DEFAULT_SIZE) -> None:
-        """Draw the current preset for an editor, without the light of a `picture`, and wait for the frame."""
+        """Draw the current preset for an editor, without the lamps of a `picture`, and wait for the frame."""
         self._scene.frame(self._view(size, False), *size)
 
     @property
     def renderer(self) -> str:
-        """Name of the OpenGL renderer, after the first picture."""
+        """Name of the OpenGL renderer; it is known after the first picture."""
         return self._scene.renderer
 
     def mask(self, size: tuple[int, int] = DEFAULT_SIZE, words: bool = True) -> Bools:
@@ -233,7 +233,7 @@ class Previewer:
         design, mesh = self._made, self._mesh
         self._shader = StripeShader(vertex_fields(design, mesh, self._distances(design)), self._tints)
         V, normals = self._V, None
-        if mesh.even:  # equal normals on both sides of a cut in the chart hide the cut
+        if mesh.even:  # the chart is a mesh with cuts; equal normals on both sides hide the cuts
             normals = mesh.at_corners(shading(design.surface.V if V is None else V, design.surface.F))
         return Body(
             mesh.surface.V if V is None else mesh.carry(V),

@@ -156,7 +156,7 @@ def mesh_with_normals(points: Floats, F: Ints, normals: NDArray[np.float32]) -> 
 
 def set_array(attributes: Any, name: str, values: NDArray[Any]) -> None:
     """Store numbers (k, ...) of points or cells under a name, in a mesh's `GetPointData()` or `GetCellData()`."""
-    array = _support().numpy_to_vtk(np.ascontiguousarray(values), deep=True)  # a copy, as numpy frees its memory
+    array = _support().numpy_to_vtk(np.ascontiguousarray(values), deep=True)  # a copy, as numpy frees `values`
     array.SetName(name)
     attributes.AddArray(array)
 
@@ -245,7 +245,7 @@ class Scene:
             self.actors = [self._add(body) for body in bodies]
             self.bodies = list(bodies)
             self.empty = True
-            self.casting = False  # whether a lamp saw a body in the latest picture
+            self.casting = False  # True if a body was in view of a lamp in the latest picture
             self.casts = [body.casts for body in bodies]
         except BaseException:
             self.close()
@@ -268,7 +268,7 @@ class Scene:
         self.actors[index], self.bodies[index], self.casts[index] = actor, body, body.casts
 
     def pixels(self, view: View, width: int, height: int) -> Pixels:
-        """Return the pixels that the eye sees."""
+        """Return depth, normal and colour of the pixels of a view."""
         near, far = self._aim_camera(view)
         self.window.resize(width, height)
         with self._walls(view):
@@ -319,7 +319,7 @@ class Scene:
 
     @contextmanager
     def lamps(self) -> Iterator[None]:
-        """Hide all bodies that cast no shadow, during a `with` block; call `lamp` only in this block."""
+        """Hide all bodies that cast no shadow, during a `with` block; draw shadow maps (`lamp`) only in this block."""
         self.casting = False
         for actor, body, casts in zip(self.actors, self.bodies, self.casts, strict=True):
             actor.SetVisibility(casts)
@@ -335,7 +335,7 @@ class Scene:
     def lamp(self, frame: Floats, side: int) -> Floats32:
         """Return the depth (side, side) of the first body that a lamp sees in each pixel.
         The depth is 0..1 from the nearest to the farthest of `LAMP_DEPTHS`, and 1 where the picture is empty.
-        frame : unit vectors right, up and towards the lamp as rows. Columns go right and rows up, from -1 to 1."""
+        frame : (3, 3) unit vectors right, up and towards the lamp. Pixels cover -1 to 1 to the right and upwards."""
         self.window.resize(side, side)
         camera = self.window.camera
         camera.SetParallelProjection(True)

@@ -13,7 +13,7 @@ from dsfab.pattern.stripes import GLSL
 from dsfab.render.scene import Bytes, Colour, Floats32, set_array
 
 INFINITE_DISTANCE = 1e30  # distance (m) in place of infinity, because infinity times 0 is not a number
-NO_REACH = -INFINITE_DISTANCE  # reach if no material is kept; not 0, as rounded distances can be negative
+NO_REACH = -INFINITE_DISTANCE  # width of kept material if there is none; not 0, as rounded distances can be negative
 BY_VERTEX = -1.0  # half-width that tells the shader to read half-widths at the vertices
 
 _DECLARED, _VERTEX_CODE = "//VTK::CustomUniforms::Dec", "//VTK::CustomBegin::Impl"
@@ -22,8 +22,8 @@ _CLIP, _COLOURS = "//VTK::Clip::Impl", "//VTK::TCoord::Impl"
 FIELDS = ("modes", "widths", "kept")  # names of the three pairs of columns of `StripeShader.fields`
 TIE = 2e-6  # margin (periods) for rounding: half-width 0 gives no material, 1/2 no opening
 
-# (wave(t) + 1) / 4 is the distance from t to the nearest half-integer; in material this distance exceeds 1/2 - d.
-# the vertex shader computes the linear part, to save time for each pixel
+# (wave(t) + 1) / 4 is the distance from t to the nearest half-integer. With phase t and half-width d, a pixel is
+# material if this distance exceeds 1/2 - d. The vertex shader computes the linear part, to save time for each pixel.
 _STRIPES = f"""
   vec2 dsWide = HALF;
   vec2 dsTie = vec2(dsWide.x > 0.0 ? -{TIE} : {TIE}, dsWide.y > 0.0 ? -{TIE} : {TIE});

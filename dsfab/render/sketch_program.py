@@ -4,7 +4,7 @@ Each request on standard input is a number n in 8 bytes, then n bytes of pickle.
 The pickle contains
     a sketch (see `Design.sketch`), the PNG file, its width and height, and options of `Previewer`; or
     a `StructurePicture`, and the PNG file.
-The program prints its kind of window when it is ready to draw, and a line after each picture."""
+The program prints the name of its VTK window when it is ready to draw, and the line "drawn" after each picture."""
 
 import gc
 import os
@@ -35,7 +35,7 @@ def main(sketches: bool) -> None:
     while True:
         _draw(*pickle.loads(requests.get()))
         _print_line("drawn")
-        gc.enable()  # further pictures follow, with `--watch`
+        gc.enable()  # more pictures may follow, as with `--watch`
 
 
 def _draw(what: Any, path: Any, size: tuple[int, int] = (0, 0), options: Any = None) -> None:

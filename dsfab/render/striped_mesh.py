@@ -75,11 +75,11 @@ class StripedMesh:
 
     @cached_property
     def normals(self) -> Floats:
-        """Unit normals (n', 3) of the uncut surface. They are equal on both sides of a cut in the chart."""
+        """Unit normals (n', 3) of `surface`; equal on both sides of the cuts in the chart of evenly spaced stripes."""
         return self.uncut.vertex_normals if self.even is None else unit_vectors(self.carry(self.uncut.vertex_normals))
 
     def phases(self, design: Design) -> Floats:
-        """Return the modes (n', 2) of both families, or the phases of even stripes."""
+        """Return the modes (n', 2) of both families of stripes, or the phases of evenly spaced stripes."""
         if self.even:
             return self.even.chart.z
         mode, modes = design.pattern.mode, design.diffusion
@@ -93,7 +93,7 @@ class StripedMesh:
         return self.carry(self.even.slope / self.even.density) * self.even.chart.scale
 
     def half_widths(self, pattern: PatternResult) -> Floats:
-        """Return half-widths (n', 2) of both families, in periods of `phases`."""
+        """Return half-widths (n', 2) of both families of stripes, in periods of `phases`."""
         local = [pattern.half_width(name) for name in FAMILIES]
         if self.even is None:
             return np.stack(local, axis=1)
@@ -105,7 +105,7 @@ class StripedMesh:
 
 @derived
 def distances(design: Design) -> tuple[Floats, Floats]:
-    """Return distances (n,) to loads and supports, and distances (n,) to the boundary, m. Short distances are exact.
+    """Return distances (n,) to loads and supports, and distances (n,) to the boundary, m; long distances are inexact.
     If the user drew regions, the first array has distances to regions and kept material, times `REGION_FACTOR`."""
     surface, load, pattern = design.surface, design.load, design.preset.pattern
     reach = max(EXACT_REACH_SHARE * surface.size, pattern.keep, pattern.rim)
@@ -116,7 +116,7 @@ def distances(design: Design) -> tuple[Floats, Floats]:
 
 
 def _distances_outside(design: Design, to_held: Floats) -> Floats:
-    """Return approximate distances (n,) to kept material and regions of the user (m); 0 along their outlines."""
+    """Return approximate distances (n,), m, to material around loads and supports and to regions; 0 along outlines."""
     surface, pattern = design.surface, design.preset.pattern
     outside = np.where(np.isfinite(to_held) & (pattern.keep > 0), to_held - pattern.keep, surface.size)
     for field in design.pattern.fields[: pattern.drawn_regions]:
@@ -132,7 +132,7 @@ def _distances_outside(design: Design, to_held: Floats) -> Floats:
 
 
 def vertex_fields(design: Design, mesh: StripedMesh, distances: tuple[Floats, Floats]) -> Floats:
-    """Return the phases, half-widths and distances (n', 6) of a `StripeShader`. distances : two arrays (n,)."""
+    """Return the columns (n', 6) of a `StripeShader`: phases, half-widths, distances. distances : two arrays (n,)."""
     reaches = mesh.carry(finite_distances(distances))
     return np.concatenate([mesh.phases(design), mesh.half_widths(design.pattern), reaches], axis=1)
 
@@ -162,7 +162,7 @@ def needs_only_settings(drawn_preset: Preset, preset: Preset) -> bool:
         return new_pattern.method == "stripes" and _without_reaches(old_pattern) == _without_reaches(new_pattern)
     if new_pattern.width.widths(1.0).vary or new_pattern.auto:  # widths depend on the whole pattern
         return False
-    if new_pattern.major.spacing or new_pattern.minor.spacing:  # a solver sets the frequencies
+    if new_pattern.major.spacing or new_pattern.minor.spacing:  # new frequencies must be computed from the spacing
         return False
     return (old_pattern.major.mode, old_pattern.minor.mode) == (new_pattern.major.mode, new_pattern.minor.mode)
 

@@ -18,7 +18,7 @@ HEADROOM = 2.2  # smallest height (m) of a structure above a ground at height 0
 PLINTH = 0.012  # height of the lowest columns and walls, divided by the structure's size
 COLUMN_EXTENT = 0.08  # a support becomes a column if it is smaller in plan than this share of the structure's size
 LOW_SHARE = 0.25  # a support below this share of the structure's height is never an abutment
-STEEP = 0.2  # a structure hangs only from supports to which it rises more steeply (sine of the slope)
+STEEP = 0.2  # structures hang only from supports to which they rise with a larger slope (sine of the angle)
 UPRIGHT = 3.0  # an edge is upright if its height / its extent in plan is larger
 SOIL_SHARE = 0.5  # a slab lies on soil if its supported area / its whole area is larger
 CORNERS, MOST_PARTS = 20, 40  # corners of a round column; largest number of columns or rods of a support
@@ -73,7 +73,7 @@ def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[Supp
 
 
 def _open_side(surface: Surface, load: LoadCase, groups: list[Ints], up: Floats) -> Floats | None:
-    """Return the horizontal direction (3,) to the supports of a cantilever; None if they are low or on many sides."""
+    """Return the horizontal direction (3,) to supports on one side, none of them low (see `LOW_SHARE`); else None."""
     side, heights = support_side(surface, load, surface.size, up), surface.V @ up
     low = heights.min() + LOW_SHARE * np.ptp(heights)
     return side if abs(side @ up) < 0.5 and all(heights[group].mean() >= low for group in groups) else None
@@ -100,7 +100,7 @@ def _extent(points: Floats, axis: Floats) -> float:
 
 
 def ground_level(surface: Surface, supports: Sequence[SupportPart], up: Floats, half: float) -> float:
-    """Return the height of the ground, m: 0 with headroom below the structure, else `PLINTH` below its lowest point.
+    """Return the height of the ground, m: 0 if the structure has headroom, else `PLINTH` below its lowest point.
     If all supports are hangers, the ground is lower, for headroom. half : half of the structure's thickness, m."""
     lowest, size = float((surface.V @ up).min()) - half, surface.size
     if HEADROOM < lowest < size:
@@ -110,9 +110,9 @@ def ground_level(surface: Surface, supports: Sequence[SupportPart], up: Floats, 
 
 
 def support_part(surface: Surface, support: SupportPart, half: float, ground: float) -> MarkMesh:
-    """Return the mesh of a part, metres. ground : height of the ground, m. half : as for `ground_level`."""
+    """Return the mesh of a support, metres. ground : height of the ground, m. half : half the structure's thickness."""
     size, along, among = surface.size, support.along, support.vertices
-    begin = surface.V @ along + half * np.abs(surface.vertex_normals @ along)  # parts begin at the sheet's outer face
+    begin = surface.V @ along + half * np.abs(surface.vertex_normals @ along)  # the outer face's coordinate on `along`
     deepest, V = float(begin[among].max()), surface.V.copy()
     if support.kind == "hanger":
         return _prisms(
@@ -120,7 +120,7 @@ def support_part(surface: Surface, support: SupportPart, half: float, ground: fl
         )
     end = deepest + ABUTMENT_DEPTH * size if support.kind == "abutment" else -ground
     width = max((FOOTING_WIDTH if end - deepest < 2 * PLINTH * size else WIDTH) * size, 2 * half)
-    if support.outwards.any():  # the part stands beside the structure, not below it
+    if support.outwards.any():  # the column or wall stands beside the structure, not below it
         V[among] += support.outwards * (half + width / 2)
         begin[among] = begin[among].min() if support.kind == "column" else begin[among]
     direction = unit_vectors(V[support.edges[:, 1]] - V[support.edges[:, 0]])
@@ -144,8 +144,8 @@ def _spaced_vertices(V: Floats, among: Ints, apart: float) -> list[Ints]:
 def _prisms(
     V: Floats, groups: Iterable[Ints], axis: Floats, begin: Floats, end: Floats | float, width: float
 ) -> MarkMesh:
-    """Return a prism with round corners around each group of vertices of V (n, 3).
-    Along an axis (3,), a prism reaches from the height `begin` (n,) of its vertices to the height `end`."""
+    """Return a mesh of prisms with round corners along `axis` (3,), one around each group of vertices of V (n, 3).
+    begin, end : coordinates on the axis where a prism begins and ends at each vertex, (n,) or a single end."""
     frame, ends = frame_towards(axis), np.stack([begin, np.broadcast_to(end, len(V))])
     turn = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
     circle, meshes = width / 2 * np.stack([np.cos(turn), np.sin(turn)], axis=1), list[MarkMesh]()

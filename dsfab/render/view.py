@@ -116,7 +116,7 @@ def _angles(name: str) -> tuple[float, float]:
 
 
 def _face_on(normal: Floats, up: Floats) -> ViewSide:
-    """Return a view almost along a plate's normal: from the side of +x or +z, or of -y for a plate in the xz plane."""
+    """Return a view almost along a plate's normal. The eye is on the side +x, -y or +z, nearest to the normal."""
     strongest = int(np.argmax(np.abs(normal)))
     normal = normal * np.sign(normal[strongest]) * (-1.0 if strongest == 1 else 1.0)
     level = normal - (normal @ up) * up
@@ -173,7 +173,7 @@ def plan_and_elevation(V: Floats, up: Floats) -> tuple[ViewSide, ViewSide]:
     return ViewSide(up, -front, up, False), ViewSide(front, up, up, False)
 
 
-FAR = 400.0  # distance of the eye in a parallel view / size of the points
+FAR = 400.0  # distance of the eye in a parallel view, divided by the diagonal of the box around all points
 
 
 def plane_extents(points: Floats, side: ViewSide) -> Floats:

@@ -47,13 +47,13 @@ class ContactTile:
         return f"{self.number:03}.png"
 
     def label(self, letters: int | None = None) -> str:
-        """Return the parameters in a line. letters : largest length of the words in their names."""
+        """Return the parameters as a line of text. letters : largest number of letters per word of their names."""
         names = (".".join(word[:letters] for word in name.split(".")) for name, _ in self.parameters)
         return "   ".join(f"{name} {text}" for name, (_, text) in zip(names, self.parameters, strict=True))
 
 
 def column_count(count: int, runs: Sequence[int]) -> int:
-    """Return how many tiles a row has: all values of as many last keys as fit. runs : count of values per key."""
+    """Return the number of tiles in a row; if they fit, all values of the last keys. runs : count of values per key."""
     row, columns_of_runs = 1, 1
     for run in reversed(runs[1:]):
         row *= run

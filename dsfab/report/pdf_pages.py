@@ -73,7 +73,7 @@ class PdfStyles:
         return Paragraph(markup.replace("<code>", code).replace("</code>", "</font>"), self.by_kind[kind], **named)
 
     def cell(self, markup: str, kind: str, is_left: bool) -> Any:
-        """Return a cell of a table; verdicts are coloured."""
+        """Return a cell of a table; verdicts are coloured. kind : style. is_left : True for left-aligned text."""
         if markup in MARKS:
             markup = f'<font color="{hex_colour(COLOURS[markup])}"><b>{markup}</b></font>'
         if not is_left and kind != "head" and "<" not in markup:

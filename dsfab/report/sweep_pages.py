@@ -198,13 +198,13 @@ def loss_sentence(folder: SweepFolder) -> str:
     try:
         alternatives = design_alternatives(draft(with_overrides(folder.preset, row.changes)))
     except DsfabError:
-        return ""  # the record of the run has the reason
+        return ""  # the best run's record has the reason for the error
     losing_words = losing_line(alternatives)
     return sentence(f"the best is run {row.number}, and {losing_words}") if losing_words else ""
 
 
 def missing_runs_line(folder: SweepFolder) -> str:
-    """Return a line on runs without a result, and the numbers of killed runs; '' if no run is missing."""
+    """Return a text line: how many runs have no result, and the numbers of killed runs; '' if no run is missing."""
     rows = folder.rows()
     killed = [row.number for row in rows if row.state == "killed"]
     missing = len(killed) + sum(row.state in ("waiting", "running") for row in rows)

@@ -43,12 +43,12 @@ class Web:
         counted = f"{len(self.crossed)} ring{'s' * (len(self.crossed) > 1)} of the {self.family} family"
         return (
             f"no web here, because {len(rings)} of {counted} around the load {'is' if len(rings) == 1 else 'are'} "
-            f"crossed by {SPOKES} spokes or more ({', '.join(map(str, self.crossed))}); a web needs at least {RINGS}"
+            f"crossed by {SPOKES} spokes or more ({', '.join(map(str, self.crossed))}); a web needs {RINGS} rings"
         )
 
 
 def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
-    """Find rings around the load in both families; return the web with more rings of `SPOKES` or more spokes.
+    """Return the web of rings and spokes around the load, of the family with more rings of at least `SPOKES` spokes.
     phases : (n, 2) phases of the major and minor family. The phase at the middle of a member is a whole number.
     load, supported : (n,) True for vertices under the load, and for vertices at supports."""
     webs = []
@@ -73,7 +73,7 @@ def links(surface: Surface, phases: Floats, start: Bools, end: Bools) -> tuple[i
 
 
 def design_phases(design: Design) -> Floats:
-    """Return phases (n, 2) of both families, for a design whose stripes follow modes."""
+    """Return phases (n, 2) of both families of stripes on eigenmodes: frequency x mode + phase."""
     pattern, modes = design.pattern, (design.diffusion.major, design.diffusion.minor)
     x = np.stack([family.mode(number) for family, number in zip(modes, pattern.mode, strict=True)], axis=1)
     return np.asarray(x * np.array(pattern.frequency) + np.array(pattern.phase))
@@ -97,7 +97,7 @@ def _labels(a: Ints, b: Ints, n: int) -> Ints:
 
 
 def _disc_around(surface: Surface, z: Floats, level: int, load: Bools, supported: Bools) -> Bools | None:
-    """Return the region (n,) around the load inside the line z = level; None if it has a support or is not a disc."""
+    """Return the part (n,) inside the contour z = level, with the load; None if it has supports or is not a disc."""
     a, b = surface.edges.ends.T
     above = z >= level
     same_side = above[a] == above[b]
@@ -116,7 +116,7 @@ def _is_disc(surface: Surface, region: Bools) -> bool:
 
 
 def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
-    """Count members of the second family that cross the line `ring` = 0. z : phase, whole number in member middles."""
+    """Count members of the second family that cross the contour `ring` = 0. z : phase, whole at members' middles."""
     F = surface.F
     faces = np.flatnonzero(region[F].any(axis=1) & ~region[F].all(axis=1))
     crossing_values = np.empty((len(faces), 3))
@@ -151,11 +151,11 @@ def nearby(surface: Surface, marked: Bools, rows: int = 1) -> Bools:
     return reached
 
 
-ANGLE, EVENNESS = 60.0, 3.0  # Least crossing angle of a grid, degrees; largest P95 / P5 of its spacing.
+ANGLE, EVENNESS = 60.0, 3.0  # in a grid: least crossing angle, degrees; largest P95 / P5 of the distances of members
 
 
 def finding(claim: str, rendition: Rendition) -> str:
-    """Return the test result of a figure's claim (see `PaperFigure`) as a clause; '' without a claim or a figure."""
+    """Return a clause: whether a figure shows its caption's claim (see `PaperFigure`); '' without claim or design."""
     if not claim or rendition.design is None:
         return ""
     if claim == "grid":
@@ -181,8 +181,8 @@ def _beam_finding(design: Design, phases: Floats, loads: list[Bools], between: b
 
 
 def _grid_finding(rendition: Rendition) -> str:
-    text = f"members cross at {rendition.crossing:.0f} degrees or more, and P95 over P5 of their spacing is "
+    text = f"members cross at {rendition.crossing:.0f} degrees or more, and P95 / P5 of the distances of members is "
     text += f"{rendition.evenness:.3g}"
     if rendition.crossing >= ANGLE and rendition.evenness <= EVENNESS:
         return f"a grid: {text}"
-    return f"no even grid here, because {text} (a grid has at least {ANGLE:g} degrees, and at most {EVENNESS:g})"
+    return f"no even grid here, because {text} (a grid has {ANGLE:g} degrees or more, and a ratio up to {EVENNESS:g})"

@@ -39,10 +39,10 @@ def earlier_work_comparison(design: Design, folder: Path, shown: Mapping[str, Pa
     words = (
         "Earlier methods choose a direction on every face and integrate one field over all of them, or trace lines one "
         "after another. Around some points, no choice of directions is consistent on all faces. Diffusion makes no "
-        "choice, and the paper says that its stripes are more regular around these points. "
+        "choice, and Madan et al. say that their stripes are more regular around these points. "
         f"{_measures_text(design, integrated)}"
-        f"{len(all_lines)} lines were traced as far apart as the stripes. {sum(line.loose for line in all_lines)} of "
-        "their ends lie "
+        f"{len(all_lines)} lines were traced, as dense as the stripes. {sum(line.loose for line in all_lines)} of "
+        "the lines' ends lie "
         "inside the surface, because they came too near to another line or to a place without a clear direction."
     )
     return PaperComparison("Beside earlier work", words, tuple(rows))
@@ -154,7 +154,7 @@ RATIOS = (1.0, 10.0, 100.0)  # Values of the anisotropy r in the comparison.
 
 
 def comparisons(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> list[PaperComparison]:
-    """Return the paper's comparisons for this figure. shown : existing pictures by file name."""
+    """Return comparisons of the paper (Madan et al.) for a design. shown : existing pictures by file name."""
     name = design.preset.name
     if name == "hanging_bar":
         return [_michell_comparison(design, shown), _anisotropy_comparison(design, folder)]
@@ -181,9 +181,9 @@ def _michell_comparison(design: Design, shown: Mapping[str, PaperPicture]) -> Pa
             f"families), and cross at {quality.crossing_angle:.0f} degrees or more"
         )
     words = (
-        "In the stiffest frame of a given mass, each member lies along a principal direction of the stress, and the "
-        "families cross at right angles [Michell 1904]. Stripes lie across the gradient of their mode, so modes whose "
-        f"gradients follow the directions give such a frame. Here {measured_text}."
+        "In the stiffest frame of a given mass, members lie along principal directions of the stress, and cross at "
+        "right angles [Michell 1904]. Stripes run across the gradient of their mode. So stripes form this frame if "
+        f"gradients follow the principal directions. Here {measured_text}."
     )
     return PaperComparison("Towards the Michell truss", words, tuple(pictures))
 
@@ -197,8 +197,8 @@ def _anisotropy_comparison(design: Design, folder: Path) -> PaperComparison:
             row.append(paper_picture(changed, folder, show, f"r{r:g}-{design.preset.name}", f"r = {r:g}, {name}"))
         rows.append(tuple(row))
     words = (
-        "With r = 1 the stress has no effect, and both families have the same modes. With larger r, modes and their "
-        "stripes follow the principal directions more closely."
+        "With anisotropy r = 1 the stress has no effect, and both families have the same modes. With larger r, modes "
+        "and their stripes follow the principal directions more closely."
     )
     return PaperComparison("The effect of the anisotropy r", words, tuple(rows))
 
@@ -216,7 +216,7 @@ def _von_mises_comparison(design: Design, folder: Path, shown: Mapping[str, Pape
     columns = (pairs[0], (field, stripes), pairs[1])
     rows = tuple(tuple(cell for column in columns if (cell := column[i])) for i in range(2))
     words = (
-        "These stripes of the same frequency follow the von Mises stress, a single field. It hardly changes away from "
-        "the poles, so few stripes lie there. The families of the diffusion give rings and meridians everywhere."
+        "These stripes of the same frequency follow the von Mises stress, a single field. Away from the poles this "
+        "field hardly changes, so it has few stripes. The families of diffusion give rings and meridians everywhere."
     )
     return PaperComparison("Why not stripes along the von Mises stress?", words, rows)

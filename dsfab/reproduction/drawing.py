@@ -25,7 +25,7 @@ VIEWS = {
 }
 """Views of figures whose default view hides their subject; see `dsfab.render.view`."""
 
-MARKS = ("loads", "supports", "person", "gradients")  # Shown beside all structures; "gradients" only beside modes.
+MARKS = ("loads", "supports", "person", "gradients")  # Marks in the pictures; "gradients" appear only with modes.
 SCALE = {"pavilion": "tree"}  # These figures show a tree instead of a person for scale, as in the published figure.
 
 
@@ -45,7 +45,7 @@ class PaperPicture:
 
 @dataclass(frozen=True, eq=False)
 class PaperComparison:
-    """A comparison that the paper of Madan, Jacobson and Levin makes, as rows of pictures by dsfab."""
+    """A comparison from the paper of Madan, Jacobson and Levin. dsfab draws its pictures, in rows."""
 
     title: str
     words: str

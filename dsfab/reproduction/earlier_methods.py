@@ -18,7 +18,7 @@ from dsfab.surface import Surface, hat_gradients
 
 
 class DrawnFamily(NamedTuple):
-    """Stripes on level lines of an eigenmode: diffusion tensors D (m, 3, 3), its number and values (n,), frequency."""
+    """Stripes on level lines of an eigenmode: diffusion tensors (m, 3, 3), mode number, mode values (n,), frequency."""
 
     D: Floats
     number: int
@@ -75,7 +75,7 @@ def integrated_field(surface: Surface, direction: Floats, clear: Bools) -> Float
 
 
 def consistent_directions(surface: Surface, direction: Floats) -> Floats:
-    """Return directions (m, 3) whose signs agree along a spanning tree of faces, where directions change least."""
+    """Return directions (m, 3), some reversed: signs agree along the spanning tree with the smallest turns."""
     i, j = surface.edges.pairs.T // 3
     dot = np.einsum("ek,ek->e", direction[i], direction[j])
     turn = coo_array((1.0 + 1e-6 - np.abs(dot), (i, j)), shape=(surface.m, surface.m)).tocsr()
@@ -171,7 +171,7 @@ class _Walk:
             runs.append(runs[-1] + float(np.linalg.norm(p - points[-1])))
             points.append(p)
             faces.append(face)
-            # a closed line is longer than three distances between lines
+            # points within the last 3 x `apart` do not count: the line is near itself there without being closed
             passed = int(np.searchsorted(runs, runs[-1] - 3 * self.apart))
             if (back := self._return_index(points[:passed], p)) is not None:
                 came = back * 2 < passed
@@ -182,7 +182,7 @@ class _Walk:
             if not self.clear[face := entered // 3] or self._is_near(p):
                 break
             turned = self.direction[face] * np.sign(self.direction[face] @ t)
-            if turned @ t < 0.5:  # a turn by over 60 degrees is not reliable
+            if turned @ t < 0.5:  # the line ends where directions turn by over 60 degrees, as this is not reliable
                 break
             t = turned
         return points, faces, "inside"

@@ -1,4 +1,4 @@
-"""The paper's figures, made again: pictures, measures and sentences."""
+"""Figures of the paper by Madan, Jacobson and Levin, computed by dsfab: pictures, measures and texts."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -18,7 +18,7 @@ from dsfab.reproduction.renditions import Rendition, renditions
 from dsfab.results import Piece
 
 STEPS = ("loads", "directions", "vonmises", "major_mode", "major", "minor_mode", "minor")
-"""Pictures of a figure besides its structure, in the order of the method."""
+"""Pictures of a figure in the order of the method; the picture of the final structure is not among them."""
 
 RUNS = 3  # Number of runs; the page reports their median seconds.
 RENDITION_TITLES = {"letter": "Exactly as in the paper", "preset": "The preset", "stripes": "dsfab's stripes"}
@@ -27,7 +27,7 @@ RENDITION_TITLES = {"letter": "Exactly as in the paper", "preset": "The preset",
 
 @dataclass(frozen=True, eq=False)
 class RenditionPicture:
-    """A rendition of a figure, and its picture. edge : edge length of its mesh, m; 0 if the rendition failed.
+    """A version (rendition) of a figure, and its picture. edge : edge length of its mesh, m; 0 if it could not be made.
     found : result of the check of the published caption (see `finding`), or ''."""
 
     rendition: Rendition
@@ -38,9 +38,9 @@ class RenditionPicture:
 
 @dataclass(frozen=True, eq=False)
 class FigurePictures:
-    """A figure, made again. After a failure, `error` is the reason, and all other fields are empty.
-    seconds : as from `processor_seconds`.  carried : sentence on how the loads reach the supports.
-    coarser : edge length of the mesh / edge length in the preset."""
+    """A figure of the paper, computed by dsfab. After a failure, `error` is the reason, and all other fields are empty.
+    seconds : result of `processor_seconds`.  carried : text on how the loads reach the supports.
+    coarser : edge length of the mesh, divided by the edge length in the preset."""
 
     figure: PaperFigure
     vertices: int = 0

@@ -23,11 +23,11 @@ from dsfab.reproduction.volumes import RIVALS
 Row = Mapping[str, Any]  # Row of sphere_volumes.json.
 OURS = ("row", "design", "stripes")
 OTHERS = (("isotropic", "the best isotropic stripes"), ("thinner", "a thinner sheet"))
-"""Diffusion structures (`OURS`), and the structures with which the page compares their stiffness (`OTHERS`)."""
+"""Diffusion structures (`OURS`), and their competitors (`OTHERS`), whose stiffness the HTML page compares."""
 
 
 def claim_section(rows: Sequence[Row]) -> str:
-    """Return the section about the sphere's compliance at several masses; '' without rows."""
+    """Return the section about the compliance of the sphere `sphere_graded` at several masses; '' without rows."""
     if not rows:
         return ""
     row_by_key = {(row["name"], row["volume"]): row for row in rows}
@@ -101,19 +101,19 @@ def _verdict_text(rows: Sequence[Row]) -> str:
 
 
 COLUMNS = (
-    ("kept", "share of the surface that is material, with loose pieces"),
+    ("kept", "share of the surface that is material, including loose pieces"),
     ("pieces", "number of pieces of the drawn pattern; in brackets, the number of pieces without a support"),
     ("loads carried", "share of the loads that stand on pieces which reach a support"),
     ("over the uncut sheet", "compliance / compliance of the uncut sheet, by one solve each; error up to 15 %"),
-    ("over a thinner sheet", "compliance / compliance of an uncut sheet of the same mass; softer if above 1"),
+    ("over a thinner sheet", "compliance / compliance of an equally heavy uncut sheet; above 1, the design is softer"),
     ("off the stress", "mean angle between members and principal directions, degrees; the larger of both families"),
-    ("P95 / P5 spacing", "1 if members are evenly spaced; the larger value of both families"),
+    ("P95 / P5 spacing", "large / small distance of members; 1 for even spacing; the larger value of both families"),
 )
 """Columns of the table of measures, with their meaning."""
 
 
 def rendition_section(pictures: FigurePictures, coarser: float) -> str:
-    """Return HTML with the three renditions (versions) of a figure: pictures, measures, departures and commands."""
+    """Return HTML with three versions (renditions) of a figure: pictures, measures, departures, commands."""
     if not pictures.ways:
         return ""
     name = pictures.figure.preset
@@ -166,7 +166,7 @@ def _built(pictures: FigurePictures) -> str:
     lines = []
     for entry in pictures.ways:
         rendition = entry.rendition
-        text = rendition.refused or "; ".join(rendition.departures) or "as in the paper but for the scale of the modes"
+        text = rendition.refused or "; ".join(rendition.departures) or "all as in the paper except the scale of modes"
         text += f"; not carried: {rendition.uncarried}" if rendition.uncarried else ""
         mesh = f" --set surface.edge={entry.edge:.6g}" if pictures.coarser != 1 and entry.edge else ""
         lines.append(
@@ -240,7 +240,7 @@ def pictures_of(folder: Path) -> set[str]:
 
 def _header(about: PageFacts) -> str:
     load = f"; {escape(about.load)}" if about.load else ""
-    rough = "" if about.coarser == 1 else f" The meshes are {about.coarser:g} times coarser than the presets' own."
+    rough = "" if about.coarser == 1 else f" Edges of the meshes are {about.coarser:g} times as long as in the presets."
     return (
         "<header><h1>The paper's figures, made again</h1><p>A. Madan, A. Jacobson and D. I. W. Levin, "
         "<i>Diffusion Structures for Architectural Stripe Pattern Generation</i>: every result from its surface to its "
@@ -288,7 +288,7 @@ def _section(pictures: FigurePictures, coarser: float) -> str:
 def _facts(pictures: FigurePictures, coarser: float) -> str:
     figure = pictures.figure
     edge = "" if coarser == 1 else " (on its own mesh)"
-    finer = f"A mesh {coarser:g} times coarser loses details, so this mesh is {pictures.coarser:.3g} times coarser."
+    finer = f"Edges {coarser:g} times as long as in the preset lose details, so the factor is {pictures.coarser:.3g}."
     lines = [escape(f"{pictures.carried[0].upper()}{pictures.carried[1:]}.")]
     if pictures.coarser != coarser:
         lines.append(finer)

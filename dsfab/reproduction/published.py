@@ -37,14 +37,14 @@ class Timings:
 
 @dataclass(frozen=True)
 class PaperFigure:
-    """A figure of the paper.
+    """A figure of the paper by Madan, Jacobson and Levin.
     label    : number and letter in the paper.
     preset   : preset of the figure.
     caption  : content of the figure.
-    row      : row of the figure in Table 1; None for the camel without load, which Table 1 omits.
+    row      : row of the figure in Table 1; None for `camel_none`, a camel without load, which Table 1 omits.
     timings  : row of the figure in Table 2; figures with the same mesh share a row.
     stand_in : reason why dsfab's surface differs from the paper's surface; '' for a surface by a formula.
-    claim    : claim of the caption that dsfab tests: web, beam, beams (between loads) or grid; or ''."""
+    claim    : structure that the caption claims and dsfab tests: web, beam, beams (between loads), grid; or ''."""
 
     label: str
     preset: str
@@ -100,12 +100,12 @@ TABLE_2 = {
 """Table 2 of the paper, by preset. All plates have the same mesh, and all camels have the same mesh."""
 
 STAND_INS = {
-    **dict.fromkeys(("hanging_bar", "corner_held", "rollers"), "the plate's sides are not published"),
+    **dict.fromkeys(("hanging_bar", "corner_held", "rollers"), "the lengths of the plate's sides are not published"),
     **dict.fromkeys(("camel_none", "camel_head", "camel_nose", "camel_ears"), "the paper's mesh has no stated licence"),
     **dict.fromkeys(
-        ("pavilion", "bridge", "climbing_hold", "mouse", "twisty_tower"), "the paper's mesh is not published"
+        ("pavilion", "bridge", "climbing_hold", "mouse", "twisty_tower"), "Madan et al. have not published their mesh"
     ),
-    "pirate": "the paper's mesh is sold (TurboSquid 1084497)",
+    "pirate": "Madan et al. used a mesh that is sold (TurboSquid 1084497)",
     "bob": "Bob is in Keenan Crane's 3D Model Repository; load its file with --mesh",
     "turkey": "the paper's mesh is on Thingiverse (3957882)",
 }
@@ -130,7 +130,7 @@ CAPTIONS: tuple[tuple[str, str, str, Claim], ...] = (
     ("showcase g", "sphere", "A sphere, compressed at one pole and held at the other.", "web"),
     ("showcase h", "turkey", "A turkey, held at its base feathers and pushed on its head.", ""),
 )
-"""Label, preset, caption and claim of each figure, in the paper's order."""
+"""Label, preset, caption and claim of each figure, in the order of the paper by Madan et al."""
 
 FIGURES = tuple(
     PaperFigure(label, preset, caption, TABLE_1.get(preset), TABLE_2[preset], STAND_INS.get(preset, ""), claim)

@@ -1,5 +1,5 @@
-"""Three renditions of a paper's figure, with measures: the paper to the letter, the preset, and dsfab's stripes.
-All three have the same surface, supports and loads."""
+"""Three versions (renditions) of a figure by Madan et al.: with all settings of the paper, with the preset's settings,
+and with dsfab's evenly spaced stripes; with measures. All versions have the same surface, supports and loads."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,29 +22,29 @@ LETTER: Mapping[str, Any] = {
     "pattern.rim": 0.0,
     "pattern.width": {"rule": "plain"},
 }
-"""The paper's values of keys that may have other values in presets. Its Table 1 has modes, frequencies and phases."""
+"""Settings of the paper by Madan et al. that presets may change. Its Table 1 has modes, frequencies and phases."""
 
 DEPARTURES: Mapping[str, tuple[Any, str]] = {
     "diffusion.labelling": (
         "magnitude",
-        "families labelled by the sign of their stress (signed), not by its magnitude",
+        "families labelled by the sign of their stress (signed), not by the magnitude of the stress",
     ),
-    "statics.law": ("stvk", "the law of a thin sheet (plane_stress), not St. Venant-Kirchhoff with a rigid normal"),
+    "statics.law": ("stvk", "thin-sheet material law (plane_stress), not St. Venant-Kirchhoff with a rigid normal"),
     "pattern.keep": (0.0, "material kept around loads and supports"),
     "pattern.rim": (0.0, "a rim of solid material along the boundary"),
 }
-"""For keys that may have other values in presets: the paper's value, and a text that describes a different value."""
+"""Keys for which presets may differ from Madan et al.: the value in their paper, and a text about any other value."""
 
 SHARES = (0.3, 0.5)  # least and largest share of material in the design with evenly spaced stripes
 
 
 @dataclass(frozen=True, eq=False)
 class Rendition:
-    """A rendition of a figure with its measures. After a failure, `refused` is the reason, and the measures are nan.
+    """A version (rendition) of a figure, with measures. After a failure, `refused` is the reason; measures are nan.
 
-    name         : letter, preset or stripes.           departures : differences from the paper, in words.
+    name         : letter (as in the paper), preset or stripes.    departures : differences from the paper, in words.
     settings     : changes of the preset by key. `dsfab build` makes the rendition with these changes.
-    share        : share of the surface that is kept, with loose pieces.     pieces : number of pieces.
+    share        : share of the surface that is kept, loose pieces included.     pieces : number of pieces.
     loose        : number of pieces without a support.
     carried      : share of the loads on pieces with a support; nan without loads.
     over_uncut   : compliance divided by the compliance of the uncut sheet, with an error of up to 15 %; infinite if
@@ -127,8 +127,8 @@ def measured_rendition(
 
 
 def _carried_share(design: Design) -> float:
-    """Return the share of the loads on pieces with a support; nan without loads.
-    A load without material acts on the nearest material. design : with `slicing.loose` "keep"."""
+    """Return the share of the loads that act on pieces with a support; nan without loads.
+    A load on void acts on the nearest material. design : with `slicing.loose` "keep"."""
     if not any(load.force.any() for load in design.statics.loads(design.preset.followed_weights).values()):
         return np.nan
     try:
@@ -144,8 +144,8 @@ def _carried_share(design: Design) -> float:
 
 
 def _compliances(design: Design, share: float, uncut_compliance: dict[str, float]) -> tuple[float, float, str]:
-    """Return the design's compliance, divided by that of the uncut sheet and of a thinner sheet, and a reason or ''.
-    Without loads, both ratios are nan. If the design cannot carry its loads, both are infinite, with a reason."""
+    """Return the design's compliance, divided by that of the uncut sheet and of a thinner sheet, and a text.
+    Without loads, both ratios are nan. If the design cannot carry its loads, both are infinite; the text says why."""
     statics, weights = design.preset.statics, design.preset.followed_weights
     uncut_loads = design.statics.loads(weights)
     if not any(load.force.any() for load in uncut_loads.values()):

@@ -58,8 +58,8 @@ def compare_design_cuts(design: Design, rounds: int = 6) -> CutComparison:
 
 
 def compare_cuts(surface: Surface, families: Sequence[StripedField], rounds: int = 6) -> CutComparison:
-    """Cut stripes on a surface by upsampling, and exactly. Upsampling divides triangles with several stripe edges.
-    Division ends after `rounds` rounds, if no triangle is crowded, or above 200 000 triangles."""
+    """Cut stripes on a surface exactly, and by upsampling: division of triangles that several stripe edges cross.
+    Division ends after `rounds` rounds, or when no triangle needs it, or above 200 000 triangles."""
     exact = _cut(surface, [family.x for family in families], [family.stripes.levels(family.x) for family in families])
     cuts: list[UpsampledCut] = []
     for number in range(rounds + 1):
@@ -88,7 +88,7 @@ def lines_through(surface: Surface, families: Sequence[StripedField]) -> Ints:
 
 
 def division(surface: Surface, families: Sequence[StripedField], crowded: Bools) -> tuple[Surface, list[StripedField]]:
-    """Divide crowded (m,) triangles into four, and neighbours into two or three, so that all edges still match."""
+    """Divide crowded (m,) triangles in four, neighbours in two or three to match; return new surface and stripes."""
     edges = surface.edges
     marked = np.zeros(len(edges.ends), dtype=bool)
     marked[edges.of[crowded]] = True
@@ -119,18 +119,18 @@ def upsampled_beside_exact(design: Design, folder: Path) -> PaperComparison:
         return PaperComparison(title, f"Nothing can be compared: {error}.", ())
     coarsest, finest = comparison.upsampled[0], comparison.upsampled[-1]
     words = (
-        "The paper divides triangles with more than one line at the middles of their sides. It cuts "
-        "where the stripe value, interpolated between corners, is zero. dsfab cuts along all lines of a triangle at "
-        "once, at known values. Both methods cut the same modes. With the paper's method, part of the surface is on "
-        f"the wrong side of a stripe's edge. Without division this part is {_percent(coarsest.wrong)}, with "
+        "The paper divides triangles with more than one stripe edge at the middles of their sides. It cuts "
+        "where the stripe value, interpolated between corners, is zero. dsfab cuts along all stripe edges of a "
+        "triangle at once, at known values. Both methods cut the same modes. The paper's method swaps material and "
+        f"void on a part of the surface. Without division this part is {_percent(coarsest.wrong)}, with "
         f"{coarsest.triangles:,} triangles; after {finest.rounds} rounds of division {_percent(finest.wrong)}, with "
         f"{finest.triangles:,}. The exact cut has {comparison.exact:,} triangles and "
-        f"no error of this kind. {finest.crowded:,} triangles still have more than one line: division cannot separate "
-        "the lines of families that cross. The remaining error is at crests of the wave in triangles with one line."
+        f"no error of this kind. {finest.crowded:,} triangles still have more than one edge, because division cannot "
+        "separate edges of families that cross. The other errors are at crests of the wave in triangles with one edge."
     )
     file = f"{design.preset.name}-upsampled.webp"
     _write_chart(comparison, folder / file)
-    caption = "Share of the surface where material and void are swapped, and the number of triangles. Labels: rounds."
+    caption = "Share of the surface with material and void swapped, by number of triangles. Labels: rounds of division."
     return PaperComparison(
         title, words, ((PaperPicture(file, "Error against triangles", caption, size=drawing.LARGE),),)
     )
@@ -157,7 +157,7 @@ def _write_chart(comparison: CutComparison, path: Path) -> None:
 def _draw_chart(axes: "Axes", comparison: CutComparison) -> None:
     triangles = [upsampled_cut.triangles for upsampled_cut in comparison.upsampled]
     wrong = [100 * upsampled_cut.wrong for upsampled_cut in comparison.upsampled]
-    axes.semilogy(triangles, wrong, "o-", color="#3d7fc4", label="paper: divided triangles, cut at interpolated zeros")
+    axes.semilogy(triangles, wrong, "o-", color="#3d7fc4", label="Madan et al.: division, cut at interpolated zeros")
     for upsampled_cut, x, y in zip(comparison.upsampled, triangles, wrong, strict=True):
         axes.annotate(str(upsampled_cut.rounds), (x, y), (0, 7), textcoords="offset points", ha="center")
     axes.axvline(comparison.exact, color="#b4441c", ls="--", label="dsfab: exact cut, without error")
@@ -165,6 +165,6 @@ def _draw_chart(axes: "Axes", comparison: CutComparison) -> None:
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter("{x:g}")
     axes.set_xlabel("triangles")
-    axes.set_ylabel("% of the surface on the wrong side of the cut")
+    axes.set_ylabel("% of the surface where material and void are swapped")
     axes.grid(alpha=0.3)
     axes.legend()

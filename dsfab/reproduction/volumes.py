@@ -1,4 +1,4 @@
-"""Test of the paper's claim on a sphere: compliance at equal mass of diffusion structures and their competitors."""
+"""Test of a claim by Madan et al. on a sphere: compliance of diffusion structures and competitors of equal mass."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -29,13 +29,13 @@ ROW = {
     "pattern.major": {"mode": 1, "frequency": 10.0, "phase": 0.0},
     "pattern.minor": {"mode": 1, "frequency": 10.0, "phase": 0.0},
 }
-"""The sphere's row of Table 1: no kept regions, rule "plain", phase 0. Unlike the paper: families by stress sign."""
-LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # `ROW` with the paper's labels and law.
+"""The sphere's row of Table 1 (Madan et al.), with no kept regions, and families labelled by the sign of stress."""
+LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # `ROW` with labels and law of Madan et al.
 SHARES = (0.3, 0.5, 0.7)  # Shares of material; each takes a few minutes.
 
 RIVALS = {
-    "letter": "paper's Table 1, families by stress magnitude",
-    "row": "paper's Table 1, families by stress sign",
+    "letter": "Table 1 of Madan et al., families labelled by stress magnitude",
+    "row": "Table 1 of Madan et al., families labelled by stress sign",
     "plain": "tuned modes and phases, plain widths",
     "design": "tuned modes and phases, graded widths",
     "stripes": "dsfab's evenly spaced stripes",
@@ -48,8 +48,8 @@ RIVALS = {
 
 def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, shares: Sequence[float] = SHARES) -> None:
     """Write data and a chart: the graded design, isotropic stripes, a thinner sheet, and the `sphere_rivals`.
-    All structures are judged on finer and finer meshes. One solve for each pair of isotropic modes finds the best pair.
-    coarser : edge length / `EDGE`."""
+    All structures are judged on finer and finer meshes; pairs of isotropic modes are first ranked by one solve each.
+    coarser : edge length / `EDGE`.    shares : shares of material for all structures."""
     from dsfab.study import compare_at, full_at_many_shares
 
     graded = sphere_draft(ON_MODES, coarser)
@@ -75,7 +75,7 @@ def sphere_draft(changes: Mapping[str, Any], coarser: float = 1.0) -> Design:
 
 
 def sphere_rivals(coarser: float = 1.0) -> dict[str, Design]:
-    """Return the designs `plain`, `row`, `letter` and `stripes` by name; `RIVALS` describes each of them."""
+    """Return the sphere's designs `plain`, `row`, `letter`, `stripes` (see `RIVALS`). coarser : edges / `EDGE`."""
     plain_widths = {**ON_MODES, "pattern.width": {"solid_fraction": 0.5}}
     settings: dict[str, Mapping[str, Any]] = {"plain": plain_widths, "row": ROW, "letter": LETTER, "stripes": {}}
     return {name: sphere_draft(changes, coarser) for name, changes in settings.items()}
@@ -84,8 +84,8 @@ def sphere_rivals(coarser: float = 1.0) -> dict[str, Design]:
 def rival_rows(
     rivals: Mapping[str, Design], share: float, design: float | None, judge: "Judge"
 ) -> list[dict[str, Any]]:
-    """Judge each of the designs `rivals` at this share of material; return a row of `compare_at` for each design.
-    design : compliance of the reference design, J; None if it does not carry its loads."""
+    """Judge each of the designs `rivals` at a share of material; return a row of `compare_at` for each design.
+    design : compliance of the reference design, J; None if the reference design does not carry its loads."""
     from dsfab.study import compare_at
 
     rows = []

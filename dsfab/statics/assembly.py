@@ -123,7 +123,7 @@ class PairBlocks:
 
     @classmethod
     def without_shifts(cls, pairs: VertexPairs, between: Floats) -> Self:
-        """Return the stiffness from blocks (9, p) of vertex pairs. Rows sum to 0, so a rigid shift causes no force."""
+        """Return the stiffness from blocks (9, p) of vertex pairs. Its rows sum to 0: rigid shifts cause no force."""
         low, high = np.ascontiguousarray(pairs.ends.T)
         diagonal = np.empty((3, 3, pairs.n))
         for entry, upper, lower in zip(diagonal.reshape(9, -1), between, _transposed_blocks(between), strict=True):
@@ -156,7 +156,7 @@ def ascending_pairs(a: Floats, b: Floats, ascending: Bools) -> tuple[Floats, Flo
 
 
 def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
-    """Return the `VertexPairs` of a surface and its hinges (i, 4), if any, computed once."""
+    """Return the coupled pairs of vertices: at edges and, if given, at hinges (i, 4). The result is computed once."""
     results, key = derived_results(surface), (VertexPairs, hinge is None)
     if key not in results:
         results[key] = VertexPairs.from_surface(surface, hinge)

@@ -79,7 +79,7 @@ def moment_loads(surface: Surface) -> Floats:
         integral of lambda_a M : hess w  -  sum over half-edges of  integral of lambda_a (m M m) (dw/dm + s theta)
 
     m points out of the face [Hellan 1967; Herrmann 1967; Johnson 1973; Neunteufel and Schoeberl 2019, shells].
-    A rotation theta has the half-edge's sign s. A slope has no sign, because it is an odd function along the edge."""
+    A rotation theta has the half-edge's sign s. A slope needs none: it is odd along the edge, and m reverses, too."""
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
     across = np.einsum("mia,mca->mci", slope, outward)  # (faces, half-edge, corner): slope of lambda_a along normal m
@@ -104,7 +104,7 @@ def moment_loads(surface: Surface) -> Floats:
 def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b over the unknowns of `elements`, N/m, with the moments eliminated on each face.
     D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3), one for each face.
-    Only normal bubbles bend the faces. With all bubbles, coarse meshes of curved sheets would be too stiff."""
+    Only normal edge bubbles (`BUBBLES`) bend faces; with the others, coarse meshes of curved sheets are too stiff."""
     rows = moment_loads(surface)
     normal, edge = surface.normals, surface.edges.of
     normal_share = np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], normal)

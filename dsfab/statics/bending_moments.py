@@ -1,4 +1,4 @@
-"""Bending moments on each face from a solved sheet, for every kind of bending.
+"""Bending moments on each face from a solved sheet, for the bending elements `hinge`, `midedge` and `hhj`.
 
 A positive moment compresses the side to which the normals point, and stretches the opposite side."""
 
@@ -35,7 +35,7 @@ def face_moments(
     `midedge` : constant on each face. A mean of many faces has an error in proportion to the mesh width.
     `hhj`     : linear on each face, computed again from the displacements [Hellan 1967].
     `hinge`   : constant on each face, for pictures only. Single faces have errors of 8 to 60 %. Moments at free edges
-                are too small, because a free edge is not a hinge."""
+                are too small, because only edges between two faces have a hinge."""
     if elements.bending is None:
         return np.zeros((surface.m, 3, 3))
     D = material.bending(thickness)

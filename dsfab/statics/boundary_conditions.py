@@ -33,7 +33,7 @@ def rigid_motions(points: Floats) -> Floats:
 
 def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools | None = None) -> None:
     """Raise StaticsError if a piece of the sheet can move without deforming.
-    fixed   : (n, 3) fixed directions of the vertices. Springs of `load` also count.
+    fixed   : (n, 3) fixed directions of the vertices. A spring of `load` holds its direction, too.
     clamped : (e,) edges that do not rotate."""
     count, label = pieces(surface.F, surface.edges)
     stopped = fixed | (load.spring > 0)
@@ -85,7 +85,7 @@ def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list
     stopped = np.concatenate([at_supports, np.pad(along, ((0, 0), (3, 0))), np.zeros((6, 6))])
     _, values, basis = np.linalg.svd(stopped, full_matrices=False)
     null = basis[values <= FREE_MOTION * max(values.max(), 1.0)]
-    # rotations come first, because a rotation about a line of supports shifts the centre like a translation
+    # find rotations first: a rotation about a line of supports also shifts the centre, and so looks like a translation
     mix, turns, _ = np.linalg.svd(null[:, 3:])
     turns = np.concatenate([turns, np.zeros(len(null) - len(turns))]) > FREE_MOTION
     parts = np.abs(mix.T @ null)
@@ -109,8 +109,8 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
     fixed   : (n, 3) fixed directions of the vertices.
     clamped : (e,) edges that do not rotate: built-in edges, and edges on a plane of symmetry.
 
-    Edges of faces that are fixed in all directions do not rotate. A bubble unknown moves an edge's middle along axis d.
-    The unknown is fixed if the squares of d's components in fixed directions (`held_middles`) sum to over 1/2."""
+    Edges of faces that are fixed in all directions do not rotate. A bubble unknown moves an edge's middle along a unit
+    vector d. The unknown is fixed if over half of |d|^2 belongs to fixed directions (`held_middles`)."""
     faces, held_directions = held_faces(surface, fixed), held_middles(surface, fixed)
     no_rotation = np.zeros(len(held_directions), dtype=bool)
     no_rotation[surface.edges.of[faces.all(axis=1)]] = True
@@ -132,7 +132,7 @@ def held_middles(surface: Surface, fixed: Bools) -> Bools:
 
 
 def held_faces(surface: Surface, fixed: Bools) -> Bools:
-    """Return directions (m, 3) in which all corners of a face are fixed; none if it has two boundary edges."""
+    """Return directions (m, 3) in which all corners of a face are fixed. Faces with two boundary edges are left out."""
     ears = surface.edges.boundary[surface.edges.of].sum(axis=1) >= 2
     return np.asarray(fixed[surface.F].all(axis=1) & ~ears[:, None])
 
@@ -200,8 +200,8 @@ class SpreadLoad:
         return force
 
     def bubble_forces(self, surface: Surface, elements: Elements) -> Floats:
-        """Return forces (e, k), N, on the edge unknowns of `elements`: the work of the load for a unit of each bubble.
-        The integral of a bubble is A / 3 on a face, and 2 l / 3 on an edge."""
+        """Return forces (e, k), N, on the edge unknowns of `elements`: the work of the load on each unit edge bubble.
+        The integral of a bubble (`BUBBLES`) is A / 3 on a face, and 2 l / 3 on an edge."""
         work = self.edge * _lengths(surface) * 2 / 3
         np.add.at(work, surface.edges.of.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))
         in_frame = np.einsum("edx,ex->ed", edge_frames(surface), work)

@@ -26,7 +26,7 @@ class Elements:
     membrane : `constant` strain, `quadratic` (the common six-node triangle), or `hybrid`, with the unknowns of
                `quadratic` and stresses in equilibrium. `hybrid` has a third to a half of the errors of `quadratic`.
                `constant` is 5 to 15 % too stiff for slender parts that bend in their plane.
-    bending  : `hinge`, the paper's element, only for directions of the stress. `midedge` converges, and is too soft on
+    bending  : `hinge` (see `PAPER`), used only for directions of the stress. `midedge` converges, and is too soft on
                coarse meshes. `hhj` is one order more accurate. None for a sheet that is solved in its plane."""
 
     membrane: Membrane = "constant"
@@ -129,7 +129,7 @@ def assemble_blocks(blocks: Floats, columns: Ints, size: int) -> csr_array:
     count = np.arange(m * c + 1, dtype=columns.dtype)
     Z = csr_array((blocks.ravel(), np.repeat(columns, c, axis=0).ravel(), c * count), (m * c, size))
     S = csr_array((np.ones(m * c), columns.ravel(), count), (m * c, size))
-    K = csr_array(csr_array(S.T) @ Z)  # convert S.T here; else scipy would convert the larger Z
+    K = csr_array(csr_array(S.T) @ Z)  # convert S.T to CSR here; else scipy would convert the larger matrix Z
     K.sort_indices()
     return K
 
@@ -148,7 +148,7 @@ Quantity = Literal["compliance", "compliance_once", "displacement", "stress", "f
 """Quantities in reports."""
 
 Aid = Literal["needles", "spread", "ranking", "directions"]
-"""Internal uses of elements: reports never show these results."""
+"""Internal uses of elements. Results of these elements never appear in reports."""
 
 
 @dataclass(frozen=True)
@@ -176,18 +176,18 @@ USES: Mapping[Quantity | Aid, Use] = MappingProxyType(
         "six_nodes": Use(_SIX_NODES, 0.02, "expected results of programs with six-node triangles"),
         "needles": Use(Elements("quadratic", "midedge"), None, "single solve of a sheet with needle-shaped faces"),
         "spread": Use(Elements("quadratic", "midedge"), None, "second compliance, which only gives the error bound"),
-        "ranking": Use(Elements("constant", "midedge"), None, "ranking of many candidates by stiffness"),
-        "directions": Use(PAPER, None, "directions of the stress, as in the paper"),
+        "ranking": Use(Elements("constant", "midedge"), None, "comparison of many candidate designs by stiffness"),
+        "directions": Use(PAPER, None, "directions of the stress, as in [Madan, Jacobson and Levin]"),
     }
 )
 """Elements for each use. Bounds of compliances in `dsfab.study.verdict.estimates` are calibrated for these elements."""
 
 REPORTED: tuple[Elements, ...] = tuple(dict.fromkeys(use.pair for use in USES.values() if use.tolerance is not None))
-"""`Elements` whose results reports may show."""
+"""`Elements` for results in reports: the pairs of those uses that have a tolerance."""
 
 
 def elements_of(use: Quantity | Aid) -> Elements:
-    """Return the elements for a use, which is a key of `USES`. Raises KeyError for an unknown use."""
+    """Return the elements for one of the `USES`, such as "stress". Raises KeyError for an unknown use."""
     return USES[use].pair
 
 
@@ -226,6 +226,6 @@ def needle_message(surface: Surface) -> str:
     where = surface.centroids[shape.argmin()].round(3).tolist()
     are = "triangle is a needle" if count == 1 else "triangles are needles"
     return (
-        f"{count} of {surface.m} {are}, with a height under {NEEDLE:g} of the longest edge (the worst, "
-        f"{shape.min():.1g}, is around {where} m)"
+        f"{count} of {surface.m} {are}: the height is under {NEEDLE:g} times the longest edge (the worst, "
+        f"{shape.min():.1g} times, is around {where} m)"
     )

@@ -17,14 +17,14 @@ from dsfab.surface import Surface, hat_gradients, link_components, next_half_edg
 CROWDED = 0.25
 """A face is a splinter if its height is less than this fraction of the mean size of faces.
 In splinters, computed gradients of moments are meaningless. So the load of a splinter is spread over its surroundings,
-up to a distance of this fraction of the mean size. A larger distance would lose shear in ribs."""
+up to a distance of CROWDED times the mean size. With a larger distance, some of the shear in ribs would get lost."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShearRecovery:
     """Data to compute shear forces q from moments; q is the gradient of a potential M. All cases share these data.
     columns : (m, 6) unknowns of M at the corners and in the middles of the half-edges; (m, 3) at the corners only.
-    sign    : (m, 6) -1 if the normal is opposite to that of the unknown's first face, else 1.
+    sign    : (m, 6) -1 if the face's normal is opposite to the normal of the first face with this unknown, else 1.
     rim     : (m, 3) 1 on half-edges of free edges and folds, which transfer no shear; else 0.
     spread  : (N, N) matrix that spreads the load of each unknown over its neighbours; columns sum to 1."""
 
@@ -37,7 +37,7 @@ class ShearRecovery:
 
     @classmethod
     def for_surface(cls, surface: Surface, linear: bool = True) -> Self:
-        """Return the data for a surface. linear : true for linear moments on faces; then potential M is quadratic."""
+        """Return the data for a surface. linear : True for moments linear on each face, and a quadratic potential M."""
         side_a, side_b = surface.edges.pairs.T
         lean = np.abs(np.einsum("ix,ix->i", surface.normals[side_a // 3], surface.normals[side_b // 3]))
         side_a, side_b = side_a[lean > SMOOTH], side_b[lean > SMOOTH]
@@ -52,17 +52,17 @@ class ShearRecovery:
         points[columns] = np.concatenate([ends, (ends + np.roll(ends, -1, axis=1)) / 2], axis=1)[:, :nodes]
         blocks = _gradient_stiffness(surface, linear) * sign[:, :, None] * sign[:, None, :]
         K = assemble_blocks(blocks, columns, size)
-        K = csr_array(K + diags_array(1e-9 * K.diagonal()))  # fixes the constant of potential M on each smooth part
+        K = csr_array(K + diags_array(1e-9 * K.diagonal()))  # else a constant of M is free on each smooth part
         spread = _spread_matrix(surface, columns, sign, points)
         return cls(surface, columns, sign, rim.reshape(-1, 3), spread, factorise(K, points))
 
     def forces(self, moments: Floats, twist: Floats) -> Floats:
         """Return the mean shear force q on each face (m, 3), N/m, in space, tangent to the face.
         moments : (m, 3 corners, 3) moments of the elements, in `SheetStress.frame`, N.
-        twist   : (m, 3 corners, 3) moments averaged at vertices, N, for the twist m_nt on free edges and folds."""
+        twist   : (m, 3 corners, 3) moments averaged at vertices, N. Their twist m_nt acts on free edges and folds."""
         nodes = self.columns.shape[1]
         work = np.einsum("mai,maij->mj", -moments, moment_loads(self.surface)[..., :6]) + self._at_rims(twist)
-        if nodes == 6:  # change to shape functions that are 1 at one node
+        if nodes == 6:  # change from bubbles to quadratic functions that are 1 at one of the six nodes
             work[:, :3] -= (work[:, 3:] + np.roll(work[:, 3:], 1, axis=1)) / 2
         load = np.bincount(self.columns.ravel(), (self.sign * work[:, :nodes]).ravel(), self.spread.shape[0])
         M = self.sign * self.factor(self.spread @ load)[self.columns]
@@ -112,7 +112,7 @@ def _gradient_stiffness(surface: Surface, linear: bool) -> Floats:
 
 
 def _spread_matrix(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> csr_array:
-    """Return `ShearRecovery.spread`. Loads at splinters (very low faces) go to nearby points, in proportion to area."""
+    """Return `ShearRecovery.spread`. A load at a splinter (very low face) is divided among nearby points by area."""
     size, nodes = len(points), columns.shape[1]
     weight = np.array([1 / 12] * 3 + [1 / 4] * 3) if nodes == 6 else np.full(3, 1 / 3)
     area = np.bincount(columns.ravel(), (surface.areas[:, None] * weight).ravel(), size)
@@ -134,7 +134,7 @@ def _spread_matrix(surface: Surface, columns: Ints, sign: Floats, points: Floats
 
 
 CONVENTION = (
-    "local x: projection of global x on the face (of global y if the normal is within 8 degrees of global x); "
+    "local x: global x, projected on the face; if the normal is within 8 degrees of global x: global y, projected; "
     "local y: normal cross local x; the face's corners run counter-clockwise around its normal",
     "n positive: tension. m_x bends fibres along local x; m positive: tension on the side opposite to the normal",
     "q_x = dm_x/dx + dm_xy/dy, q_y = dm_xy/dx + dm_y/dy (thin sheets, Kirchhoff); on a section with the outward "
@@ -164,7 +164,7 @@ class SectionForces:
     m     : (m, 3) moments x, y and twist xy, N m/m.
     q     : (m, 2) shear forces normal to the sheet, on sections normal to local x and to local y, N/m.
     corners : (m, 3, 3) n at the corners of each face, not averaged, N/m.
-    corner_moments : (m, 3, 3) m at the corners, N m/m. On a free edge, its twist is a line force."""
+    corner_moments : (m, 3, 3) m at the corners, N m/m. The twist m_xy is also a line force on free edges."""
 
     frame: Floats
     n: Floats

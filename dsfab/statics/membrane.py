@@ -20,7 +20,7 @@ AIRY: tuple[Mapping[tuple[int, int], float], ...] = (
     {(4, 0): 1, (0, 4): -1}, {(3, 1): 1}, {(1, 3): 1}, {(4, 0): 1, (2, 2): -6, (0, 4): 1},
 )  # fmt: skip
 """Airy functions of the stresses, by powers of x and y: all biharmonic polynomials of degree 2 to 4.
-An element needs nine. With all of these functions, the result does not depend on the order of the corners."""
+Nine functions are enough for an element. All eleven are used, so that the order of the corners has no influence."""
 
 SHARES = np.repeat([0.223381589678011, 0.109951743655322], 3)
 _NEAR, _FAR = 0.108103018168070, 0.816847572980459
@@ -66,7 +66,7 @@ def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
 
 def hybrid_stress(surface: Surface, C: Floats, strain: Floats) -> Floats:
     """Return the stress (m, 3 corners, 3), (xx, yy, xy), Pa, linear on each face, of `hybrid` elements.
-    Its mean and energy are those of the quadratic stress. The linear stress is more accurate at the edges of holes.
+    This stress has the mean and energy of the element's quadratic stress, but is more accurate at edges of holes.
     strain : (m, 3 corners, 3) strain of the quadratic triangle."""
     work = (hybrid_rigidity(surface, C) @ strain.reshape(-1, 9, 1)).reshape(-1, 3, 3)
     return np.asarray(INVERSE_MASS @ work / surface.areas[:, None, None])
@@ -149,7 +149,7 @@ def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> F
 def corner_strains(surface: Surface) -> Floats:
     """Return the strain (m, 3, 9) of each face for unit displacements x, y, z of its corners, per metre."""
     t = tangents(surface)
-    slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)  # (m, 3 corners, 2) gradients of phi in the frame
+    slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)  # (m, 3 corners, 2) hat gradients in the face's frame
     moved = voigt(slope[:, :, None, :], t.transpose(0, 2, 1)[:, None, :, :])  # (m, corner, xyz, strain)
     return np.ascontiguousarray(moved.reshape(-1, 9, 3).transpose(0, 2, 1))
 
@@ -161,12 +161,12 @@ def bubble_strains(surface: Surface, weights: Floats) -> Floats:
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
     # slopes of the bubbles 4 phi_j phi_k
     gradient = 4 * (weights[:, None] * np.roll(slope, -1, axis=1) + np.roll(weights, -1)[:, None] * slope)
-    direction = np.einsum("mcdk,mak->mdca", edge_frames(surface)[surface.edges.of, :2], t)  # (m, t | m, half-edge, 2)
+    direction = np.einsum("mcdk,mak->mdca", edge_frames(surface)[surface.edges.of, :2], t)  # (m, bubble, half-edge, 2)
     return np.asarray(voigt(gradient[:, None], direction).reshape(-1, 6, 3).transpose(0, 2, 1))
 
 
 def _quadratic(surface: Surface, C: Floats, elements: Elements) -> csr_array:
-    # C = L L^T and R = L^T B; one product R^T R per face serves all quadrature points
+    # C = L L^T and R = L^T B, so B^T C B = R^T R; one product R^T R per face sums over all quadrature points
     B = _point_strains(surface, (1 - np.eye(3)) / 2)
     R = (np.linalg.cholesky(C).T @ B).reshape(-1, 9, 15)
     blocks = R.transpose(0, 2, 1) @ R

@@ -44,8 +44,8 @@ class ModeSupports:
 def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -> ModeSupports:
     """Return the supports for vibration and buckling: the sheet's own supports, unless it is solved in its plane.
 
-    A sheet solved in its plane could fall over. So its supported vertices are also fixed normal to the plane.
-    Boundary edges between supported vertices are clamped if the sheet could still turn about a line of supports.
+    A sheet in a plane can also leave its plane in a mode. So its supported vertices are also fixed normal to the plane.
+    If the sheet could still turn about a line of supports, boundary edges between supported vertices are clamped.
 
     plane : True if the sheet is solved in its plane; by default this follows from the load."""
     axis = flat_axis(surface, load)
@@ -77,7 +77,7 @@ MODE_RESIDUAL = 1e-3
 """Largest accepted relative residual of a mode, in the norm of the stiffness.
 The residual bounds the relative error of the frequency or buckling factor [Parlett 1980, 4.5]."""
 
-INDEPENDENT = 1e-6  # Combinations of vectors of energy 1 with less energy than this are left out as rounding errors.
+INDEPENDENT = 1e-6  # Combinations of unit-energy vectors with less energy than this are rounding errors, left out.
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +182,7 @@ def lowest_buckling(
     factor_of: FactorFunction | None = None,
 ) -> tuple[float | None, str]:
     """Return the lowest factor of `buckling`, or None; and a note if the mode of this factor is local, else ''.
-    The note states the place of the mode, and the lowest factor of a mode that is not local."""
+    The note has the mode's place, and the lowest factor of a mode that is not local. Parameters: see `buckling`."""
     factors = factor_of or FactorCache()
     K = sheet_stiffness(sheet, elements) if K is None else K
     lowest = buckling(sheet, load, answer, 1, elements, K, factors)
@@ -222,9 +222,8 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
         x . K_g x  =  integral of  sum over i of  grad x_i . N grad x_i     [Zienkiewicz and Taylor 2000, vol. 2, 11]
 
     resultant : (m, 3, 3) membrane force per length N, N/m, tangent to each face.
-
-    The stress acts only on slopes that the elements resist; otherwise a needle (very thin triangle) buckles alone.
-    These slopes are mean gradients and, for `hhj`, slopes of a constant curvature [Morley 1968]."""
+    The stress acts only on slopes that the elements resist. Other slopes have no stiffness: there, a needle (very thin
+    triangle) would buckle alone. Used: mean gradients; for `hhj` also slopes of a constant curvature [Morley 1968]."""
     slopes, columns = _slopes(surface, elements)
     blocks = np.einsum("majx,mab,mbjy->mxy", slopes, _in_faces(surface, resultant), slopes, optimize=True)
     return assemble_blocks(blocks, columns, elements.unknowns(surface))
@@ -245,9 +244,9 @@ def _in_faces(surface: Surface, resultant: Floats) -> Floats:
 
 
 def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
-    """Return slopes (m, 2, 5, c) of each face along both tangents, for a unit of each unknown, and its unknowns (m, c).
+    """Return slopes (m, 2, 5, c) of each face, along two tangents, for its unit unknowns; and the unknowns (m, c).
     Slopes 0 to 2: mean gradients of displacements x, y, z. Slopes 3, 4: from the curvature, at two quadrature points.
-    All slopes are multiplied by the square root of the area. For forces N, K_g is then the sum of slope . N slope."""
+    All slopes s contain the square root of the area, so that K_g is the sum of s . N s for membrane forces N."""
     names = ("normal", "rotation") if elements.bending == "hhj" else ()
     mean = _mean_gradients(surface, names) * np.sqrt(surface.areas)[:, None, None, None]
     slopes = np.concatenate([mean, np.zeros((surface.m, 2, 2, mean.shape[3]))], axis=2)
@@ -263,7 +262,7 @@ def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
 def _mean_gradients(surface: Surface, names: tuple[str, ...]) -> Floats:
     """Return mean gradients (m, 2, 3, 9 + 3 len(names)) of displacements x, y and z in each face, along both tangents.
     Columns: unit displacements of corners, then the unknowns `names` of half-edges.
-    `normal` moves an edge's middle along the edge's normal; only its component along the face's normal counts."""
+    `normal` moves an edge's middle along the edge's normal; only the part along the face's normal counts."""
     slope = np.einsum("mik,mak->mai", hat_gradients(surface), tangents(surface))
     gradients = np.zeros((surface.m, 2, 3, 9 + 3 * len(names)))
     for i in range(3):
@@ -294,8 +293,8 @@ def _supported_modes(
 
 
 def largest_eigenpairs(A: csr_array, factor: Factor, count: int, are_results: bool = True) -> tuple[Floats, Floats]:
-    """Return the largest positive mu (k,) of A x = mu K x, descending, and vectors x (k, u). factor : factor of K.
-    are_results : False if the caller needs only a basis. Then residuals may reach `MODE_RESIDUAL`, to save time.
+    """Return the largest positive mu (k,) of A x = mu K x, descending, and vectors x (k, u). factor : K, factorised.
+    are_results : False if the vectors only form a basis. Then residuals may reach `MODE_RESIDUAL`, to save time.
     Raises StaticsError if the modes do not converge, or if results are not accurate."""
     N = len(factor.free)
     if not 1 <= count < N:
@@ -306,7 +305,7 @@ def largest_eigenpairs(A: csr_array, factor: Factor, count: int, are_results: bo
     start = np.random.default_rng(0).standard_normal(N)  # a fixed seed gives repeatable numbers
     tolerance = 1e-10 if are_results else MODE_RESIDUAL
     try:
-        # a few restarts of the Lanczos method suffice, unless the load barely compresses the sheet
+        # usually the Lanczos method needs few restarts, but many if the load barely compresses the sheet
         mu, x = eigsh(operator, count, M=M, Minv=Minv, which="LA", v0=start, maxiter=500, tol=tolerance)
     except ArpackNoConvergence as error:
         raise StaticsError("the modes do not converge: the load barely compresses the sheet, or not at all") from error
@@ -341,12 +340,12 @@ def refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> t
         steps, _ = refined_solution(factor.map, A @ x - mu * Kx, factor.solve)
         moves = (K @ steps).astype(np.float64)
         energies = np.sqrt(np.einsum("nk,nk->k", steps, moves).clip(0))
-        inexact = energies > MODE_RESIDUAL * mu  # smaller corrections are rounding errors
+        inexact = energies > MODE_RESIDUAL * mu  # steps with less energy are rounding errors
         basis = np.concatenate([x, steps[:, inexact] / energies[inexact]], axis=1)
         forces = np.concatenate([Kx, moves[:, inexact] / energies[inexact]], axis=1)
         energy = basis.T @ forces
         weight, axes = eigh((energy + energy.T) / 2)
-        axes = axes[:, weight > INDEPENDENT] / np.sqrt(weight[weight > INDEPENDENT])  # steps may be nearly parallel
+        axes = axes[:, weight > INDEPENDENT] / np.sqrt(weight[weight > INDEPENDENT])  # leaves out parallel steps
         c = axes @ eigh(axes.T @ (basis.T @ (A @ basis)) @ axes)[1][:, -len(mu) :]
         x, Kx = basis @ c, forces @ c
         earlier, mu = mu, np.einsum("nk,nk->k", x, A @ x) / np.einsum("nk,nk->k", x, Kx)

@@ -36,8 +36,8 @@ def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> 
 
 def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
     """Return the resultant of each support's forces and torques on the sheet.
-    The torque of an edge goes to supports that clamp it, else to the supports of its ends. Clamped edges of the sheet
-    itself (`SheetModel.clamped`) belong to no support, so the reactions may not balance the loads."""
+    The torque of an edge goes to the supports that clamp the edge, or if none does, to the supports of its ends. Edges
+    clamped by the sheet itself (`SheetModel.clamped`) belong to no support; so reactions may not balance the loads."""
     forces = support_forces(surface, supports, answer)
     fixed = np.array([support.fixed_directions(surface) for support in supports])  # (s, n, 3)
     torques = np.zeros((len(supports), 0))
@@ -53,7 +53,7 @@ def support_forces(surface: Surface, supports: Sequence[Support], answer: Equili
     Supports share the force in a fixed direction equally, springs in proportion to their stiffness."""
     fixed = np.array([support.fixed_directions(surface) for support in supports])
     springs = np.array([support.springs(surface) for support in supports])
-    # where a support fixes a direction, springs do not stretch and carry nothing
+    # a spring carries nothing in a direction that a support fixes, because the spring does not stretch
     return np.asarray(answer.reaction * _shares(np.where(fixed.any(axis=0), fixed, springs)))
 
 
@@ -90,7 +90,7 @@ class SupportEntry:
 class LoadEntry:
     """A load and its resultant.
     force  : (3,) sum of the load's forces, N.    total : sum of the magnitudes of these forces, N.
-    area   : m2 of the loaded faces.              length : metres of the loaded edges.
+    area   : area of the loaded faces, m2.        length : length of the loaded edges, metres.
     vertices : number of loaded vertices."""
 
     name: str

@@ -35,15 +35,15 @@ class ResultRequest:
 
     @property
     def modes(self) -> int:
-        """Number of requested mode shapes, of frequencies and of buckling together."""
+        """Number of requested mode shapes: vibration and buckling modes together."""
         return self.frequencies + self.buckling
 
     def elements_for(self, elements: Elements) -> Elements:
-        """Return `elements` if they are in `REPORTED` or if nothing is requested; else the elements for stress."""
+        """Return `elements` if `REPORTED` contains them, or if this request is empty; else the elements for stress."""
         return elements_of("stress") if self and elements not in REPORTED else elements
 
     def factor_for(self, elements: Elements) -> FactorFunction:
-        """Return the function that factorises the stiffness. It has a cache if vibration or buckling reuses it."""
+        """Return the function that factorises the stiffness; with a cache if vibration or buckling use K again."""
         return FactorCache() if self.modes and self.elements_for(elements) == elements else stiffness_factor
 
 
@@ -71,7 +71,7 @@ class Answers:
 class SolvedCase:
     """A load case and its equilibrium.
     equilibrium : solution under `load` and `spread`, by `elements`, or by `elements.in_plane` if `plane`.
-    elements    : the pair of elements, with bending even for a sheet solved in its plane.
+    elements    : pair of membrane and bending elements, also if `plane` is True.
     factor_of   : function that factorised K (`ResultRequest.factor_for`).
     plane       : True if the sheet was solved in its plane; by default this follows from `load`."""
 
@@ -93,10 +93,10 @@ def sheet_answers(
     """Return stress and energy of a solved sheet, and the other requested results.
 
     stiffness     : function that returns K for given elements.
-    other_factors : function for further factorisations. Loads on the same supports can share one `FactorCache(2)`.
+    other_factors : function that factorises other K. Loads on the same supports can share one `FactorCache(2)`.
 
     Vibration counts only the mass of the sheet, without its loads. If modes do not converge, `refusals` has the reason.
-    Raises StaticsError if the elements for the results cannot solve the sheet."""
+    Raises StaticsError if the results need other elements, and these cannot solve the sheet."""
     load, solved, factor_of, surface = case.load, case.equilibrium, case.factor_of, sheet.surface
     plane = flat_axis(surface, load) is not None if case.plane is None else case.plane
     other_factors = other_factors or FactorCache(2)
@@ -125,7 +125,7 @@ def sheet_answers(
 
 
 def _result_or_refusal(find: Callable[[], Result], missing: str, refusals: list[str]) -> Result | None:
-    """Return the result of `find`, or None and a sentence in `refusals`: a missing result must not stop a design."""
+    """Return find(). If it fails, add `missing` and the reason to `refusals`, and return None: a design must go on."""
     try:
         return find()
     except StaticsError as error:

@@ -38,7 +38,7 @@ class Equilibrium:
     residual   : sqrt(r . K^-1 r / f . u), the relative rounding error of u in the norm of energy. It bounds the
                  relative error of the compliance.
     on_edges   : unknowns on edges (e,), by name: `rotation` and `slope` in radians; bubbles `along`, `across` and
-                 `normal` in metres (`dsfab.statics.elements`). Empty for the paper's elements.
+                 `normal` in metres (`dsfab.statics.elements`). Empty for the elements `PAPER`.
     torque     : (e,) moments of the supports on clamped edges, about the edges' directions, newton metres; empty for
                  elements without rotations.
     elements   : elements that solved the surface."""
@@ -88,10 +88,9 @@ def equilibrium(
     factor_of: "FactorFunction | None" = None,
 ) -> Equilibrium:
     """Solve K u = f without the fixed unknowns, and with the springs of supports added to K.
-
     K         : stiffness, N/m, over the unknowns of `elements`: x, y, z of each vertex, then the edges.
     elements  : elements of K; without bending for a sheet solved in its plane.
-    spread    : part of the load on faces and edges, for the forces on bubbles; `load` has all forces on vertices.
+    spread    : load per area and length, for the forces on edge bubbles; `load` has all forces on vertices.
     factor_of : function that factorises; a `FactorCache` for repeated use.
     Raises StaticsError if the supports leave a motion free, if a load acts on a vertex without faces, if edges without
     rotations are clamped, or if the solution does not balance the loads."""
@@ -109,7 +108,7 @@ def equilibria(
 ) -> tuple[Equilibrium, ...]:
     """Return the `equilibrium` of each load, then of combinations, from one factorisation.
     K    : (u, u), see `equilibrium`.
-    sums : k factors of the loads for each combination. Its residual is a bound from the residuals of the loads.
+    sums : k factors of the loads for each combination. The loads' residuals give a bound for the combination's.
     Raises StaticsError as `equilibrium`, and for loads on different supports."""
     _require_same_supports(loads)
     is_held = held_unknowns(surface, loads, elements)
@@ -137,7 +136,7 @@ def _require_same_supports(loads: Sequence[LoadCase]) -> None:
 
 
 def held_unknowns(surface: Surface, loads: Sequence[LoadCase], elements: Elements, plane: bool | None = None) -> Bools:
-    """Return the unknowns (u,) that do not move, for loads on the same supports.
+    """Return the unknowns (u,) that do not move. All loads must have equal supports.
     plane : False for a flat sheet that may move out of its plane; by default this follows from the loads.
     Raises StaticsError if the supports leave a motion free, and for a load on a vertex without faces."""
     reference = loads[0]
@@ -159,11 +158,11 @@ def equilibrium_of_unknowns(
     surface: Surface, load: LoadCase, elements: Elements, unbalanced: Floats, x: Floats, is_held: Bools
 ) -> Equilibrium:
     """Return the equilibrium with the unknowns x (u,); its compliance and residual are set to 0.
-    unbalanced : (u,) K x - f with K without springs: the forces of all supports and springs."""
+    unbalanced : (u,) K x - f, the forces of all supports and springs. K does not contain the springs."""
     corners, edges = np.split(x, [3 * surface.n])
     forces, on_edges = np.split(unbalanced, [3 * surface.n])
     u = corners.reshape(-1, 3)
-    # spring forces are -k u, not K x - f, so that the residual of the solution appears in the imbalance
+    # use -k u for spring forces; with K x - f, the imbalance would not show the residual of the solution
     reaction = np.where(load.fixed, forces.reshape(-1, 3), 0.0) - load.spring * u
     imbalance = _imbalance(surface, load.force, reaction, _torque(elements, on_edges))
     torque = _torque(elements, np.where(is_held[3 * surface.n :], on_edges, 0.0))
@@ -224,7 +223,7 @@ def solution(
 
 
 def _torque(elements: Elements, on_edges: Floats) -> Floats:
-    """Return the moments (e,), N m, on the sheet at its edges: the entries of `on_edges` for the unknown `rotation`."""
+    """Return the moments (e,), N m, on the sheet at its edges: the part of `on_edges` for the unknown `rotation`."""
     if "rotation" not in elements.on_edges:
         return np.zeros(0)
     return np.asarray(on_edges.reshape(len(elements.on_edges), -1)[elements.on_edges.index("rotation")])

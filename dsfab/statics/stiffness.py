@@ -25,7 +25,7 @@ Row = Callable[[str], AbstractContextManager[object]]
 
 def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontext) -> csr_array:
     """Return K (N, N), N/m, over the unknowns of `elements`: membrane, and bending if the elements have it.
-    row : opens the rows "membrane" and "bending" in a table of times."""
+    row : function that records the times of "membrane" and "bending" in a table, see `Row`."""
     surface, material, thickness = sheet.surface, sheet.material, sheet.thickness
     if elements == PAPER:
         with row("membrane"):
@@ -43,12 +43,12 @@ def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontex
 @dataclass(frozen=True, eq=False)
 class FaceStiffness:
     """K = sum over the faces of s_f K_f on the free unknowns, with a factor s_f for each face.
-    The elements have constant strain and mid-edge bending, or no bending in a sheet that is solved in its plane.
+    Elements: constant strain and mid-edge bending; without bending for a sheet that is solved in its plane.
     blocks  : (m, c, c) K_f, N/m.
     unknown : (m, c) free unknown of each row of K_f, `count` if it is fixed.
-    places  : (nnz, m) matrix from factors s (m,) to the nonzero values of K.
+    places  : (nnz, m) matrix that multiplies factors s (m,) and gives the nonzero values of K.
     indices, indptr : sparse pattern of K.    springs : (nnz,) stiffness of supports, N/m.
-    points  : vertices and middles of edges.    node : point of each free unknown.
+    points  : vertices and middles of edges.    node : (count,) number of each free unknown's point.
     force   : (count, k) newtons, of each load."""
 
     blocks: Floats
@@ -103,7 +103,7 @@ class FaceStiffness:
             earlier.refactor(self.matrix(scale))
         except NotPositiveDefinite as error:
             raise StaticsError(
-                "the sheet is a mechanism while it is optimised; hold more directions or check the mesh with "
+                "the sheet can move without resistance while it is optimised; add supports, or check the mesh with "
                 "`dsfab inspect`"
             ) from error
         return earlier

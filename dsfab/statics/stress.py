@@ -76,7 +76,7 @@ def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool
     sided  : True if values change their sign with the face's normal, like bending.
 
     Averages remove most jumps between faces, which are errors [Hinton and Campbell 1974]. On curved sheets they also
-    remove the bending of each flat face under its own load. A face across a fold keeps its own mean."""
+    remove the bending of each flat face under its own load. At folds (see `SMOOTH`), a face gets its own mean value."""
     corner = surface.F.ravel()
     face = np.repeat(np.arange(surface.m), 3)
     first_face = np.full(surface.n, -1)
@@ -182,7 +182,7 @@ class SheetStress:
 
     @cached_property
     def largest(self) -> Floats:
-        """Largest von Mises stress of the three layers (m,), Pa."""
+        """Largest von Mises stress (m,) of each face over its top, middle and bottom layer, Pa."""
         return np.asarray(self.von_mises.max(axis=1))
 
     @property

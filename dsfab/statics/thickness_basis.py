@@ -32,7 +32,7 @@ INDEPENDENT = 1e-10
 ACCURATE = 2.0
 """For a sheet solved at thickness t, results are accurate from t / ACCURATE to t ACCURATE. Largest errors on cut
 vaults: 0.1 % in displacements, 0.4 % in stresses, 2 % in buckling factors."""
-DERIVATIVES, MODE_DERIVATIVES = 3, 2  # Number of derivatives in the thickness: of solutions, and of buckling modes.
+DERIVATIVES, MODE_DERIVATIVES = 3, 2  # Number of thickness derivatives of solutions, and of buckling modes.
 MODES = 3  # Number of modes of a case; the order of modes changes with the thickness.
 CASES = 3  # Number of load cases whose modes are in the basis: the cases with the largest compression.
 
@@ -53,7 +53,7 @@ class ThicknessStiffness:
     @classmethod
     def from_sheet(cls, sheet: SheetModel, loads: Sequence[LoadCase], elements: Elements) -> Self:
         """Return the stiffness of a sheet for any thickness. A flat sheet may leave its plane if the elements bend.
-        Raises StaticsError as `held_unknowns`."""
+        Raises the same StaticsErrors as `held_unknowns`."""
         surface, material = sheet.surface, sheet.material
         is_held = held_unknowns(surface, loads, elements, plane=elements.bending is None)
         membrane = membrane_stiffness(surface, material, 1.0, sheet.law, elements)
@@ -69,7 +69,7 @@ class ThicknessStiffness:
         return np.asarray(thickness * (self.membrane @ x) + thickness**3 * (self.bending @ x))
 
     def with_derivatives(self, thickness: float, factor: Factor, x: Floats, count: int) -> list[Floats]:
-        """Return x (u, k) and its products with powers 1 to `count` of K^-1 dK/dt. factor : factor of K(thickness)."""
+        """Return x (u, k) and its products with powers 1 to `count` of K^-1 dK/dt. factor : factorised K(thickness)."""
         vectors = [x]
         for _ in range(count):
             forces = self.membrane @ vectors[-1] + 3 * thickness**2 * (self.bending @ vectors[-1])
@@ -103,7 +103,7 @@ class ThicknessStiffness:
 
 
 def _without_negative_eigenvalues(part: Floats) -> Floats:
-    """Return a part (b, b) of a stiffness without its negative eigenvalues, which are rounding errors at needles."""
+    """Return the stiffness `part` (b, b) without negative eigenvalues: rounding errors due to very thin triangles."""
     values, vectors = np.linalg.eigh((part + part.T) / 2)
     return np.asarray((vectors * values.clip(min=0)) @ vectors.T)
 
@@ -122,7 +122,7 @@ class ThicknessBasis:
     constant, per_metre : f0 (u, k), N, and f1 (u, k), N/m.
     vectors   : (u, b) basis of the displacements.
     reduced   : (3, b, b) `projection` on `vectors`.    modes : (3, s, s) `projection` on the buckling modes.
-    geometric : (b, s, s) products x_i . -K_g x_j of modes. K_g is for the stress of one vector in a sheet 1 m thick."""
+    geometric : (b, s, s) products x_i . -K_g x_j of modes. K_g is for the stress of each of `vectors`, 1 m thick."""
 
     sheet: SheetModel
     loads: Mapping[str, LoadCase]
@@ -136,7 +136,7 @@ class ThicknessBasis:
 
     @classmethod
     def from_sheet(cls, sheet: SheetModel, loads: Mapping[str, LoadCase], buckling: Sequence[str] = ()) -> Self:
-        """Return the basis for thicknesses that differ from that of the sheet by a factor of at most `ACCURATE`.
+        """Return the reduced bases for thicknesses t / `ACCURATE` to t `ACCURATE`, where t is the thickness of `sheet`.
         buckling : names of the loads whose buckling factors are wanted.
         Raises StaticsError as `solve_statics`. Needles (very thin triangles) can cause this error."""
         try:
@@ -212,7 +212,7 @@ def _sum(parts: Floats, thickness: float) -> Floats:
 
 
 def _linear_loads(sheet: SheetModel, loads: Sequence[LoadCase], size: int) -> tuple[Floats, Floats]:
-    """Return the loads f0, N, and their growth f1 with the thickness, N/m, (size, k)."""
+    """Return f0 (N) and f1 (N/m), each (size, k): at thickness t, the k loads on the `size` unknowns are f0 + t f1."""
     once, twice = np.zeros((2, size, len(loads)))
     for k, load in enumerate(loads):
         once[: load.force.size, k] = load.force.ravel()
@@ -221,14 +221,14 @@ def _linear_loads(sheet: SheetModel, loads: Sequence[LoadCase], size: int) -> tu
 
 
 def _resultants(sheet: SheetModel, stiffness: ThicknessStiffness, x: Floats) -> Floats:
-    """Return membrane forces (k, m, 3, 3), N/m, in a sheet 1 m thick with the unknowns x (u, k)."""
+    """Return membrane forces (k, m, 3, 3), N/m, for displacements x (u, k) of the sheet as if it were 1 m thick."""
     surface, setting = sheet.surface, (stiffness.load, stiffness.elements, np.zeros(len(x)))
     moved = [equilibrium_of_unknowns(surface, *setting, column, stiffness.is_held) for column in x.T]
     return np.array([stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles) for answer in moved])
 
 
 def _buckling_modes(across: ThicknessStiffness, resultants: Floats, factor: Factor) -> list[Floats]:
-    """Return the lowest modes (u, s) of the cases with most compression in their membrane forces (k, m, 3, 3), N/m."""
+    """Return the lowest buckling modes (u, s) of the most compressed load cases. resultants : membrane forces, N/m."""
     surface, modes = across.surface, list[Floats]()
     compression = [-np.linalg.eigvalsh(N)[:, 0].clip(max=0) @ surface.areas for N in resultants]
     for k in np.argsort(compression)[: -1 - CASES : -1]:

@@ -14,8 +14,8 @@ from dsfab.surface import Surface, half_edges
 from dsfab.surface.fields import tangents
 
 APART = np.radians(60)
-"""If the angle between two points at a disc's centre is larger than this, they are on different sides of the material.
-Points at a smaller angle lie on the same side, at a kink [Ma, Bae and Choi 2012]."""
+"""Smallest angle, at a disc's centre, between two border points on different sides of a rib.
+Points at a smaller angle lie on the same side, at a kink of the border [Ma, Bae and Choi 2012]."""
 
 
 def torsion_share(ratio: Floats) -> Floats:
@@ -29,8 +29,8 @@ def torsion_share(ratio: Floats) -> Floats:
 
 
 class RibShape(NamedTuple):
-    """The rib around each face. widths : (m,) metres; inf on a closed sheet without openings.
-    along : (m, 3) unit vectors in the face, along the nearest border."""
+    """Width and direction of the rib at each face. widths : (m,) metres; inf on a closed sheet without openings.
+    along : (m, 3) unit vectors in the face, along the border nearest to the face."""
 
     widths: Floats
     along: Floats
@@ -66,7 +66,7 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
         high = np.einsum("kx,kx->k", n, offset)
         shorter = np.einsum("kx,kx->k", offset, offset) / np.maximum(2 * high, np.finfo(float).tiny)
         opening = np.arccos(np.clip(1 - high / np.maximum(shorter, np.finfo(float).tiny), -1, 1))
-        # a point blocks a disc if it lies inside by more than a thousandth of the radius
+        # a border point blocks a disc if it lies inside the disc by more than a thousandth of the disc's radius
         return (away < (1 - 1e-3) * r) & (high > 0) & (shorter < r) & (opening > APART), shorter
 
     radius = np.full(len(points), min(small, largest))
@@ -85,9 +85,9 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
 
 
 def torsion_loss(sheet: SheetModel, elements: Elements, ribs: RibShape) -> csr_array:
-    """Return the negative stiffness, over the unknowns of `elements`, that makes ribs twist as softly as bars.
-    The bending stiffness D of each face loses (1 - share) D_66 t t^T. The twist is t . kappa = 2 kappa_ab, where a
-    points along the rib and b across it. Raises ValueError for bending that is neither `hhj` nor `midedge`."""
+    """Return a negative stiffness over the unknowns of `elements`. If it is added, ribs twist as softly as bars.
+    The bending stiffness D of each face loses (1 - `torsion_share`) D_66 t t^T. The vector t gives the twist
+    t . kappa = 2 kappa_ab, a along the rib, b across it. Raises ValueError unless bending is `hhj` or `midedge`."""
     if elements.bending not in ("hhj", "midedge"):
         raise ValueError(f"{elements}: only hhj and midedge bending can reduce the torsion of ribs")
     share = torsion_share(ribs.widths / sheet.thickness)

@@ -1,7 +1,6 @@
 """The stiffest sheet of varying thickness, in which no face is thicker than the given sheet.
-
 The problem is convex, so the result does not depend on the start [Cheng, Olhoff 1981; Petersson 1999].
-No sheet of the same area with openings is stiffer on the same mesh."""
+On the same mesh, openings in the given sheet never give a stiffer sheet of the same mass."""
 
 from typing import NamedTuple
 
@@ -18,7 +17,7 @@ from dsfab.surface import LoadCase
 LEAST = 1e-4
 """Least thickness, as a fraction of the sheet's thickness, so that empty faces still have a direction of force."""
 SETTLED, MOVE, STEPS = 0.01, 0.2, 40
-"""Fractions of the sheet's thickness: change at which the steps end, largest change per step. Most steps."""
+"""Steps end at a thickness change below `SETTLED`, or after `STEPS`. Largest change: `MOVE`. Unit: sheet thickness."""
 
 
 class VaryingSheet(NamedTuple):

@@ -165,7 +165,7 @@ class Alternative:
 
     @property
     def sentence(self) -> str:
-        """Sentence that states by which factor this alternative is stiffer than the design."""
+        """Sentence that states how many times as stiff as the design this alternative is."""
         which = f"{ALTERNATIVE_WORDS[self.name]} of the same mass"
         if not np.isfinite(self.over):
             return f"this design does not carry its loads, and {which} does"
@@ -211,8 +211,8 @@ def alternatives(
     names: Sequence[str] = tuple(ALTERNATIVE_WORDS),
     solved: Mapping[str, AnsweredLoad] | None = None,
 ) -> tuple[Alternative, ...]:
-    """Compare a structure with the structures `names` of `ALTERNATIVE_WORDS`, which have the mass of the design.
-    solved : answers of an earlier judgement of the structure, which then is not judged by another solve."""
+    """Compare a structure with other structures of the design's mass. names : keys of `ALTERNATIVE_WORDS`.
+    solved : solutions from an earlier judgement of the structure; None to compute them."""
     makers = {"thinner": thinner_alternative, "isotropic": isotropic_alternative}
     return tuple(makers[name](task, structure, partial(quick, solved=solved)) for name in names)
 
@@ -241,11 +241,11 @@ def thinner_alternative(task: ComparisonTask, structure: Structure, own_judge: J
 
 def isotropic_alternative(task: ComparisonTask, structure: Structure, own_judge: Judge = quick) -> Alternative:
     """Compare a structure with the best isotropic stripes of the same mass.
-    Each pair of modes is cut and solved once. The two best pairs are then cut to exactly the design's mass. More
-    accurate elements solve these two pairs and the design."""
+    The stripes of each pair of modes are cut and solved once. The stripes of the two best pairs are cut again, to
+    exactly the design's mass. More accurate elements then solve these stripes and, by `own_judge`, the design."""
     blind = isotropic_stripes(task)
     phases = blind.preset.pattern.major.shift, blind.preset.pattern.minor.shift
-    level = f"one solve each, best of {len(blind.pairs)} pairs of modes"
+    level = f"one solve of each sheet; the best of {len(blind.pairs)} pairs of modes"
     try:
         trial = Trial(blind.preset, replace(task.stressed_surface, diffusion=blind.diffusion()))
     except DsfabError as error:
@@ -256,9 +256,9 @@ def isotropic_alternative(task: ComparisonTask, structure: Structure, own_judge:
     sound = (pair for pair in variants if not pair[0].refused)
     stiffest = sorted(sound, key=lambda pair: pair[0].compliance * pair[0].kept)
     rivals = [_variant_compliance(task, variant) for _, variant in stiffest[:2]]
-    failed = _BoundedCompliance(np.inf, 0.0, error=f"no pair of modes carries the loads; the first: {tried[0].refused}")
+    failed = _BoundedCompliance(np.inf, 0.0, error=f"no pair of modes carries the loads; pair 1: {tried[0].refused}")
     rival = min(rivals, key=lambda rival: rival.compliance, default=failed)._replace(bound=0.0)
-    # the errors of both compliances have the same sign, so the error of their ratio is at most 10 %
+    # the compliances of design and rival err in the same direction, so the error of their ratio is at most 10 %
     return _alternative("isotropic", _judged_compliance(own_judge, task, structure)._replace(bound=0.1), rival, level)
 
 
@@ -270,7 +270,7 @@ def _variant_compliance(task: ComparisonTask, variant: Variant) -> _BoundedCompl
 
 
 def judged_alternatives(design: Competitor, rivals: Iterable[Competitor]) -> tuple[Alternative, ...]:
-    """Return an alternative, with judged compliances, for each competitor in `ALTERNATIVE_WORDS`."""
+    """Return the competitors in `ALTERNATIVE_WORDS` as alternatives, with their judged compliances."""
     design_value, judged = _competitor_compliance(design), []
     for rival in (rival for rival in rivals if rival.name in ALTERNATIVE_WORDS):
         level = f"{rival.judgement.level} check" if rival.judgement else ""

@@ -175,7 +175,7 @@ class CcxFiles:
         return parsed
 
     def failures(self) -> list[tuple[float, float]]:
-        """Return a pair for each attempt that found no equilibrium: the time before it, and its time step."""
+        """Return, for each attempt that found no equilibrium, the time at its start and its time step."""
         return [(float(start), float(step)) for failed, start, step in ATTEMPT.findall(self.attempts) if failed]
 
 
@@ -294,7 +294,7 @@ def load_path(
         return path, stop_point(path) if len(path.load) > 1 else None
 
     files = run_ccx(text, seconds, lambda files: until(files)[1] is not None)
-    path, end = until(files)  # `end` does not depend on the moment when CalculiX was stopped
+    path, end = until(files)  # points that CalculiX computed after the needed point `end` are left out
     if end is not None:
         return path.until(end)
     if len(path.load) == 1 and not files.ended:

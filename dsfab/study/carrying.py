@@ -137,8 +137,8 @@ class Carrying:
 @dataclass(frozen=True, eq=False)
 class CutStatics:
     """The cut sheet of a design with a thickness (m), its loads, and results for each case and combination.
-    answers : solutions by elements that are accurate enough for reports.
-    stiffness : matrix by the elements for buckling, without springs.     factor_of : its stored factorisations."""
+    answers : solutions with elements whose accuracy suffices for reports.
+    stiffness : stiffness matrix by the elements for buckling, without springs.     factor_of : its factorisations."""
 
     design: Design
     thickness: float
@@ -294,7 +294,7 @@ def _member_forces(statics: CutStatics) -> "dict[str, MemberForces]":
     factors, surface, sections = _factors(statics.design), statics.model.surface, {}
     linear = next(iter(statics.answers.values())).elements.bending == "hhj"
     make = partial(ShearRecovery.for_surface, surface, linear=linear)
-    recovery = statics.design.cached_result("slicing", f"shear recovery {linear}", make)  # the same for all thicknesses
+    recovery = statics.design.cached_result("slicing", f"shear recovery {linear}", make)  # independent of the thickness
     for name in (name for name in statics.answers if name not in factors):
         result = statics.stress(name)
         sections[name] = section_forces(surface, statics.thickness, result, recovery)

@@ -102,7 +102,7 @@ def six_node_model(
 
 
 def axes_of_file(axis: int) -> Ints:
-    """Return the surface's coordinate (0 to 2) for each of x, y and z in the file, (3,). z is the coordinate `axis`."""
+    """Return the coordinate of the surface (0 to 2) that is x, y and z in the file, (3,). For z, this is `axis`."""
     return np.asarray(np.roll(np.arange(3), 2 - axis))
 
 
@@ -275,7 +275,7 @@ def _support_lines(preset: Preset, model: CalculixModel) -> Iterator[str]:
             called = f" ({name})" if support.name else ""
             yield f"SUPPORT_{k}{called} holds {support.hold} at {int(directions.any(axis=1).sum())} nodes"
         if support.spring:
-            yield f"{name} stands on springs of {_vector(np.array(support.spring))} N/m in all"
+            yield f"{name} stands on springs with a total stiffness of {_vector(np.array(support.spring))} N/m"
         if support.clamp:
             yield f"{name} is clamped: its edges do not turn"
 
@@ -283,7 +283,7 @@ def _support_lines(preset: Preset, model: CalculixModel) -> Iterator[str]:
 def _expected_lines(name: str, model: CalculixModel, u: Floats, reaction: Floats, energy: float) -> Iterator[str]:
     force, node = model.steps[name], int(np.linalg.norm(u, axis=1).argmax())
     pair = elements_of("six_nodes")
-    yield f"{name}: {_vector(force.sum(axis=0))} N in all. With {pair} elements on the same triangles dsfab finds"
+    yield f"{name}: the total force is {_vector(force.sum(axis=0))} N. Results of dsfab with {pair} on these triangles:"
     yield f"  largest displacement {np.linalg.norm(u[node]):.6g} m of a corner, node {node + 1}, {_vector(u[node])} m"
     yield f"  internal energy {energy:.6g} J of the sheet: half of the compliance, minus the energy of springs"
     for support, directions in model.supports.items():

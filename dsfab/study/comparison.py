@@ -34,11 +34,11 @@ NameReport = Callable[[str], None]  # receives the name of the structure that is
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """A design, the full sheet, and competitors of the design's mass, under the loads that the pattern follows.
-    The compliance is the sum over the load cases, with the weights of [diffusion]; a smaller compliance is stiffer.
+    """A design, the uncut (full) sheet, and competitors of the design's mass, under the loads that shape the pattern.
+    The compliance is the sum over the load cases, with the weights of [diffusion]; it is small for a stiff structure.
     task      : common input of the competitors.
     pattern   : quality of the design's pattern; None if its widths are scaled or it cannot be cut.
-    looked_at : structures of `ALTERNATIVE_WORDS` that are not competitors, compared by a fast solve."""
+    looked_at : fast comparisons with structures of `ALTERNATIVE_WORDS` that are not among the competitors."""
 
     name: str
     task: ComparisonTask
@@ -50,12 +50,12 @@ class Comparison:
 
     @property
     def alternatives(self) -> tuple[Alternative, ...]:
-        """The compared structures of `ALTERNATIVE_WORDS`, from the competitors if possible, else from `looked_at`."""
+        """The comparisons with structures of `ALTERNATIVE_WORDS`: first with competitors, then those in `looked_at`."""
         judged = judged_alternatives(self.design, self.rivals)
         return judged + tuple(entry for entry in self.looked_at if entry.name not in {two.name for two in judged})
 
     def with_alternatives(self) -> Self:
-        """Return the comparison with all structures of `ALTERNATIVE_WORDS`. Fast solves add the missing structures."""
+        """Return the comparison with all structures of `ALTERNATIVE_WORDS`. Fast solves add those not yet compared."""
         missing = [name for name in ALTERNATIVE_WORDS if name not in {rival.name for rival in self.rivals}]
         structure = self.design.structure
         if not (structure and missing):
@@ -72,7 +72,7 @@ class Comparison:
         return next(competitor for competitor in self.competitors if competitor.name == name)
 
     def gain(self, name: str) -> float:
-        """Return a competitor's compliance divided by the design's; above 1, the design is stiffer. nan: both fail."""
+        """Return a competitor's compliance divided by the design's; above 1, the design is stiffer. nan: inf / inf."""
         rival, design_compliance = self[name].compliance, self.design.compliance
         if np.isfinite(design_compliance):
             return rival / design_compliance
@@ -107,8 +107,8 @@ def comparison(
     refuse: bool = True,
 ) -> Comparison:
     """Compare the compliance of the design's cut sheet with competitors of the same mass.
-    against : names of `BASELINES`.     judge : judge of the design and the full sheet.
-    rival_judge : judge of the competitors, default `judge`. `quick` first finds the stiffest of several variants.
+    against : names of `BASELINES`.     judge : function that solves the design and the full sheet.
+    rival_judge : function that solves the competitors, default `judge`. `quick` first finds the stiffest variant.
     refuse  : True to raise an error if the design does not carry its loads. If False, the comparison holds the error.
     Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names."""
     rivals = baselines_by_name(against)
@@ -135,7 +135,7 @@ def compare_at(
 ) -> Comparison:
     """Compare sheets whose material covers `share` of the surface. The design's widths are scaled to this share.
     If the design does not carry its loads, the comparison holds the error. Raises DsfabError for unknown names, or
-    if `share` is not between 0 and 1."""
+    if `share` is not between 0 and 1. against : competitors' names.    judge : function that solves all sheets."""
     rivals = baselines_by_name(against)
     if not 0 < share < 1:
         raise DsfabError(f"the share {share:g} of the surface must lie between 0 and 1")
@@ -170,7 +170,7 @@ def _comparison(
 
 
 def _without_answers(judge: Judge) -> Judge:
-    """Return a judge that does not keep the solved answers, to save memory."""
+    """Return a function that solves like `judge`, but does not keep displacements and stresses, to save memory."""
     return _quick_judgement if judge is quick else lambda task, structure: replace(judge(task, structure), solved={})
 
 
@@ -258,7 +258,7 @@ class Checks:
 
 class Judges(NamedTuple):
     """Functions that compute the compliance of the design (`own`, all load cases) and of its competitors (`rival`).
-    told : reason why competitors with openings are solved only once; '' if they get a full check."""
+    told : message why competitors with openings are solved only once; '' if they get a full check."""
 
     own: Judge
     rival: Judge
@@ -279,7 +279,7 @@ def compare(
 
 
 def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
-    """Return the functions that solve the design and its competitors. against : names of the competitors."""
+    """Return the functions that solve the design and its competitors (names `against`), by the options `checks`."""
     names = tuple(baselines_by_name(against))
     if checks.level is None and _can_be_cut(design):
         plane = flat_axis(design.surface, *(case.load for case in design.statics.cases.values())) is not None
@@ -294,8 +294,8 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
 
 
 def full_at_many_shares(memory: float = BUDGET) -> Judge:
-    """Return `full` for comparisons of one surface with different amounts of material. Equal uncut sheets are solved
-    once. memory : bytes that the solver may take."""
+    """Return a function like `full`, to compare one surface with different amounts of material. Uncut sheets of one
+    thickness are solved once. memory : bytes that the solver may take."""
     judge = partial(full, budget=memory)
     return _full_for_whole_sheets(judge, judge)
 
@@ -308,7 +308,7 @@ def _can_be_cut(design: Design) -> bool:
 
 
 def _full_for_whole_sheets(whole_judge: Judge, cut: Judge) -> Judge:
-    """Return a function that solves cut sheets by `cut`, and uncut sheets by `whole_judge`, once per thickness."""
+    """Return a function that calls `cut` for cut sheets, and `whole_judge` once for all uncut sheets of a thickness."""
     judgements: dict[float, Judgement] = {}
 
     def judge(task: ComparisonTask, structure: Structure) -> Judgement:

@@ -90,7 +90,7 @@ def fabrication(design: Design) -> FabricationMeasures:
 
 def refusals(design: Design, measured: FabricationMeasures | None = None) -> tuple[str, ...]:
     """Return reasons (clauses) why an export needs the option --accept: loads without support, and places where the
-    solid is thinner than `FILM`. In a workshop design, members and gaps under 1 mm that miss their limit count, too.
+    solid is thinner than `FILM`. In a workshop design, also members and gaps that are under 1 mm and miss their limit.
     measured : measures of the design. If it is None, members and gaps are not checked."""
     loads, why = {name: case.load for name, case in design.statics.cases.items()}, []
     try:
@@ -108,7 +108,7 @@ def refusals(design: Design, measured: FabricationMeasures | None = None) -> tup
 
 
 def require_fit(design: Design, measured: FabricationMeasures | None = None, measure: bool = True) -> None:
-    """Raise PatternError if `refusals` finds reasons against an export and `fabrication.accept` is false.
+    """Raise PatternError if `refusals` returns reasons and `fabrication.accept` is false. measured : design's measures.
     measure : True to compute the measures of a workshop design if `measured` is None."""
     if measured is None and measure and design.resolved_preset.pattern.for_workshop:
         measured = fabrication(design)
@@ -160,12 +160,12 @@ def _pieces_at(design: Design, picker: Picker, label: Ints) -> list[int]:
 
 ATTEMPTS = 8  # largest number of changes of a design; each takes a whole run
 MARGIN = 1.02  # requested width divided by the limit: above 1 because slicing may narrow a member slightly
-COARSER, COARSEST = 0.85, 0.6  # largest and smallest factor on the stripes' frequencies in one change of a design
+COARSER, COARSEST = 0.85, 0.6  # one change of a design multiplies the frequencies of its stripes by 0.6 to 0.85
 
 
 @dataclass(frozen=True, eq=False)
 class FixedDesign:
-    """A design that meets its limits. made : its measures.    changes : old and new value of each changed key."""
+    """A design that meets its limits. made : measures of the design.    changes : old and new value of each key."""
 
     design: Design
     made: FabricationMeasures
@@ -175,8 +175,7 @@ class FixedDesign:
 def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesign:
     """Change a design until no check of its [fabrication] fails, and return it.
     The first changes raise the least widths of members and gaps. Later changes also lower the stripes' frequencies.
-    Raises PatternError if a limit fails that no pattern can meet (`min_wall`, `bed`), or if `ATTEMPTS` changes do not
-    suffice."""
+    Raises PatternError if `ATTEMPTS` changes do not suffice, or if `min_wall` or `bed` fails (no pattern helps)."""
     original, measured = design.preset, fabrication(design)
     for turn in range(ATTEMPTS):
         if not measured.failed_checks:

@@ -101,7 +101,7 @@ class Judgement:
         return max(extremes, key=lambda extreme: extreme.settled)
 
 
-Judge = Callable[[ComparisonTask, Structure], Judgement]  # a judge raises DsfabError if a load has no support
+Judge = Callable[[ComparisonTask, Structure], Judgement]  # solves a structure; DsfabError if a load has no support
 
 
 def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False) -> dict[str, AnsweredLoad]:
@@ -136,9 +136,9 @@ def quick(
     cases = {name: _case_response(task, structure, answered, request) for name, answered in answers.items()}
     total = sum(weight * cases[name].compliance for name, weight in task.preset.followed_weights.items())
     typical, largest = estimates.QUICK_ERRORS
-    text = f"one solve on the cut mesh: typical error {typical:.0%}, 90 % of designs under {largest:.0%}; no verdict"
+    text = f"no verdict by one solve on the cut mesh: median error {typical:.0%}, 90 % quantile {largest:.0%}"
     if structure.cells is structure.sheet and not task.is_plane:
-        largest, text = (0.5, "one solve on the uncut mesh: the largest known error is a third; errors may be larger")
+        largest, text = (0.5, "one solve on the uncut mesh: compliances were wrong by up to a third; more is possible")
     return Judgement(total, cases, bound=largest, reason=text, solved=answers)
 
 
@@ -206,10 +206,10 @@ def full(
     budget: float = BUDGET,
     progress: Progress | None = None,
 ) -> Judgement:
-    """Judge on finer and finer meshes, with error bounds for compliance, buckling and frequency. The stress is that of
-    the finest mesh. Displacements and reactions are those of the unrefined mesh. If the memory is too small for finer
+    """Solve on finer and finer meshes, with error bounds for compliance, buckling and frequency. The stress is that of
+    the finest mesh; displacements and reactions are those of the unrefined mesh. If the memory is too small for finer
     meshes, the result is that of `quick`.
-    every : True to judge all cases and combinations. If the sheet does not carry all of them, the verdict is `fail`.
+    every : True to solve all cases and combinations. If the sheet does not carry all of them, the verdict is `fail`.
     ask   : requested frequencies and buckling factors.         budget : memory, bytes.
     Raises StaticsError if the structure does not carry the loads that its pattern follows."""
     try:

@@ -20,10 +20,10 @@ from dsfab.study.fabrication import spacing_changes
 
 REACH, REACH_UP = 3.0, 6.0
 """Range of tried thicknesses: from the first guess divided by `REACH` to the guess times `REACH_UP`."""
-OWN_CUTS = 3  # Largest number of designs that are cut again for their own thickness.
+OWN_CUTS = 3  # Largest number of thicknesses for which the design is cut, after the draft.
 SERIES = 1.15  # Ratio of successive thicknesses for a material without a stock.
 MORE, MOST = 1.3, 0.75  # Factor that raises the share of the surface with material, and largest share.
-CLOSER = 0.75  # Factor on the spacing of members if more material does not suffice.
+CLOSER = 0.75  # Factor on the spacing of members if a pattern with more material still misses the targets.
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,8 @@ class SizingResult:
 
     def lines(self, every: bool = False) -> Iterator[str]:
         """Yield a table of the trials, then remarks.
-        every : True to list all trials. False to list the cut designs and the draft of the next thinner sheet. If the
-                pattern was changed or misses targets, the table lists all drafts of the chosen thickness instead."""
+        every : True to list all trials. False to list the cut designs and some drafts: those of the next thinner sheet
+                or, if the pattern was changed or the targets are missed, those of the chosen thickness."""
         thickness, final = self.trials[-1].thickness, {trial.thickness for trial in self.trials if trial.is_final}
         if every or self.changes or not self.fits:
             shown = {trial.thickness for trial in self.trials} if every else {thickness}
@@ -124,7 +124,7 @@ def sized_preset(preset: Preset, progress: Progress = silent) -> Preset:
 
 
 def guessed_preset(preset: Preset) -> Preset:
-    """Return the preset, for quick drawings. If its thickness is auto, replace it by a first guess."""
+    """Return the preset, for quick drawings. If its thickness is auto, the result has a first guess of it."""
     if preset.statics.is_sized:
         return preset
     guess = preset.sizing.first
@@ -181,7 +181,7 @@ def _standing_design(guess: Preset, thickest: float, progress: Progress) -> Desi
 
 def _nearest_trials(design: Design, stock: Sequence[float], progress: Progress) -> "_StockTrials":
     """Return trials of stock thicknesses near the thickness of a draft. If a thinner or thicker sheet may be better, a
-    new draft has the first or last of these thicknesses; if the old draft had it already, the next one in the stock.
+    new draft has the smallest or largest of these thicknesses, or, if the old draft had this, the next in the stock.
     Raises PatternError or StaticsError if the first draft fails."""
     thickness, solved, rows = design.preset.statics.thickness, set[float](), None
     while True:
@@ -207,7 +207,7 @@ def _nearest_trials(design: Design, stock: Sequence[float], progress: Progress) 
 
 
 def _draft(design: Design) -> Design:
-    """Return the design with approximate widths and without round corners. It has half as many triangles."""
+    """Return the design with approximate widths, without round corners, and with half as many triangles."""
     draft = Design.from_preset(design.preset.with_pattern(fillet=0.0), design)
     return draft.sketch(answers=True) or draft
 
@@ -215,9 +215,9 @@ def _draft(design: Design) -> Design:
 def _own_cuts(
     design: Design, preset: Preset, rows: "_StockTrials", progress: Progress
 ) -> tuple[list[SizingTrial], Design | None]:
-    """Return trials of designs that are cut for their own thickness, and the thinnest sufficient design or None.
-    The first cut has the thickness that is nearest to the targets according to `rows`. The last trial is the trial of
-    the returned design. Raises PatternError or StaticsError if a cut fails before a design suffices."""
+    """Cut the design for several thicknesses. Return trials, and the thinnest design that meets the targets or None.
+    The first thickness is the one whose trial in `rows` is nearest to the targets. The last trial is that of the
+    returned design. Raises PatternError or StaticsError if a cut fails and no earlier cut meets the targets."""
     trials, chosen, count = list[SizingTrial](), None, len(rows.trials)
     k = rows.thinnest_sufficient()
     if 0 < k < count and rows.full_trial(k - 1).worst * rows.full_trial(k).worst < 1:
@@ -252,12 +252,12 @@ def _with_result(design: Design, result: SizingResult) -> Design:
 def stock_thicknesses(preset: Preset, guess: float) -> tuple[Sequence[float], str]:
     """Return the thicknesses to try (m), ascending, and the source of this list. guess : metres."""
     if preset.sizing.thicknesses:
-        return sorted(preset.sizing.thicknesses), "the list sizing.thicknesses of the preset"
+        return sorted(preset.sizing.thicknesses), "from the list sizing.thicknesses of the preset"
     stock = STOCK.get(preset.statics.material or "")
     if stock is None:
         down, up = (int(np.log(reach) / np.log(SERIES)) for reach in (REACH, REACH_UP))
         series = [two_digits(guess * SERIES**k) for k in range(-down, up + 1)]
-        return series, "steps of 15 %, because dsfab knows no stock thicknesses of statics.material"
+        return series, "in steps of 15 %, because dsfab knows no stock thicknesses of statics.material"
     within_reach = [t for t in stock.metres if 1 / REACH <= t / guess <= REACH_UP]
     source = f"{preset.statics.material}, {stock.source}"
     return within_reach or [min(stock.metres, key=lambda t: abs(t - guess))], source
@@ -314,10 +314,9 @@ def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) ->
 
 def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) -> SizingTrial:
     """Return the results for a solved structure as a trial.
-    row : earlier trial of this thickness, for a sheet that was cut for another thickness. If `outcome` has no buckling
-          factor, that of `row` is used."""
+    row : trial of this thickness on an earlier cut sheet. Its buckling factor is used if `outcome` has none."""
     targets = design.preset.sizing
-    use = outcome.use.value if outcome.use else float("inf") if row else None  # None if use is not yet computed
+    use = outcome.use.value if outcome.use else float("inf") if row else None  # None: utilisation not yet computed
     movement = outcome.movement.share if outcome.movement else float("inf")
     factor = outcome.buckling or (row.buckling if row else float("inf"))
     excess: dict[str, float] = {} if use is None else {"utilisation": use / targets.utilisation}

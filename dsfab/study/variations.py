@@ -1,4 +1,4 @@
-"""Values of the option `--vary`: parsing, combinations, their best order, and the expected time for pictures."""
+"""Values of the option `--vary`: parsing, combinations, order of the runs, and expected time for their pictures."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -98,7 +98,7 @@ def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
 
 
 def expected_seconds(values: Values, stages: Mapping[str, float], picture: float) -> float:
-    """Return the expected time (s) for all pictures, from the times of each stage and of one picture."""
+    """Return the expected time (s) to make a picture of each combination. stages : time of each stage, s."""
     total = picture * count(values)
     for stage, seconds in stages.items():
         # a stage runs once for each combination of values of its own keys and of the keys of earlier stages
@@ -114,7 +114,7 @@ def spelled_value(value: Any) -> str:
 
 
 def short_names(keys: Sequence[str]) -> dict[str, str]:
-    """Return the shortest unique ending of each key, such as frequency, or major.frequency if both families have it."""
+    """Return each key's shortest unique ending, such as frequency; major.frequency if two keys end in frequency."""
     names = {}
     for key in keys:
         words = key.split(".")

@@ -140,7 +140,7 @@ def with_other_diagonals(F: Ints, pairs: Ints, quad: Ints) -> Ints:
 
 
 def has_new_diagonal(quad: Ints, edges: EdgeTable, n: int) -> Bools:
-    """Return which quads (q, 4), on n vertices, have a diagonal c-d that is not an edge yet."""
+    """Return which quads a, b, c, d (q, 4), on n vertices, have a diagonal c-d that is not an edge yet."""
     keys, diagonal_keys = edges.ends @ (n, 1), np.sort(quad[:, 2:], axis=1) @ (n, 1)
     positions = np.minimum(np.searchsorted(keys, diagonal_keys), len(keys) - 1)
     return np.asarray((keys[positions] != diagonal_keys) & (quad[:, 2] != quad[:, 3]))
@@ -232,7 +232,7 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
 
 
 def _may_flip(surface: Surface, faces: Ints, quad: Ints, tolerance: float) -> Bools:
-    """Mark quads (k, 4) of faces (k, 2) whose edge a-b may become c-d: c-d is new and near a-b; no face turns over."""
+    """Mark quads a, b, c, d (k, 4) whose edge a-b may become c-d: a new edge near a-b that turns no face over."""
     a, b, c, d = (surface.V[k] for k in quad.T)
     across = cross(b - a, d - c)
     distance = np.abs(np.einsum("ki,ki->k", across, c - a)) / np.maximum(lengths(across), np.finfo(float).tiny)

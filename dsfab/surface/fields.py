@@ -130,7 +130,7 @@ def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | Non
 
 
 class _Nodes(NamedTuple):
-    """Points where level lines cross edges. On edge e, the first point has index offset[e] and level begin[e]."""
+    """Points where level lines cross edges. The first point on edge e has index offset[e] and level number begin[e]."""
 
     offset: Ints
     begin: Ints
@@ -238,14 +238,13 @@ def _from_segment(points: Floats, a: Floats, b: Floats) -> Floats:
 @dataclass(frozen=True, eq=False)
 class CornerField:
     """A field on a surface with n vertices and m faces; its sign and offset may differ from face to face.
-    x      : (n, 1) values at the vertices; or (n, 2) values for the two edges of a band (see
-             `dsfab.slicing.cutting.cut`).
+    x      : (n, 1) values at the vertices; or (n, 2) for the two edges of a band, see `dsfab.slicing.cutting.cut`.
     sign   : (m, 3) 1 or -1 at each corner of a face.
     shift  : (m, 3) offset at each corner of a face. The value at the corner is sign * x + shift.
     blank  : (m,) faces without a field; the cut leaves them whole.
     wanted : (m,) fraction of each face on which the field applies, 0 to 1; None if it applies everywhere.
-    In a band, a place is material if x[:, 0] is above more levels of the cut than x[:, 1]. An opening cut by
-    earlier fields stays or is filled, depending on the mean of `wanted` in it."""
+    In a band, a place is material if more levels of the cut lie below x[:, 0] than below x[:, 1]. If earlier fields
+    have cut an opening, the mean of `wanted` in the opening decides whether it stays or is filled."""
 
     x: Floats
     sign: Floats
@@ -263,7 +262,7 @@ class CornerField:
 
     @cached_property
     def changed_faces(self) -> Bools:
-        """Mask (m,) of the faces that have a `sign` of -1 or a `shift` other than 0 at a corner."""
+        """Mask (m,) of the faces with values other than x: `sign` is -1 or `shift` is not 0 at a corner."""
         return np.asarray(((self.sign < 0) | (self.shift != 0)).any(axis=1))
 
     def corners(self, F: Ints) -> Floats:
@@ -290,7 +289,7 @@ class DividedSurface:
 
     @classmethod
     def undivided(cls, surface: Surface) -> Self:
-        """Return a surface without divisions: every face is one part."""
+        """Return `surface` as a divided surface in which every part is a whole face."""
         return cls(surface, surface, np.arange(surface.m), csr_array(eye_array(surface.n)))
 
     def with_halved_edges(self, edges: Bools, positions: Floats | None = None) -> "DividedSurface":
@@ -311,7 +310,7 @@ class DividedSurface:
         return np.flatnonzero(self.surface.F.max(axis=1) >= self.whole.n)
 
     def corners(self, parts: Ints) -> Floats:
-        """Return the barycentric coordinates (k, 3, 3) of the corners of parts (k,) in their faces."""
+        """Return the barycentric coordinates (k, 3, 3) of the corners of parts (k,), each in the part's whole face."""
         rows, columns = self.surface.F[parts][:, :, None], self.whole.F[self.parent[parts]][:, None, :]
         i, j = (np.broadcast_to(index, (len(parts), 3, 3)).ravel() for index in (rows, columns))
         return np.asarray(self.weights[i, j]).reshape(-1, 3, 3)
@@ -360,11 +359,11 @@ class DividedField:
 
     @property
     def columns(self) -> "tuple[DividedField, ...]":
-        """One field with one value per vertex for each column of x."""
+        """The field as several fields with one value per vertex: one field for each column of its values."""
         return (self,) if self.x.ndim == 1 else tuple(DividedField(self.divided, x) for x in self.x.T)
 
     def at_points(self, points: Floats) -> Floats:
-        """Return the values (m, p) at barycentric coordinates (p, 3) in each face. x must have one value per vertex."""
+        """Return the values (m, p) at barycentric coordinates (p, 3) in each face, for a field with one column."""
         surface, parts = self.divided.whole, self.divided.cut_parts()
         values, inside = self.x[surface.F] @ points.T, np.full((surface.m, len(points)), -np.inf)
         part_coordinates = points @ np.linalg.inv(self.divided.corners(parts))  # barycentric, (k, p, 3)

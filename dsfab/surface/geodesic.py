@@ -21,9 +21,9 @@ SLACK = 1e-10  # Allowed rounding errors, divided by the compared lengths, areas
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """Windows: the parts of edges that straight paths from a source reach, in the plane of unfolded faces. k windows.
-    names  : (k, 5) the properties `edge` to `parallel`.
-    values : (k, 7) the properties `at_a` to `offset`."""
+    """k windows. A window is the part of an edge that straight paths from a source reach, in a plane of unfolded faces.
+    names  : (k, 5) the properties `edge`, `face`, `a`, `b` and `parallel`.
+    values : (k, 7) the properties `at_a` and `at_b` (two columns each), `start`, `end` and `offset`."""
 
     names: Ints
     values: Floats
@@ -32,7 +32,7 @@ class Windows:
     def from_columns(
         cls, names: Sequence[Ints | Bools], A: Floats, B: Floats, start: Floats, end: Floats, offset: Floats
     ) -> "Windows":
-        """Return k windows. names : columns (k,) of `Windows.names`.    A, B : (k, 2) ends of the edges, metres."""
+        """Return k windows (reached parts of edges). names : columns (k,) of `names`.    A, B : (k, 2) edge ends, m."""
         return cls(np.stack(names, axis=1), np.stack([*A.T, *B.T, start, end, offset], axis=1))
 
     @property
@@ -42,7 +42,7 @@ class Windows:
 
     @property
     def face(self) -> Ints:
-        """Number (k,) of the last face that paths cross before they reach the window; -1 without a face."""
+        """Number (k,) of the last face that paths cross before they reach each window's edge; -1 without a face."""
         return self.names[:, 1]
 
     @property
@@ -62,7 +62,7 @@ class Windows:
 
     @property
     def at_a(self) -> Floats:
-        """Positions A (k, 2) of the edges' first vertices. Seen from A to B, the rays' sources are on the right."""
+        """Positions A (k, 2) of the edges' first vertices. The sources of paths lie on the right of the line A to B."""
         return self.values[:, 0:2]
 
     @property
@@ -72,26 +72,26 @@ class Windows:
 
     @property
     def start(self) -> Floats:
-        """Start (k,) of each window: P0 = A + start (B - A)."""
+        """Start (k,) of the reached part of each edge A-B: the point A + start (B - A)."""
         return self.values[:, 4]
 
     @property
     def end(self) -> Floats:
-        """End (k,) of each window: P1 = A + end (B - A)."""
+        """End (k,) of the reached part of each edge A-B: the point A + end (B - A)."""
         return self.values[:, 5]
 
     @property
     def offset(self) -> Floats:
-        """Length (k,) of the path to each window's source, metres."""
+        """Length (k,) of the path from the origin to the source of the straight paths, metres."""
         return self.values[:, 6]
 
     def select(self, which: Ints | Bools) -> "Windows":
-        """Return the windows selected by indices or marks (k,)."""
+        """Return some windows (reached parts of edges), selected by indices or marks (k,)."""
         return Windows(self.names[which], self.values[which])
 
     @classmethod
     def concatenate(cls, parts: Sequence["Windows"]) -> "Windows":
-        """Join several sets of windows, with k windows in all."""
+        """Join several sets of windows (reached parts of edges). The result has k windows."""
         return cls(np.concatenate([part.names for part in parts]), np.concatenate([part.values for part in parts]))
 
     def place(self, t: Floats) -> Floats:
@@ -99,11 +99,11 @@ class Windows:
         return np.asarray(self.at_a + t[:, None] * (self.at_b - self.at_a))
 
     def distance(self, P: Floats) -> Floats:
-        """Return the lengths (k,) of the paths through each window's source to positions P (k, 2)."""
+        """Return the lengths (k,) of paths from the origin, through the source of each window, to points P (k, 2)."""
         return np.asarray(self.offset + np.where(self.parallel, P[:, 1], np.hypot(P[:, 0], P[:, 1])))
 
     def nearest(self) -> Floats:
-        """Return the smallest distance (k,) from the source within each window."""
+        """Return the smallest distance (k,) of each window (part of an edge) from the origin."""
         P, Q = self.place(self.start), self.place(self.end)
         along = Q - P
         foot = np.clip(-dot2(P, along) / np.maximum(dot2(along, along), np.finfo(float).tiny), 0, 1)
@@ -111,12 +111,12 @@ class Windows:
         return self.distance(P + foot[:, None] * along)
 
     def rays(self, P: Floats) -> Floats:
-        """Return the directions (k, 2) of the paths from each window's source at positions P (k, 2)."""
+        """Return the directions (k, 2), at points P (k, 2), of the straight paths from the source of each window."""
         return np.where(self.parallel[:, None], (0.0, 1.0), P)
 
     def left_offset(self, t: Floats, C: Floats) -> Floats:
-        """Return the distance (..., k) of points C (..., k, 2) to the left of the ray through A + t (B - A).
-        The distance is multiplied by the length of `rays`. Distances within rounding errors are 0."""
+        """Return how far (..., k) points C (..., k, 2) lie to the left of the ray through A + t (B - A).
+        The distances are multiplied by the length of the ray's vector (`rays`). Those within rounding errors are 0."""
         P = self.place(t)
         ray = self.rays(P)
         offsets = cross2(ray, C - P)
@@ -154,8 +154,8 @@ class Origins(NamedTuple):
 
 
 class Distances(NamedTuple):
-    """Distances (metres) at the vertices (n,) and the edge middles (e,), and the faces (m,) partly within reach.
-    Distances are exact on these faces. Outside them, distances are upper bounds, or infinite."""
+    """Distances (metres) from the nearest origin to vertices (n,) and edge middles (e,), and the faces (m,) partly
+    within the requested distance. Distances are exact on these faces. Elsewhere, they are upper bounds, or infinite."""
 
     vertex: Floats
     middle: Floats
@@ -174,10 +174,10 @@ def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf
 
 
 class _Bends(NamedTuple):
-    """Vertices (k,) at which shortest paths bend. New rays differ from the incoming path by at least `bound` radians.
+    """Vertices (k,) at which shortest paths bend. A path leaves at `bound` radians or more from its incoming part.
     offset : (k,) distance of each vertex from the source, metres.
     edge   : (k, 2) two edges at the vertex.
-    angle  : (k, 2) direction of the incoming path, measured from these edges, radians."""
+    angle  : (k, 2) angles between the incoming part of the path and these edges, radians."""
 
     vertex: Ints
     offset: Floats
@@ -190,7 +190,7 @@ class _Bends(NamedTuple):
 
     @classmethod
     def from_origins(cls, origins: Origins) -> "_Bends":
-        """Return the marked vertices as sources of rays, without an incoming path."""
+        """Return the marked vertices of the origins as starting points of paths."""
         vertex = np.flatnonzero(origins.vertices)
         none = np.full((len(vertex), 2), -1)
         return cls(vertex, np.zeros(len(vertex)), none, np.full(none.shape, np.inf), np.pi / 2)
@@ -200,7 +200,7 @@ class _Front:
     """Distances computed so far; see `Distances`.
     reached : (m,) faces that are partly within reach.
     bending : (n,) vertices at which paths may bend.
-    bent    : (n,) distance of each vertex when it last became the source of windows.
+    bent    : (n,) distance of each vertex when it last became the source of windows (reached parts of edges).
     waiting : vertices that still have to become sources of windows."""
 
     def __init__(self, surface: Surface, origins: Origins, reach: float) -> None:
@@ -237,7 +237,7 @@ class _Front:
         return Windows.from_columns((edge, np.full(len(edge), -1), a, b, zero == 0), A, B, zero, zero + 1, zero)
 
     def advance(self, windows: list[Windows], limit: float) -> list[Windows]:
-        """Propagate windows until all remaining windows are farther than the limit (metres); return these windows."""
+        """Propagate windows (reached parts of edges) up to `limit` (metres). Return windows beyond this distance."""
         beyond: list[Windows] = []
         while windows:
             current = Windows.concatenate(windows)

@@ -30,7 +30,7 @@ def bounding_box(V: Floats, F: Ints) -> Floats:
 
 def signed_volume(V: Floats, F: Ints) -> float:
     """Return the volume inside closed faces F (m, 3) on V (n, 3), in their unit cubed; negative for inward normals.
-    Method: divergence theorem, as a sum of tetrahedra with tips in the middle of the box."""
+    Method: divergence theorem, as a sum of tetrahedra with one common corner in the middle of the bounding box."""
     return float(_tetrahedron_volumes(V, F).sum())
 
 
@@ -52,7 +52,7 @@ def _tetrahedron_volumes(V: Floats, F: Ints) -> Floats:
 
 
 def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
-    """Yield blocks of k faces: slice, first corners (3, k) relative to the box's middle, double area vectors (3, k)."""
+    """Yield blocks of k faces: slice; first corner (3, k) from the bounding box's middle; double area vector (3, k)."""
     if not len(F):
         return
     columns = np.ascontiguousarray((V - bounding_box(V, F).mean(axis=0)).T)
@@ -256,7 +256,7 @@ class Surface:
 
     @cached_property
     def loops(self) -> list[Ints]:
-        """Boundary loops as vertex indices (k,), longest first (in metres)."""
+        """Boundary loops as vertex indices (k,), sorted by their lengths in metres, longest first."""
         return sorted(boundary_loops(self.F, self.edges), key=lambda loop: -polygon_perimeter(self.V[loop]))
 
     @cached_property

@@ -43,7 +43,7 @@ def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
     j, turn = 2 * np.concatenate([at_start, at_end]), np.tile(clash, 2)
     i, j = np.concatenate([i, i + 1]), np.concatenate([j + turn, j + 1 - turn])
     side = link_components(6 * len(F), i, j)[1].reshape(-1, 2)
-    fan, reference = np.unique(side.min(axis=1), return_index=True)  # fan number: lower label of a corner's two sides
+    fan, reference = np.unique(side.min(axis=1), return_index=True)  # fan: the smaller label of a corner's two sides
     reference_corner = reference[np.searchsorted(fan, side.min(axis=1))]
     sides: Ints = np.where(side[:, 0] == side[reference_corner, 0], 1, -1).reshape(-1, 3)
     return sides
@@ -81,8 +81,8 @@ def require_two_sides(surface: Surface, faces: Bools, what: str) -> None:
     wrong = int((one_sided_pieces(surface.F, surface.edges) & faces).sum())
     if wrong:
         raise SurfaceError(
-            f"{what} needs an outside, but {wrong} of its faces belong to a piece with one side only (such as a "
-            "Moebius strip); use forces with a direction, or pick other faces"
+            f"{what} needs faces with an outside, but {wrong} of these faces have one side only, as in a Moebius "
+            "strip; use forces with a direction, or pick other faces"
         )
 
 

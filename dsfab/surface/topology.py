@@ -105,9 +105,9 @@ def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
 
 
 def link_components(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
-    """Return the number of components of `count` nodes with links i - j (k,), and the component of each node.
-    Components are in the order of their first nodes. Each round joins the trees at both ends of every link: the larger
-    root moves below the smaller root. Then all paths are shortened [Shiloach and Vishkin 1982]."""
+    """Return the number of components of a graph of `count` nodes with links i - j (k,), and each node's component.
+    Components are in the order of their first nodes. Method: nodes form trees. In each round, every link between two
+    trees puts the larger root below the smaller root. Then all paths are shortened [Shiloach and Vishkin 1982]."""
     things = np.arange(count)
     root = things
     while len(i):
@@ -181,8 +181,8 @@ def corner_fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bool
 
 
 def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | None = None) -> tuple[int, Ints]:
-    """Return the number of edge-connected fans of faces around vertices, and the fan of each corner (3 m,).
-    Corner h is the start of half-edge h. A shared edge joins the corners of its two faces at each end of the edge."""
+    """Return the number of fans (faces around a vertex that shared edges connect), and the fan of each corner (3 m,).
+    Corner h is the start of half-edge h. also, apart : as in `corner_fans`."""
     pairs = edges.pairs if apart is None else edges.pairs[~apart[edges.count == 2]]
     h0, h1 = (pairs if also is None else np.concatenate([pairs, also])).T
     a, _ = half_edges(F)
@@ -254,7 +254,7 @@ def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
 
 
 def crowded_edge_fault(edges: EdgeTable) -> str:
-    """Return a clause with the number and the first of the edges of more than two faces; "" without such edges."""
+    """Return a clause that counts the edges of more than two faces and names the first; "" without such edges."""
     crowded = np.flatnonzero(edges.count > 2)
     if not len(crowded):
         return ""
@@ -317,8 +317,8 @@ def faces_at(F: Ints, marks: Bools) -> Bools:
 
 
 def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
-    """Return a mask (e, ...) of the edges with both ends marked (n, ...).
-    An inner edge between two boundary vertices needs a face with three marked corners and at most one boundary edge."""
+    """Return a mask (e, ...) of the edges with both ends marked (n, ...). An inner edge between two boundary vertices
+    must also belong to a face with three marked corners and at most one boundary edge."""
     is_spanned = marks[edges.ends].all(axis=1)
     chord = on_boundary(edges, len(marks))[edges.ends].all(axis=1) & ~edges.boundary
     beside_marked_face = np.zeros_like(is_spanned)

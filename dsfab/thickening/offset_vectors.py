@@ -42,7 +42,7 @@ def check_contacts(surface: Surface) -> None:
     pinched = surface.pinches
     if len(pinched):
         raise SolidError(
-            f"parts of the sheet touch in a single point at {count_phrase(len(pinched), 'vertex')} "
+            f"parts of the sheet touch only in points, at {count_phrase(len(pinched), 'vertex')} "
             f"(first: {first_few(pinched)}); join or split these parts before thickening"
         )
 
@@ -58,16 +58,14 @@ CHUNK = 1 << 13  # Number of faces processed together, because they fit the proc
 def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
     """Return unit normals (n, 3) at the vertices, at small angles to the normals of the faces around each vertex.
     The smallest cosine of these angles is at least 95 % of the best possible.
-
-    faces   : (m, 3, 3) normal of each face at each of its corners, on the upper side of the vertex.
+    faces   : (m, 3, 3) normal of each face at each of its corners, turned to the upper side of the corner's vertex.
     weights : (m, 3) corner angles.
-
     The best normal points to the point nearest to the origin in the convex hull of the face normals [Gilbert 1966].
-    The search starts from the weighted mean of the face normals. It returns this mean if cosines stay negative."""
+    The search starts from the weighted mean of the face normals. If a cosine stays negative, the mean is returned."""
     vertex, normal = surface.F.ravel(), faces.reshape(-1, 3)
     mean = _corner_mean(surface, weights, normal)
     point = mean.copy()
-    tight = np.flatnonzero(_may_improve(surface, point, faces)[vertex])  # corners at vertices whose normals can improve
+    tight = np.flatnonzero(_may_improve(surface, point, faces)[vertex])  # corners where a better normal may exist
     by_vertex = tight[sorted_order(vertex[tight])]
     vertex, normal = vertex[by_vertex], normal[by_vertex]
     for _ in range(200 if len(tight) else 0):
@@ -130,7 +128,7 @@ def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
 
 
 def _unit_normals(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
-    """Normalise the vectors `point` (n, 3). Where a face points away, use `mean`, or a face normal if that is zero."""
+    """Normalise `point`. Use `mean` where `point` looks away from a face, or a face normal if the mean is near zero."""
     N = np.where(_sees_all(surface, point, faces)[:, None], point, mean)
     lost = lengths(N) < 1e-6
     if lost.any():
@@ -151,7 +149,7 @@ def _sees_all(surface: Surface, N: Floats, faces: Floats) -> Bools:
 
 Side = Literal["mid", "out", "in"]
 
-SHIFT = {"mid": 0, "out": 1, "in": -1}  # Distance of the sheet's middle from the surface, as a multiple of D.
+SHIFT = {"mid": 0, "out": 1, "in": -1}  # Distance of the sheet's middle from the surface, in half thicknesses.
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +172,7 @@ class Offsets:
         lock(self, "sides", np.int64, (None, 3))
 
     def at_corners(self, F: Ints) -> Floats:
-        """Return D at corners of the faces F (m, 3) as (m, 3, 3), on each face's side, for `Sheet.carry_corners`."""
+        """Return half-thickness vectors (m, 3, 3) at corners of F (m, 3), on the faces' sides, for `carry_corners`."""
         seen: Floats = self.D[F] * self.sides[:, :, None]
         return seen
 
@@ -221,10 +219,9 @@ def _checked_thickness(surface: Surface, thickness: float | Floats) -> Floats:
 def safe_shares(
     surface: Surface, D: Floats, sides: Ints, shift: int = 0, shrink: float = 0.85, smallest: float = 0.05
 ) -> Floats:
-    """Return factors (n,), at most 1, for the vectors D (n, 3). With them, prisms have a clearly positive Jacobian.
-    A smaller Jacobian is accepted at corners with offsets nearly parallel to the face, because shrinking does not help.
-    sides  : (m, 3) as in `Offsets`.
-    shrink : factor of each step."""
+    """Return factors (n,), at most 1, for D (n, 3), so that the prisms over faces have a clearly positive Jacobian.
+    A smaller Jacobian is accepted at corners with offsets nearly parallel to the face: shorter offsets do not help.
+    sides : (m, 3) as in `Offsets`. shrink : factor of each step."""
     share = np.ones(surface.n)
     faces = np.arange(surface.m)
     while len(faces):
@@ -245,10 +242,9 @@ def safe_shares(
 
 def prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
     """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and their safe minimum (m, 3).
-    P : (m, 3, 3) corners of the faces.
-    d : (m, 3, 3) half-thickness vectors at the corners, on the side of the faces' normals.
+    P, d : (m, 3, 3) corners of the faces, and half-thickness vectors there, on the side of the faces' normals.
     Coefficient [k, v] belongs to Bernstein polynomial k of s and corner v. If all coefficients are positive, the prism
-    does not fold over. The unit of a face's coefficients is twice its area times the mean |d|."""
+    does not fold over. A face's coefficients are divided by twice the face's area times the mean |d|."""
     e1, e2 = P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]
     d1, d2 = d[:, 1] - d[:, 0], d[:, 2] - d[:, 0]
     flat = cross(e1, e2)
@@ -256,4 +252,4 @@ def prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
     scale = (lengths(flat) * lengths(d).mean(axis=1))[:, None]
     C = np.stack([np.einsum("mi,mvi->mv", N, d) / scale for N in normals], axis=1)
     straight = np.einsum("mi,mvi->mv", flat, d) / scale
-    return C, np.minimum(0.2, 0.5 * straight)  # 0.05 is too low to be safe; with 0.4, `safe_shares` may not converge
+    return C, np.minimum(0.2, 0.5 * straight)  # 0.05 instead of 0.2 is unsafe; with 0.4, `safe_shares` may not converge

@@ -16,7 +16,7 @@ from dsfab.thickening.union import THIN, THINNEST, PrismUnion, prism_union
 
 @dataclass(frozen=True, eq=False)
 class UnfoldedSheet:
-    """The sheet's vertices V (n, 3) without small folds, and the pairs of its faces that still cross (k, 2)."""
+    """Vertices V (n, 3) of a sheet whose small folds were smoothed, and pairs (k, 2) of its faces that still cross."""
 
     V: Floats
     crossing: Ints
@@ -39,7 +39,7 @@ def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
         V = np.where(to_move[:, None], (V + averages @ V) / 2, V)
         all_crossings, crossing = np.concatenate([all_crossings, crossing]), intersecting_pairs(V, surface.F)
     stuck = np.isin(fold, np.unique(fold[surface.F[crossing].ravel()])) & (fold >= 0) if len(all_crossings) else None
-    if stuck is not None and stuck.any() and (V != surface.V).any():  # restore the vertices of folds that still cross
+    if stuck is not None and stuck.any() and (V != surface.V).any():  # undo moves in folds whose faces still cross
         V = np.where(stuck[:, None], surface.V, V)
         crossing = intersecting_pairs(V, surface.F)
     return UnfoldedSheet(V, crossing)
@@ -49,8 +49,8 @@ def flatten_contacts(
     surface: Surface, skin: Skin, D: Floats, backslash: Bools, pairs: Ints
 ) -> tuple[Floats, Floats, Ints]:
     """Remove intersections that other repairs left; return vertices V (n, 3), offsets D (n, 3), and the remaining pairs
-    (k, 2). The sheet becomes thinner at faces that meet, down to a film if necessary. An offset nearly parallel to a
-    face moves halfway to the mean of its neighbours, with its vertex. The result is the state with the fewest pairs."""
+    (k, 2). The sheet becomes thinner at faces that meet, down to a film if necessary. Where an offset is nearly
+    parallel to a face, offset and vertex move halfway to their neighbours' mean. The round with fewest pairs counts."""
     V, faces, averages = surface.V, skin.faces(backslash), _averages(surface)
     least = 0.002 * np.linalg.norm(D, axis=1)  # shortest offset; with half of it, rounding errors would be visible
     result = V, D, pairs
@@ -72,7 +72,7 @@ def flatten_contacts(
 
 
 def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
-    """Return the smallest cosine (n,) between each offset and the normals around it, on the vertex's upper side."""
+    """Return each offset's smallest cosine (n,) to the face normals around it; these point to the offset's side."""
     side = np.where(skin.upper < surface.n, 1, -1)
     unit = D / np.linalg.norm(D, axis=1, keepdims=True)
     cosine = np.einsum("mi,mvi->mv", surface.normals, unit[surface.F]) * side
@@ -82,7 +82,7 @@ def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
 
 
 def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
-    """Return the fold number (n,) of each vertex, -1 without a fold, and the diagonal of each fold's box, metres."""
+    """Group the vertices of crossing faces into folds; return each vertex's fold (n,), or -1, and box diagonals (m)."""
     corner = F[pairs].reshape(-1, 6)
     i, j = np.repeat(corner[:, :1], 5, axis=1).ravel(), corner[:, 1:].ravel()
     label, used = link_components(len(V), i, j)[1], distinct(corner)
@@ -102,9 +102,9 @@ def _averages(surface: Surface) -> csr_array:
 
 @dataclass(frozen=True, eq=False)
 class RepairedSkin:
-    """A skin after repair: offsets D (n, 3), metres, wall diagonals (r,), and pairs (k, 2) of faces that intersect.
+    """A skin after repair: offsets D (n, 3), metres, wall diagonals (r,) as in `Skin`, pairs (k, 2) of crossing faces.
     found   : number of pairs before the repair.
-    crosses : number of pairs of faces in which the sheet itself, without thickness, crosses itself.
+    crosses : number of pairs of faces in which the sheet, without thickness, crosses itself.
     union   : mesh that replaces the skin if the sheet crosses itself; `pairs` then refers to the union.
     V       : (n, 3) vertices of the sheet, moved at small folds."""
 
@@ -120,7 +120,7 @@ class RepairedSkin:
 def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None) -> RepairedSkin:
     """Remove intersections of the skin of a sheet with offsets D (n, 3) as far as possible.
     If the sheet crosses itself, dsfab cuts it into patches and unites their solids.
-    among : mask of the skin's faces that may intersect for some diagonals of the walls; by default all faces."""
+    among : mask of the skin's faces that may intersect, whichever diagonals the walls have; by default all faces."""
     V = surface.V
     backslash = skin.shorter_diagonals(V, D)
     pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash), among)
@@ -153,7 +153,7 @@ def _flip_diagonals(
         return backslash, pairs
     P = skin.vertices(V, D)
     for round_ in range(3):
-        walls = skin.walls(pairs)[round_ % 2 :: 1 + (round_ > 0)]  # flips of neighbours may undo each other
+        walls = skin.walls(pairs)[round_ % 2 :: 1 + (round_ > 0)]  # later, every second wall: neighbours interfere
         if not len(walls):
             break
         trial = _toggle(backslash, walls)
@@ -174,7 +174,7 @@ def _away_from(surface: Surface, crossing: Ints, D: Floats) -> Bools:
 
 def _thin_offsets(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, free: Bools) -> tuple[Floats, Ints]:
     """Shorten offsets at pairs of intersecting faces, to no less than the fraction `THINNEST` of their length.
-    Return the offsets and pairs of the round with the fewest pairs. free : (n,) vertices whose offsets may change."""
+    Return offsets and pairs of the round with the fewest pairs. free : (n,) vertices whose offsets may change."""
     if not len(pairs):
         return D, pairs
     faces = skin.faces(backslash)

@@ -55,7 +55,7 @@ def _around_vertices(V: Floats, F: Ints) -> Ints:
     corner = sorted_order(s)
     around = s[corner]
     position, hits = np.arange(len(corner)), []
-    for distance in range(1, len(corner)):  # stops at the largest number of faces at a vertex
+    for distance in range(1, len(corner)):  # the loop stops at the largest number of faces at a vertex
         position = position[position + distance < len(corner)]
         position = position[around[position] == around[position + distance]]
         if not len(position):
@@ -71,7 +71,7 @@ def _around_vertices(V: Floats, F: Ints) -> Ints:
 
 
 def _surely_separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j: Ints) -> Bools:
-    """Return a mask of pairs i, j: True if a plane separates them. For False, other tests decide."""
+    """Return a mask of pairs i, j of corners at a vertex: True if a plane separates their faces, False if unclear."""
     w = middle[i] - middle[j]
     least = np.minimum(np.einsum("ck,ck->c", ahead[i], w), np.einsum("ck,ck->c", behind[i], w))
     largest = np.maximum(np.einsum("ck,ck->c", ahead[j], w), np.einsum("ck,ck->c", behind[j], w))

@@ -24,7 +24,7 @@ def is_fine(V: Floats, D: Floats) -> bool:
 
 
 def rounding_step(V: Floats, D: Floats) -> float:
-    """Return an upper bound (m) for moves of V + 2 D by `round_to_single`. D : (n, 3) vectors of half a thickness."""
+    """Return an upper bound (m) of how far `round_to_single` moves V + 2 D. D : (n, 3) vectors of half a thickness."""
     largest = (np.abs(V).max() + 2 * np.abs(D).max()) * MM_PER_M
     return float(np.spacing(np.float32(largest)) / MM_PER_M)
 
@@ -67,7 +67,7 @@ class Skin:
 
           p+ --- q+        upper skin        slash: diagonal q+ p-     backslash: diagonal p+ q-
           |       |
-          p- --- q-        lower skin        seen from outside, p to the right of q"""
+          p- --- q-        lower skin        wall at a boundary edge, seen from outside"""
 
     n: int
     upper: Ints
@@ -89,19 +89,19 @@ class Skin:
         return cls(n, copies[0], copies[1], *ends, np.flatnonzero(rim) // 3, shift, single)
 
     def vertices(self, V: Floats, D: Floats) -> Floats:
-        """Return the vertices (2 n, 3): first all copies on the side of D, then all copies on the opposite side."""
+        """Return the vertices (2 n, 3): first all copies on the side to which D points, then all opposite copies."""
         copies = np.concatenate([V + (self.shift + 1) * D, V + (self.shift - 1) * D])
         return round_to_single(copies) if self.single else copies
 
     def shorter_diagonals(self, V: Floats, D: Floats) -> Bools:
-        """Return True for each wall (r,) whose backslash diagonal is clearly shorter than its slash (see `Skin`)."""
+        """Return True for each boundary wall (r,) whose diagonal p+ q- is clearly shorter than q+ p- (see `Skin`)."""
         P = self.vertices(V, D)
         back, slash = P[self.p[0]] - P[self.q[1]], P[self.q[0]] - P[self.p[1]]
         shorter: Bools = np.einsum("ri,ri->r", back, back) < (1 - 1e-9) * np.einsum("ri,ri->r", slash, slash)
         return shorter
 
     def faces(self, backslash: Bools) -> Ints:
-        """Return (2 m + 2 r, 3) upper faces, lower faces, first and second triangles of walls, all facing outward."""
+        """Return faces (2 m + 2 r, 3), facing outward: upper, lower, then the walls' first and second triangles."""
         (p, below_p), (q, below_q) = self.p, self.q
         across = backslash[:, None]
         first_triangle = np.where(across, np.stack([q, p, below_q], axis=1), np.stack([q, p, below_p], axis=1))
@@ -114,6 +114,6 @@ class Skin:
         return np.unique((faces[faces >= skins] - skins) % max(self.p.shape[1], 1))
 
     def sources(self) -> Ints:
-        """Return the face of the sheet (2 m + 2 r,) under or beside each face of the solid."""
+        """Return the face of the sheet (2 m + 2 r,) from which each face of the solid was made."""
         every = np.arange(len(self.upper))
         return np.concatenate([every, every, self.rim, self.rim])

@@ -74,8 +74,8 @@ def repair_report(
         lost = 1 - float(surface.areas @ share[surface.F].mean(axis=1)) / float(surface.areas.sum())
         report = replace(report, rung="thinned", thinned=thin, thinnest=least, thinnest_at=_triple(point), lost=lost)
         notes.append(
-            f"the sheet met itself in {repair.found} pairs of faces and was thinned at {thin} of {surface.n} "
-            f"vertices, by {lost:.2%} of its volume, down to {least:.2f} of its thickness near {_place(point)}"
+            f"the thickened sheet met itself in {repair.found} pairs of faces and was thinned at {thin} of {surface.n} "
+            f"vertices: it lost {lost:.2%} of its volume, and keeps {least:.2f} of its thickness near {_place(point)}"
         )
     away = np.linalg.norm(repair.V - surface.V, axis=1)
     if away.any():
@@ -100,7 +100,7 @@ def repair_report(
 
 
 def rounding_notes(V: Floats, F: Ints) -> tuple[str, ...]:
-    """Report faces F (m, 3) that lose a corner when an STL file rounds V (n, 3), metres, to single precision."""
+    """Report faces F (m, 3) that get two equal corners when STL files round V (n, 3), metres, to single precision."""
     a, b = half_edges(F)
     lost = np.arange(len(a))
     for column in V.T:
@@ -118,7 +118,7 @@ def rounding_notes(V: Floats, F: Ints) -> tuple[str, ...]:
 
 def _cause(repair: RepairedSkin) -> str:
     if repair.union:
-        return "the cause is rounding where parts are fused; slicers for printing accept such contacts"
+        return "rounding at the fused parts is the cause; slicers for printing accept these intersections"
     if repair.crosses:
         return f"the surface crosses itself in {repair.crosses} pairs of faces"
     return "parts of the surface are closer together than the sheet is thick"
@@ -206,7 +206,7 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
     """Return the solid between the skins V + D and V - D of a sheet, closed by walls ruled along D on its boundary.
 
     surface : an edge-manifold sheet without parts that touch only in a point; it may be closed, one-sided or in pieces.
-    D       : (n, 3) half-thickness vectors from `offsets`, on the side of the first face around each vertex, metres.
+    D       : (n, 3) half-thickness vectors from `offsets`, metres, on the normal's side of each vertex's first face.
     side    : "out" for the skins V + 2 D and V, "in" for V and V - 2 D.
     proven  : (m,) faces whose prisms certainly meet no other prism (see `proven_cells`); they are not tested again.
 
@@ -220,7 +220,7 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
     check_edges(surface)
     check_contacts(surface)
     surface, D = _used_part(surface, D)
-    single = is_fine(surface.V, D) and not surface.is_flat  # rounding would bend a tilted plane
+    single = is_fine(surface.V, D) and not surface.is_flat  # rounding the vertices of a tilted flat sheet would bend it
     skin = Skin.from_surface(surface, SHIFT[side], single)
     _check_upward(surface, skin, D)
     among = None if proven is None else ~proven[skin.sources()]
@@ -254,9 +254,8 @@ def _vertices(skin: Skin, repair: RepairedSkin, F: Ints, among: Bools | None) ->
 
 
 def check_solid(solid: Solid) -> None:
-    """Raise SolidError unless manifold3d accepts the solid as a closed manifold and finds the same positive volume.
-    The function reads the status, because manifold3d empties a bad mesh without an error. It does not test
-    intersections."""
+    """Raise SolidError if manifold3d rejects the solid or finds another volume, or if the volume is not positive.
+    manifold3d empties a bad mesh without an error, so its status is read. Intersections are not tested."""
     import manifold3d
 
     mesh = manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64))  # writable copies

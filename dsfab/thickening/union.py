@@ -23,7 +23,7 @@ class Overlap:
     """A part of the sheet, extended over adjacent faces of other parts.
     faces : (m,) mask of the faces of the extended part.
     V     : (n, 3) vertices of the sheet, some of them moved, metres.
-    share : (n,) factors by which the offsets are multiplied."""
+    share : (n,) factors for the half-thickness vectors at the vertices."""
 
     faces: Bools
     V: Floats
@@ -31,10 +31,10 @@ class Overlap:
 
 
 def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
-    """Return one part for each colour of the faces (m,); a part extends over adjacent faces of higher colours.
+    """Return one part for each colour (number) of the faces (m,); it extends over adjacent faces of larger colours.
     clashes : (k, 2) pairs of faces of the sheet whose thickened solids meet; no part contains such a pair.
-    Where a part of colour c borders a lower colour, its thickness is multiplied by 1 - 2 s, with s = 0.01 (1 + c / 2).
-    At the next vertices, its thickness is multiplied by 1 - s."""
+    Where a part of colour c borders a smaller colour, its thickness is multiplied by 1 - 2 s; s = 0.01 (1 + c / 2).
+    At the neighbours of these border vertices, its thickness is multiplied by 1 - s."""
     neighbours = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
     own_vertices = [corners_of(surface.F, colour == c, surface.n) for c in range(count)]
@@ -60,7 +60,7 @@ def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
 
 
 def _extension(surface: Surface, colour: Ints, c: int, own_vertices: Bools, clashes: Ints) -> Bools:
-    """Return a mask (m,) of the faces of higher colours that touch colour c, without faces that clash."""
+    """Return a mask (m,) of faces of larger colours that touch colour c, without pairs whose thickened solids meet."""
     extension = (colour > c) & own_vertices[surface.F].any(axis=1)
     part = extension | (colour == c)
     meet = clashes[part[clashes].all(axis=1)]
@@ -69,7 +69,7 @@ def _extension(surface: Surface, colour: Ints, c: int, own_vertices: Bools, clas
 
 
 def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_vertices: Bools) -> Floats:
-    """Return all vertices (n, 3). Vertices `beyond` a part are moved towards it by 45 % of the shortest edge to it."""
+    """Return all vertices (n, 3). Each vertex `beyond` a part moves by 45 % of its shortest edge to the part."""
     i, j = np.concatenate([surface.edges.ends, surface.edges.ends[:, ::-1]]).T
     used = beyond[i] & own_vertices[j]
     i, j = i[used], j[used]
@@ -77,7 +77,7 @@ def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_ver
     moved, nearest = np.unique(i[order], return_index=True)
     V = surface.V.copy()
     V[moved] += 0.45 * (surface.V[j[order][nearest]] - V[moved])
-    return _move_towards(V, neighbours, beyond, own_vertices, INWARD)  # no edge of a skin may lie on another edge
+    return _move_towards(V, neighbours, beyond, own_vertices, INWARD)  # else edges of two skins could coincide
 
 
 def _move_towards(V: Floats, neighbours: csr_array, moves: Bools, towards: Bools, share: float) -> Floats:
@@ -89,13 +89,13 @@ def _move_towards(V: Floats, neighbours: csr_array, moves: Bools, towards: Bools
     return V
 
 
-THIN = 0.8  # Factor on the offsets at intersecting faces, in each round.
+THIN = 0.8  # Factor by which each round shortens the offsets at intersecting faces.
 THINNEST = 0.3  # Smallest fraction of an offset that thinning leaves.
 
 
 @dataclass(frozen=True, eq=False)
 class PrismUnion:
-    """A closed mesh V (n, 3), F (m, 3), the pairs of its faces that still intersect (k, 2), and its number of pieces.
+    """Union of a sheet's prisms: closed mesh V (n, 3), F (m, 3), pairs (k, 2) of faces that intersect, piece count.
     share  : (n',) remaining fraction of the input offset at each vertex of the sheet.
     places : number of separate lines along which the sheet crosses itself."""
 
@@ -109,9 +109,9 @@ class PrismUnion:
 
 def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> PrismUnion | None:
     """Unite the prisms over a sheet whose solid has intersecting faces `pairs` (k, 2).
-    corners : (m, 3, 3) offset vectors at the corners of the faces, on the side of each face.
-    Returns None if the union needs too many patches, or if manifold3d rejects a part. The sheet becomes thinner where
-    faces meet at a common vertex, because no cut can separate them."""
+    corners : (m, 3, 3) offset vectors at the corners of the faces, on the side of each face's normal.
+    Returns None if the sheet must be cut into too many patches, or if manifold3d rejects a part. The sheet becomes
+    thinner where faces meet at a common vertex, because no cut can separate them."""
     graph, share = _dual(surface), np.ones(surface.n)
     label = pieces(surface.F, surface.edges)[1]
     meeting = skin.sources()[pairs]
@@ -120,7 +120,7 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
     for round_ in range(30):
         inseparable = _stuck(meeting, around, label)
         clashes = np.unique(np.concatenate([clashes, np.sort(meeting[~inseparable], axis=1)]), axis=0)
-        thin = np.unique(surface.F[meeting[inseparable & bool(round_)]])  # round 0 makes no vertex thinner
+        thin = np.unique(surface.F[meeting[inseparable & bool(round_)]])  # round 0 shortens no offset
         thin = thin[share[thin] > THINNEST]
         share[thin] = np.maximum(THIN * share[thin], THINNEST)
         cut = _cut_patches(label, clashes, graph)
@@ -140,8 +140,8 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
 
 
 def _collapse_short_edges(V: Floats, F: Ints, single: bool) -> tuple[Floats, Ints, Ints]:
-    """Collapse short edges of a union so that the fewest pairs of faces intersect. Return the mesh and these pairs.
-    Points on an intersection can otherwise be too close for single precision."""
+    """Collapse short edges of a united mesh with the tolerance for which the fewest pairs of faces intersect.
+    Return the mesh and these pairs. Without collapses, intersection points can be too close for single precision."""
     step = float(np.spacing(np.float32(np.abs(V).max() * MM_PER_M))) / MM_PER_M
     result: tuple[Floats, Ints, Ints] | None = None
     for tolerance in (0.0, *(step * factor for factor in (1.0, 4.0, 16.0, 64.0))):
@@ -175,7 +175,7 @@ def _touching(F: Ints) -> Bools:
 
 
 def _cut_patches(label: Ints, clashes: Ints, graph: csr_array, patch_limit: int = 400) -> Ints | None:
-    """Cut patches (m,) until no patch has two clashing faces. Return None if this needs over `patch_limit` patches."""
+    """Divide patches (m,) until no patch has both faces of a row in `clashes`; None above `patch_limit` patches."""
     label = label.copy()
     count = int(label.max()) + 1
     while True:
@@ -217,7 +217,7 @@ class PrismPart(NamedTuple):
 
 
 def prism_part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> PrismPart:
-    """Return a part as a closed mesh. corners : (m, 3, 3) offsets of face corners, m. Each fan has its own vertices."""
+    """Return `overlap` as a closed mesh, cut where it touches itself in a point. corners : (m, 3, 3) offsets (m)."""
     faces = np.flatnonzero(overlap.faces)
     F = corner_fans(surface.F[faces], edge_table(surface.F[faces]))
     _, first_corner = np.unique(F.ravel(), return_index=True)

@@ -9,7 +9,7 @@ from dsfab.core.arrays import Floats, Ints, lock
 from dsfab.surface import edge_table, link_components
 from dsfab.thickening.solid import Solid
 
-INSIDE = 0.02  # Distance of a line's start from a face's corner, divided by the distance of the face's centre.
+INSIDE = 0.02  # A test line starts at a face's corner, moved by this fraction of the way to the face's centre.
 OPPOSED = float(np.cos(np.radians(20)))  # Opposite faces form a wall if the angle between them is up to 20 degrees.
 LARGE = 1e6  # Size of the scaled mesh, because libigl's rays miss triangles with areas below 1e-6.
 FLAT = float(np.cos(1e-3))  # Least cosine of the angle between neighbours in one flat facet.
@@ -53,7 +53,7 @@ class Facets:
         self._first = np.searchsorted(self._facet, np.arange(len(F) + 1), sorter=self._order)
 
     def nearest_separate_pair(self, size: Floats, start_face: Ints, end_face: Ints) -> int | None:
-        """Return the row with the smallest `size` (k,) whose two flat facets have no common point, or None."""
+        """Return the index of the smallest `size` (k,) for which both faces' facets have no common point, or None."""
         for k in np.argsort(size, kind="stable").tolist():
             if not np.isfinite(size[k]):
                 break

@@ -87,7 +87,7 @@ HOOK = 5.022
 5.02201 by extrapolation of three meshes of bricks in FinEtoolsFlexStructures.jl."""
 
 EDGES_OF_STRIP = 0.63 * 2 / 20
-"""Loss of torsional stiffness of a strip of width b and thickness t: b t^3 / 3 (1 - .63 t / b) remains [de Saint
+"""Fraction .63 t / b by which the torsional stiffness of a strip is below b t^3 / 3 (width b, thickness t) [de Saint
 Venant]. Theories of thin sheets lack the shear across the thickness that causes this loss."""
 
 IN_TORSION = 0.9899  # Fraction of torsion in the strain energy of the hook as a curved beam.
@@ -183,7 +183,7 @@ def _hooks() -> Iterator[Test]:
         "raasch_hook",
         HOOK,
         "Abaqus 6.5 Benchmarks 2.3.6, bricks; unit load on the whole end",
-        "Raasch's hook, a strip bent to and fro, pushed sideways: move of the tip",
+        "Raasch's hook, a strip of two opposite arcs, pushed sideways: displacement of its end",
         raasch_hook,
         (1, 2, 4, 8),
         PATTERNS,

@@ -159,7 +159,7 @@ def _svg(figure: "Figure", title: str) -> str:
 
 WORST_FIRST = ("off", "refused", "theory", "coarse", "not run", "ok")
 """Verdicts, the worst first; the summary shows the worst verdict of each test."""
-PAIR = str(elements_of("displacement"))  # Only results of these elements have targets and published values beside them.
+PAIR = str(elements_of("displacement"))  # Elements whose results are compared with targets and published values.
 
 STYLE = """
 :root { --faint: rgb(138, 134, 128); }
@@ -212,13 +212,13 @@ def _head(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
         [
             "<h1>Can the statics be trusted?</h1>",
             "<p>Structures with known answers, each on at least three meshes. <b>Ratio</b> is the value found over ",
-            "the reference. If thin sheets converge to another limit L, a second ratio is the value over L, which the ",
+            "the reference. Thin sheets may converge to another limit L: a second ratio, value / L, is then what the ",
             f"targets are about. Numbers are reported from <b>{' and '.join(map(str, REPORTED))}</b>, which must be ",
-            "ok on each test's finest mesh (else the command fails); other elements are for comparison. Verdicts: ",
+            "ok on each test's finest mesh; otherwise the command fails. Other elements are for comparison. Verdicts: ",
             "<span class=ok>ok</span> within the tolerance of what the test is about, ",
             "<span class=coarse>coarse</span> not yet but on a finer mesh, ",
             "<span class=off>off</span> not on the finest either, <span class=quiet>not run</span> ",
-            "where hinges cannot clamp the edges of a test. In plots, each mesh pattern has a line, in the order of ",
+            "for hinges, which cannot clamp a test's edges. In plots, each mesh pattern has a line, in the order of ",
             "the table (solid, dashed, dotted), grey marks are published values, the grey line is the tolerance.</p>",
             f"<p>Targets of {PAIR}: {met} of {len(aimed)} met{'; missed:' if missed else '.'}</p><ul>{missed}</ul>",
             f"<p>Widest spread between mesh patterns at 16 cells: {100 * spread[widest]:.2g} % ({widest[0]}).</p>"
@@ -248,7 +248,7 @@ def _cells(count: int) -> str:
 def _error(row: VerificationRow, limit: float | None) -> str:
     if row.value is None:
         return "no value"
-    limit_text = f" times {limit:.5g}, the value to which thin sheets converge" if limit else ""
+    limit_text = f" of the limit {limit:.5g} to which thin sheets converge" if limit else ""
     return f"{row.value / (limit or row.reference):.4f}{limit_text}; wanted within {100 * (row.target or 0):.2g} %"
 
 
@@ -314,7 +314,7 @@ def _section(test: Test, rows: Sequence[VerificationRow], against: Sequence[Stan
 
 
 def _limit(test: Test) -> str:
-    return "" if test.limit is None else f" Targets and ratios after / are for the thin-sheet limit {test.limit:.6g}."
+    return "" if test.limit is None else f" Targets, and each ratio after a slash, refer to the limit {test.limit:.6g}."
 
 
 def _table(test: Test, rows: Sequence[VerificationRow]) -> str:

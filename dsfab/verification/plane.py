@@ -43,7 +43,7 @@ STEEL = Material(210e9, 0.3)
 
 
 def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:
-    """Return a square metre, 10 mm thick, under 1 kN/m of tension or shear; the value is the movement of a side."""
+    """Return a square sheet, 1 m wide, 10 mm thick, under 1 kN/m of tension or shear; value: movement of a side."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
     left, right, bottom, top = (is_at(uv[:, axis], end) for axis in (0, 1) for end in (0.0, 1.0))
@@ -153,7 +153,7 @@ TESTS = [
         "kirsch_hole",
         3.0,
         "Kirsch 1898, closed form; quarter, exact tractions at five radii",
-        "round hole in a sheet under tension: stress at its edge over the tension",
+        "round hole in a sheet under tension: stress at its edge, divided by the tension",
         kirsch,
         meshes=MESHES,
         quantity="stress",
@@ -173,7 +173,7 @@ TESTS = [
             f"patch_{name}",
             move / (STEEL.young * 0.01),
             f"closed form, N / ({modulus} h)",
-            f"square under constant {name}, irregular mesh: must be exact",
+            f"square under constant {name}, irregular mesh: the result must be exact",
             partial(patch, shear=name == "shear"),
             (2, 4, 8),
             ("jittered",),

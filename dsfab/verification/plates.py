@@ -63,7 +63,7 @@ def skew_plate(cells: int, mesh: Mesh) -> Problem:
 
 
 def stressed_plate(cells: int, mesh: Mesh) -> Problem:
-    """Return the supported plate; the value is the largest stress at its centre, divided by q (a / h)^2."""
+    """Return the supported plate. Value: largest stress at its centre / (q (a / h)^2); load q, side a, thickness h."""
     problem = plate(cells, mesh, clamped=False)
     surface = problem.surface
     centre = np.abs(surface.V[:, :2] - 0.5).max(axis=1).argmin()

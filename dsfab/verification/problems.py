@@ -55,7 +55,7 @@ def is_at(values: Floats, position: float) -> Bools:
 
 
 def edges_on(surface: Surface, *lines: Bools) -> Bools:
-    """Return a mask (e,) of boundary edges whose two ends lie on the same line. lines : masks (n,) of vertices."""
+    """Return a mask (e,) of boundary edges with both ends on one line. lines : masks (n,) of each line's vertices."""
     is_on_line = np.logical_or.reduce([line[surface.edges.ends].all(axis=1) for line in lines])
     return np.asarray(is_on_line & surface.edges.boundary)
 
@@ -130,7 +130,7 @@ class Problem:
 
     @property
     def load(self) -> LoadCase:
-        """Supports and all loads, as forces at the vertices."""
+        """Supports, and all loads as forces at the vertices."""
         force = self.force + self.spread.vertex_forces(self.surface)
         return LoadCase(self.fixed, force, (self.force != 0).any(axis=1))
 
@@ -165,7 +165,7 @@ class Problem:
         return int((~fixed).sum() + 2 * self.surface.n - turning.sum() - built_in.sum())
 
     def solve(self, elements: Elements) -> float:
-        """Return the value of the problem, calculated with these elements. Raises StaticsError."""
+        """Return the value of this problem, calculated with `elements`. Raises StaticsError."""
         if self.modes:
             return self.modes(elements)
         clamped = self.clamped if self.clamped.any() else None
@@ -176,18 +176,17 @@ class Problem:
 @dataclass(frozen=True)
 class Test:
     """A structure with a known answer.
-
     reference : reference value, in SI units or the source's own consistent units.
     source    : source of the reference, and the modelled part of structure and load.
     about     : description of the structure in a line.
-    problem   : (cells, mesh) -> Problem, with `cells` along the refined side.
+    problem   : (cells, mesh) -> Problem; `cells` counts the cells along the side that is refined.
     cells     : numbers of cells, coarse to fine.      meshes : mesh patterns.
     within    : tolerance; None for the tolerance of the quantity.
     targets   : largest allowed relative error of the elements for displacements, by number of cells.
     limit     : value to which thin sheets converge, if it is not `reference`; targets refer to it.
     quantity  : kind of value, which decides the tolerance.
-    beyond    : words for an effect that thin sheets cannot show; if not empty, the value must agree with `limit`.
-    outside   : (cells, mesh) -> unknowns and value by another program; None without this program."""
+    beyond    : text on an effect that thin-sheet theories lack; if not empty, the value may agree with `limit` instead.
+    outside   : (cells, mesh) -> unknowns and value that another program calculates; None without this program."""
 
     __test__ = False  # pytest would collect a class with this name
 
@@ -221,7 +220,7 @@ def held_directions(n: int, *supports: tuple[Bools, str]) -> Bools:
 
 
 def point_force(n: int, *forces: tuple[Bools, tuple[float, float, float]]) -> Floats:
-    """Return forces (n, 3), newtons. Each of `forces` is a mask (n,) and the force on the first marked vertex."""
+    """Return forces (n, 3), newtons. Each of `forces` has a mask (n,) and a force on the first marked vertex."""
     force = np.zeros((n, 3))
     for where, newtons in forces:
         force[np.flatnonzero(where)[0]] += newtons
@@ -242,7 +241,7 @@ def tip_loaded(
     uv: Floats, F: Ints, V: Floats, material: Material, thickness: float, force: tuple[float, float, float]
 ) -> Problem:
     """Return a strip V (n, 3), built in at u = 0 of uv (n, 2), with a force spread along its end u = 1.
-    The value is the displacement of the end u = 1 along the force."""
+    The problem's value is the displacement of the end u = 1 along the force."""
     surface = Surface(V, F)
     root, tip = is_at(uv[:, 0], 0.0), is_at(uv[:, 0], 1.0)
     end = edges_on(surface, tip)

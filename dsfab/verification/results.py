@@ -15,7 +15,6 @@ from dsfab.verification.problems import Mesh, Problem, Test
 @dataclass(frozen=True)
 class VerificationRow:
     """Result of one test on one mesh with one choice of membrane and bending elements.
-
     unknowns : number of free unknowns.
     ratio    : value / reference; `ratio` and `value` are None if the elements cannot clamp the edges of the test.
     rate     : observed order of convergence from this mesh and the two coarser meshes; None on the first two meshes,
@@ -25,7 +24,7 @@ class VerificationRow:
                the test clamps edges, and hinges have no rotations. `refused`: the sheet is too thin for the solver.
     target   : largest allowed relative error on this mesh; None without a target.
     met      : True if the error is below the target.
-    limit    : value from which the error for `target` is measured; None for `reference` (see `Test.limit`).
+    limit    : value with which `target` compares the result; None if this is `reference` (see `Test.limit`).
     of_limit : value / limit."""
 
     test: str
@@ -86,7 +85,7 @@ def _rows(
 
 
 def failures(rows: Iterable[VerificationRow]) -> list[VerificationRow]:
-    """Return the rows with the verdict `off` or `refused`; only rows of elements that dsfab reports."""
+    """Return the rows with the verdict `off` or `refused`, for elements whose results dsfab reports (`REPORTED`)."""
     gated = {str(pair) for pair in REPORTED}
     return [row for row in rows if row.elements in gated and row.verdict in ("off", "refused")]
 
@@ -141,10 +140,9 @@ class Publication:
 @dataclass(frozen=True)
 class Published:
     """One published value, divided by the reference of its source.
-
     cells    : number of cells of this test's mesh; None if the source has only a `note`, such as "coarse mesh".
-    unknowns : number of unknowns of the source's mesh; None if the test's mesh has the same number. If the number
-               differs, `cells` belongs to the next coarser mesh of the test."""
+    unknowns : number of unknowns of the source's mesh, if no mesh of the test has as many; None otherwise. If given,
+               `cells` is the number of cells of the test's next coarser mesh."""
 
     test: str
     element: str
@@ -227,7 +225,7 @@ REFINED: tuple[tuple[str, Publication, tuple[int, ...], Ratios], ...] = (
 )
 
 TWISTED_BEAMS: tuple[tuple[Publication, Ratios, str], ...] = (
-    # ratios for a load along the width of the tip, and for a load normal to the width
+    # value / reference: first for a load along the width of the beam's end, then for a load normal to the width
     (TWISTED, {"OptiStruct TRI3": (0.984, 0.839), "OptiStruct QUAD4": (0.992, 0.988)}, "12 x 2, assumed"),
     (HARDER, {"NASTRAN QUAD4": (0.993, 0.985)}, "12 x 2"),
 )
@@ -238,7 +236,7 @@ NAFEMS: tuple[tuple[str, Publication, float, Ratios], ...] = (
     ("closed_hemisphere", LE3, 0.185, {"Abaqus S3R": (0.080, 0.161), "Abaqus S4R": (0.180, 0.180)}),
     ("closed_hemisphere", LE3, 0.185, {"Abaqus S8R5": (0.179, 0.185), "Abaqus S4": (0.083, 0.175)}),
 )
-"""Stress (MPa) or displacement (m) on the coarse and the fine mesh of NAFEMS."""
+"""Published stress (MPa) or displacement (m) on the coarse and on the fine mesh that NAFEMS defines for the test."""
 
 CONSTANT = ("OptiStruct TRI3", "CATIA TR3", "Abaqus CPS3", "Abaqus S3R", "constant strain triangle")
 MIDDLES = ("OptiStruct TRI6", "NASTRAN QUAD8", "Abaqus CPS6", "Abaqus CPS8R", "Abaqus S8R5")
@@ -270,11 +268,10 @@ Outcome = Literal["better", "alike", "worse", "unknown"]
 @dataclass(frozen=True)
 class Standing:
     """One published value beside the error of dsfab's elements for displacements.
-
     unknowns : number in the published mesh; None if unknown.
     ours     : largest relative error of dsfab's elements on all regular mesh patterns, on meshes at least as fine as
                the published mesh; None without a comparable mesh.
-    basis    : `unknowns`: `ours` is interpolated to the published number of unknowns, or is that of dsfab's finest
+    basis    : `unknowns`: `ours` is for the published number of unknowns (interpolated), or else for dsfab's finest
                mesh. `cells`: `ours` is for the published number of cells, because dsfab's meshes have more unknowns.
     outcome  : result of the comparison: our error is better than, like, or worse than the published error."""
 
@@ -286,7 +283,7 @@ class Standing:
 
 
 def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> list[Standing]:
-    """Return the comparison of each published value with the results in `rows` of the elements for displacements."""
+    """Compare each published value with the results of dsfab's elements for displacements in `rows`."""
     compared = []
     for published in PUBLISHED:
         test_rows = [row for row in rows if row.test == published.test and row.mesh != "jittered"]
@@ -297,7 +294,7 @@ def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> lis
 
 
 def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, float]]:
-    """Return unknowns and largest error over the mesh patterns, by number of cells, if each pattern has a result."""
+    """Return by number of cells: most unknowns and largest error of all patterns; only if each pattern has a result."""
     worst: dict[int, tuple[int, float]] = {}
     for cells in sorted({row.cells for row in rows}):
         cell_rows = [row for row in rows if row.cells == cells]
@@ -308,7 +305,7 @@ def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, floa
 
 
 def shortfalls(rows: Sequence[VerificationRow]) -> dict[str, str]:
-    """Return a line for each test that the paper's elements fail, and published results of constant-strain elements."""
+    """Return a line for each test that the elements `PAPER` fail, with published results of constant-strain ones."""
     lines = {}
     for name in dict.fromkeys(row.test for row in rows):
         ours = [row for row in rows if row.test == name and row.elements == str(PAPER) and row.ratio is not None]
@@ -338,10 +335,10 @@ def _standing(published: Published, ours: Mapping[int, tuple[int, float]], test:
     if unknowns is None or not ours:
         return Standing(published, unknowns, None, "", "unknown")
     sizes, errors = np.array(list(ours.values())).T
-    # errors on finer meshes count, because a value may pass through the reference before it converges
+    # take the largest error on this and finer meshes: a value may pass through the reference before it converges
     errors = np.maximum.accumulate(errors[::-1])[::-1]
     theirs = abs(published.ratio - 1)
-    if unknowns >= 0.8 * sizes[0]:  # accept up to a fifth fewer unknowns than on dsfab's coarsest mesh
+    if unknowns >= 0.8 * sizes[0]:  # the published mesh may have a fifth fewer unknowns than dsfab's coarsest mesh
         error = float(np.exp(np.interp(np.log(unknowns), np.log(sizes), np.log(np.maximum(errors, 1e-9)))))
         return Standing(published, unknowns, error, "unknowns", _outcome(error, theirs))
     if published.cells is not None and published.cells in ours:

@@ -38,7 +38,7 @@ def scordelis_lo(cells: int, mesh: Mesh) -> Problem:
 
 def holed_hemisphere(cells: int, mesh: Mesh) -> Problem:
     """Return a quarter of a hemisphere with a hole of 18 degrees: radius 10, 0.04 thick.
-    Forces of 2 act inwards and outwards at the rim. Two of them are on the quarter's border, each with its half."""
+    Forces of 2 act inwards and outwards at the rim. Two act on borders of the quarter, which bears half of each."""
     uv, F = square(cells, cells, mesh)
     turn, polar = np.pi / 2 * uv[:, 0], np.radians(18 + 72 * uv[:, 1])
     V = 10 * np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=1)
@@ -115,14 +115,14 @@ TESTS = [
         "barrel vault on stiff end walls under its own weight: sag of the middle of its free edge",
         scordelis_lo,
         targets={8: 0.015, 16: 0.008},
-        # 0.3024 lies between 0.3086 (shallow shell, Scordelis and Lo 1964) and results of elements in 1985.
+        # The reference is between 0.3086 (shallow-shell theory, Scordelis and Lo 1964) and finite elements of 1985.
         # The limit is for Kirchhoff-Love shells [Kiendl, Bletzinger, Linhard and Wuechner 2009, CMAME 198, 3902-3914].
         limit=0.300592,
     ),
     fine_shell(
         "pinched_cylinder",
         164.24 / (3e6 * 3),
-        "Lindberg, Olson and Cowper 1969, 164.24 P / (E h), often given as 1.8248e-5; model: 1/8 tube, 1/4 of a force",
+        "Lindberg, Olson and Cowper 1969: 164.24 P / (E h), often written 1.8248e-5; model: 1/8 of the tube, P / 4",
         "tube between stiff end walls, pinched by two forces: displacement at the forces",
         pinched_cylinder,
         targets={16: 0.04, 32: 0.015},
@@ -140,7 +140,7 @@ TESTS = [
         "closed_hemisphere",
         0.185,
         "NAFEMS LE3, 1990; model: a quarter of the hemisphere, half of each force",
-        "hemisphere held at its pole, pulled and pushed at its rim: how far the forces move",
+        "hemisphere held at its pole, pulled and pushed at its rim: displacement at the forces",
         closed_hemisphere,
         meshes=("diagonal",),
     ),

@@ -33,8 +33,8 @@ def cantilevered_plate(cells: int, mesh: Mesh, mode: int) -> Problem:
 
 
 def tapered_membrane(cells: int, mesh: Mesh, mode: int) -> Problem:
-    """Return FV32: a sheet 10 m long, 5 m to 1 m high, 50 mm thick, built in at its high end.
-    The value is the frequency of a mode in its plane, hertz."""
+    """Return the NAFEMS test FV32: a sheet 10 m long, 5 m to 1 m high, 50 mm thick, built in at its high end.
+    The problem's value is the frequency of a mode in the sheet's plane, hertz."""
     uv, F = square(2 * cells, cells, mesh)
     high = 5 - 4 * uv[:, 0]
     surface = Surface(np.stack([10 * uv[:, 0], high * (uv[:, 1] - 0.5), 0 * high], axis=1), F)
@@ -58,8 +58,8 @@ CLASSICAL = 1 / np.sqrt(3 * (1 - TUBE.poisson**2))
 """Buckling load N R / (E t^2) of a cylinder, .605 for nu = .3 [Lorenz 1908]."""
 WAVE = np.pi * np.sqrt(TUBE_WALL) / (12 * (1 - TUBE.poisson**2)) ** 0.25
 """Half wavelength of the buckling rings of a tube of radius 1, and the length of the tube.
-The lowest modes of such a short tube are rings. A longer tube has modes with few waves around, for which the theory of
-shallow shells is 4 % too high."""
+The lowest modes of such a short tube are rings. The modes of a longer tube have few waves around its circumference;
+for these modes, the theory of shallow shells is 4 % too high."""
 
 
 def axial_cylinder(cells: int, mesh: Mesh) -> Problem:

@@ -45,7 +45,7 @@ class RefoldedPlan:
 
 @lru_cache(maxsize=2)
 def refolded_plan(plan: WorkshopPlan) -> RefoldedPlan:
-    """Return the strips or planks of a plan, bent to their shape in space; none for a model or a flat sheet."""
+    """Return the strips or planks of a plan, bent to their shape in space; none for a scale model or a flat sheet."""
     graph, layering = plan.graph, plan.layering
     if plan.planks and graph:
         return _refolded_planks(plan.planks, graph)
@@ -116,7 +116,7 @@ def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
     left_start = int((y > y.max() / 2).argmax())
     right_edge, left_edge = (places[:left_start], y[:left_start]), (places[left_start:][::-1], y[left_start:][::-1])
     chains = [_with_ends(right_edge, left_edge), _with_ends(left_edge, right_edge)]
-    # move equal positions apart, so that interpolation finds one depth at the upright side of a slot
+    # at a slot's upright side, one position has two depths; move the positions apart for the interpolation
     steps = [np.maximum.accumulate(x) + 1e-7 * np.arange(len(x)) for x, _ in chains]
     every = np.unique(np.concatenate([*steps, along]))
     sides = [np.interp(every, x, side) for x, (_, side) in zip(steps, chains, strict=True)]
@@ -131,7 +131,7 @@ def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
 
 
 def _with_ends(edge: tuple[Floats, Floats], opposite: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return an edge (arc lengths, distances to the left), extended where oblique cuts make `opposite` longer."""
+    """Return a plank's edge (arc lengths, distances left of the axis), extended to `opposite` at an oblique cut."""
     (places, y), (opposite_places, z) = edge, opposite
     before, after = int(opposite_places[0] < places[0]), len(z) - int(opposite_places[-1] > places[-1])
     lengths = np.concatenate([opposite_places[:before], places, opposite_places[after:]])
@@ -156,9 +156,8 @@ def _line_coordinates(axis: Floats, along: Floats, places: Floats, beyond: bool 
 def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) -> tuple[MemberShape, ...]:
     """Return the built members of a plan, in the order of the design's shapes (m).
     shapes : shapes of members as in `dsfab.design.output`: vertices of the upper skin, then of the lower skin.
-    shift  : height of the skins' middle above the surface, in half thicknesses.
-    Strips, planks and cover plates are bent back from flat parts. Plates have the stock's thickness. Bars have no
-    mitres."""
+    shift  : height of the middle between both skins above the surface, in half thicknesses.
+    Flat parts are bent to strips, planks and cover plates. Plates have the stock's thickness. Bars have no mitres."""
     if plan.bars:
         return _bar_shapes(plan.bars, shapes, shift)
     built = {part.member for part in plan.parts}

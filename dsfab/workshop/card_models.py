@@ -76,7 +76,7 @@ def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: flo
             f"({narrow[0].id} is {length(least)}): build at 1:{larger:g} or larger, or make members "
             f"{length(NARROWEST * scale)} wide, see [pattern.width]"
         )
-    fit = 1e-4  # largest error of a coarse mesh in the length between two pins (m)
+    fit = 1e-4  # largest error, from a coarse mesh, of the length between two pins of the model (m)
     wanted_edge = limits.wanted_edge * np.sqrt(fit / HOLE_FIT) * scale if bolt else np.inf
     if limits.edge * scale > 1.05 * wanted_edge:
         notes.append(
@@ -130,7 +130,8 @@ class PanelParts:
     def lines(self) -> list[str]:
         """Sentences for the builder about the panels."""
         sentences = [
-            f"{len(self.parts)} panels in one skin with {self.tabs} tabs: family A cuts B, edge members cut A and B"
+            f"{len(self.parts)} panels in one skin with {self.tabs} tabs: at crossings, family A passes through and B "
+            "is cut; edge members pass through A and B"
         ]
         if self.sharp:
             nodes = names_and_count(self.sharp)
@@ -158,7 +159,7 @@ class _CrossingEdge:
         lock(self, "way", np.float64, (2,))
 
     def stations(self, side: int, away: float, y: Floats) -> Floats:
-        """Return arc lengths (q,) of points y (q,) metres left of the axis and `away` metres from the crossing axis."""
+        """Return arc lengths (q,) of points y (q,) metres left of an axis and `away` metres from the axis across it."""
         nx, ny = np.array([-self.way[1], self.way[0]]) * np.sign(-self.way[1]) * side
         return np.asarray(self.s + (away - y * ny) / nx)
 
@@ -206,8 +207,8 @@ def _crossing_edge(
 @dataclass(frozen=True)
 class _PanelEnd:
     """End of a panel: arc lengths at its right and left edge, and corners of its tab from right to left.
-    tab  : (q,) arc lengths and (q,) distances to the left, metres; empty without a tab.
-    foot : a tab into the base plate."""
+    tab  : (q,) arc lengths and (q,) distances to the left of the axis, metres; empty without a tab.
+    foot : a tab that goes into the base plate."""
 
     right: float
     left: float
@@ -262,8 +263,8 @@ class _MemberPanels:
         return _PanelEnd(float(shoulders[0]), float(shoulders[1]), (tab, y))
 
     def _ends_with_foot(self, begin: _PanelEnd, end: _PanelEnd) -> tuple[_PanelEnd, _PanelEnd]:
-        """Return both ends of a panel. If one end has a foot, the tab at the opposite end may become shorter.
-        The panel between foot and tab then stays in one piece."""
+        """Return both ends of a panel. If one end has a foot (a tab into the base plate), the tab at the opposite end
+        may become shorter, so that material remains between foot and tab."""
         least = 0.1 * self.member.mean_width  # least length of the panel between its two tabs
         if begin.foot and len(end.tab[0]):
             low = max(begin.right, begin.left) + least

@@ -16,7 +16,7 @@ from dsfab.core.arrays import Bools, Floats, cross, lock
 from dsfab.members import Member, MemberAxis, MemberGraph
 
 PARALLEL_SHARE = 0.05  # relative change of width up to which edges count as parallel
-OBLIQUE_WIDTHS = 1.5  # length of a member's end with oblique cuts, in widths
+OBLIQUE_WIDTHS = 1.5  # length of the part at a member's end that an oblique cut may shape, in member widths
 EXTENSION_STATIONS = 16  # number of stations beyond each end of an axis
 
 
@@ -65,7 +65,7 @@ class StripCourse:
         return place, T / np.linalg.norm(T, axis=1)[:, None], N
 
     def repeated_stations(self, s: Floats) -> Floats:
-        """Return arc lengths s (q,); for a closed axis (3 q,): s minus its length, s, and s plus its length."""
+        """Return arc lengths s (q,). For a closed axis of length L, return s - L, s and s + L (3 q,)."""
         around = self.end - self.begin
         return np.concatenate([s - around, s, s + around]) if self.closed else s
 
@@ -81,10 +81,10 @@ class StripCourse:
 
 
 def member_course(graph: MemberGraph, member: Member, overhang: float, extra_length: float) -> StripCourse:
-    """Return the course (stations along the axis, and edges) of a member with an axis.
+    """Return the course of a member: stations along its axis, and distances to its edges.
     overhang     : least length beyond the first node and beyond the last node, metres.
     extra_length : length of stations beyond the built part, metres.
-    A closed course begins in the middle of its longest bay. A course stops before a sharp bend at its end."""
+    A closed course begins in the middle of its longest bay. An open course stops before a sharp bend at an end."""
     axis = member.curve
     left_edge, right_edge = smooth_edge_distances(axis, member.sides)
     node_places = np.array([node.at[node.members.index(member.id)] for node in graph.nodes_along[member.id]])
@@ -104,12 +104,12 @@ def member_course(graph: MemberGraph, member: Member, overhang: float, extra_len
 
 
 def turns_within_its_width(member: Member) -> Bools:
-    """Return a mask (k,) of stations where the axis curves in the surface with a radius under about half the width."""
+    """Return a mask (k,) of stations where the axis turns in the surface, at a radius under about half the width."""
     return np.asarray(np.abs(member.curve.kg) * member.width / 2 >= 0.9)
 
 
 def uncurled_span(member: Member) -> tuple[float, float]:
-    """Return the span (arc lengths) of a member without its curled ends. Dividing a sharp bend leaves curled ends."""
+    """Return the arc lengths between which a member has no curled ends. Dividing a sharp bend leaves curled ends."""
     axis = member.curve
     reach = OBLIQUE_WIDTHS * float(np.median(member.width))
     if axis.closed or axis.length < 4 * reach:
@@ -127,7 +127,7 @@ def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floa
     if not axis.closed:
         sides = _square_ends(axis.s, sides)
     per_station = axis.length / (len(axis.s) - 1)
-    reach = min(4 * float(np.median(sides.sum(axis=1))), axis.length / 4) / per_station  # number of stations
+    reach = min(4 * float(np.median(sides.sum(axis=1))), axis.length / 4) / per_station  # range in stations
     mode: Literal["wrap", "nearest"] = "wrap" if axis.closed else "nearest"
     calm = median_filter(sides, size=(2 * round(reach / 2) + 1, 1), mode=mode)
     calm = gaussian_filter1d(calm, max(reach, 0.5), axis=0, mode=mode)
@@ -163,7 +163,7 @@ def _course_of_ring(
 
 
 def _extension(axis: MemberAxis, end_index: int, distance: float) -> MemberAxis:
-    """Return ascending stations beyond an end, by a second-order Darboux frame with the curvatures of the end."""
+    """Return ascending stations that continue an axis beyond an end, to second order, with the end's curvatures."""
     u = distance * np.arange(1, EXTENSION_STATIONS + 1) / EXTENSION_STATIONS
     u = u[::-1] if distance < 0 else u
     P, T, N, B = axis.P[end_index], axis.T[end_index], axis.N[end_index], axis.B[end_index]
@@ -211,14 +211,14 @@ class Development:
 
     @cached_property
     def angle(self) -> Floats:
-        """Tangent angle (k,) of the flat middle line, radians: integral of geodesic curvature plus change of `turn`."""
+        """Tangent angle (k,) of the flat middle line (radians): integral of geodesic curvature + change of `turn`."""
         kg = self.course.kg
         bent = np.concatenate([[0.0], np.cumsum((kg[1:] + kg[:-1]) / 2 * np.diff(self.course.s))])
         return np.asarray(bent + self.turn - self.turn[0])
 
     @cached_property
     def x(self) -> Floats:
-        """Developed middle line (k, 2), a circular arc between stations."""
+        """Points (k, 2) of the flat middle line at the stations; circular arcs connect the points."""
         arcs = _chords(np.diff(self.length), self.angle[:-1], self.angle[1:])
         return np.concatenate([np.zeros((1, 2)), np.cumsum(arcs, axis=0)])
 
@@ -236,17 +236,17 @@ class Development:
         return np.asarray(x + np.asarray(y)[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1))
 
     def frame(self, s: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return points, tangents, left directions and normals (q, 3) of the layer in space at arc lengths s (q,)."""
+        """Return points, tangents, left directions and normals (q, 3) of the strip in space at arc lengths s (q,)."""
         P, T, N = self.course.frame_at(s)
         B = cross(N, T)
         turn = np.interp(s, self.course.s, self.turn)[:, None]
         return P + self.height * N, np.cos(turn) * T + np.sin(turn) * B, np.cos(turn) * B - np.sin(turn) * T, N
 
     def piercing_point(self, point: Floats, normal: Floats, s: float) -> tuple[float, float]:
-        """Return the point where a layer meets the line through a point (3,) along a unit normal (3,).
-        The result is an arc length of the course close to `s`, and the distance to the left (m)."""
+        """Return the point where the strip's layer meets the line through a point (3,) along a unit normal (3,).
+        The result is an arc length of the course close to `s`, and the distance to the left of the course (m)."""
         y = 0.0
-        for _ in range(4):  # these are Newton steps
+        for _ in range(4):  # Newton steps
             P, T, B, N = (row[0] for row in self.frame(np.array([s])))
             pierced = point + normal * ((P - point) @ N) / (normal @ N)
             y = float((pierced - P) @ B)

@@ -27,7 +27,7 @@ from dsfab.workshop.parts import FlatPart, strokes
 from dsfab.workshop.plan import WorkshopPlan
 from dsfab.workshop.stock import stock_cost
 
-TITLE, SMALL_TITLE = 0.06, 0.06  # a sheet's title is at most TITLE metres high, and SMALL_TITLE times the sheet's width
+TITLE, SMALL_TITLE = 0.06, 0.06  # largest height of a sheet's title: in metres, and as a fraction of the sheet's width
 
 
 def part_drawing(part: FlatPart) -> FlatDrawing:

@@ -87,7 +87,7 @@ class BasePlane:
         return float(self.heights(self.supports[int(k)][None])[0]) if is_near else None
 
     def cut_course(self, course: StripCourse, height: float) -> tuple[StripCourse, tuple[StripFoot, ...]]:
-        """Return a strip's course, cut at the plate, and the strip's feet: its ends with tabs at supports."""
+        """Cut a strip's course at the base plate. Return the new course and the feet: ends with tabs at supports."""
         if course.closed:
             return self._trim_course(course, height), ()
         layer, feet = Development(course, height), list[StripFoot]()
@@ -119,7 +119,7 @@ class BasePlane:
         return StripFoot(shoulders, sides, tips, self._slot(layer, shoulders[1:3], sides[1:3], (down, N, B)), at_end)
 
     def stations_at_height(self, layer: Development, sides: Floats, station: float, height: float) -> Floats | None:
-        """Return arc lengths (q,) near `station` at which lines beside the axis have a height over the plate (m).
+        """Return arc lengths (q,), near `station`, where lines along the axis reach a height above the plate (m).
         sides : (q,) distances of the lines to the left of the axis, metres.
         Returns None if a line does not reach the height."""
         s, course = np.full(len(sides), station), layer.course
@@ -162,7 +162,7 @@ class BasePlane:
 
 
 def outline_with_feet(layer: Development, span: tuple[float, float], feet: tuple[StripFoot, ...]) -> Floats:
-    """Return the outline (k, 2) of a piece between two arc lengths, counter-clockwise, with the feet at its ends."""
+    """Return the outline (k, 2) of a strip between the arc lengths `span`, counter-clockwise, with tabs at its ends."""
     ends: dict[bool, StripFoot] = {foot.at_end: foot for foot in feet}
     course = layer.course
     begin = ends.get(False) if span[0] == course.begin else None

@@ -31,7 +31,7 @@ class Layering:
                                4      plates (members that are not strips), below all strips
     families_below : families of `FAMILIES_BELOW` that have layers.
     letters        : largest heights of part names and of node names, metres.
-    alike          : distance within which outlines may become equal, metres; 0 leaves all parts as they are."""
+    alike          : parts whose outlines differ by up to this distance may become equal, metres; 0 changes no part."""
 
     thickness: float
     count: int
@@ -65,7 +65,7 @@ class Layering:
         return self.layer_height(number - 1 if family == "major" else number + 1)
 
     def packing_layers(self, node: Node, families: dict[str, str]) -> int:
-        """Return the number of packing layers between the two members of a node; families : families of all members."""
+        """Return how many layers of packing lie between the two members of a node. families : by member name."""
         layers_a, layers_b = (self.family_layers(families[name]) for name in node.members)
         upper, lower = (layers_a, layers_b) if layers_a[0] < layers_b[0] else (layers_b, layers_a)
         return max(lower[0] - upper[-1] - 1, 0)
@@ -78,14 +78,14 @@ class Layering:
     def splice_bolts(self, width: float) -> tuple[tuple[float, float], ...]:
         """Return places (along, left) of a splice's bolts (m), in one row or two."""
         row = round(width / 4 / self.alike) * self.alike if self.alike else width / 4
-        rows = (-row, row) if width / 4 >= 3 * self.bolt else (0.0,)  # only wide parts have two rows
+        rows = (-row, row) if width / 4 >= 3 * self.bolt else (0.0,)  # only wide parts have two rows of bolts
         along = (END_DISTANCE * self.bolt, (END_DISTANCE + BOLT_PITCH) * self.bolt)
         return tuple((side * x, y) for side in (-1, 1) for x in along for y in rows)
 
 
 @dataclass(frozen=True, eq=False)
 class _StripEnd:
-    """First or last end of a strip: places (k, 3) from the end inwards, with arc lengths (k,)."""
+    """End of a strip: points (k, 3) of the strip's axis from this end inwards, with arc lengths (k,)."""
 
     name: str
     at_end: bool
@@ -141,13 +141,13 @@ def shortened_courses(
 
 
 def courses_without_curls(courses: Mapping[str, StripCourse], members: Sequence[Member]) -> dict[str, StripCourse]:
-    """Return, by member, the built part of the axis if it ends before a curled end of the member (`uncurled_span`)."""
+    """Return, by member, the courses (built parts of axes) that stop before a curled end (`uncurled_span`)."""
     lengths = {member.id: member.length for member in members}
     return {name: c for name, c in courses.items() if not c.closed and (c.begin > 0 or c.end < lengths[name])}
 
 
 def vanished_courses(stopped: Mapping[str, StripCourse], widths: Mapping[str, float]) -> set[str]:
-    """Return the names of members that are not built, because they would become shorter than their width (m)."""
+    """Return the names of members that are not built, as their `stopped` courses are shorter than their widths (m)."""
     return {name for name, course in stopped.items() if course.end - course.begin < widths[name]}
 
 

@@ -62,7 +62,7 @@ PART_LETTERS, NODE_LETTERS = 0.02, 0.008  # largest heights of part names and of
 
 @dataclass(frozen=True, eq=False)
 class Hole:
-    """Round hole: its centre (2,) and diameter (m), and the name of its bolt, which is a node or a splice."""
+    """Round hole: its centre (2,) and diameter (m), and the name of its bolt: the name of a node or of a splice."""
 
     at: Floats
     diameter: float
@@ -139,7 +139,7 @@ class FlatPart:
     @cached_property
     def features(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Corners, hole middles, slot corners and fold middles, (k, 2) each, by which parts are compared.
-        Fold middles are scaled by the angle of the fold, so that different angles are visible."""
+        Fold middles are multiplied by 1 + the fold's angle, so that parts with different angles are different."""
         slots = np.concatenate(self.slots) if self.slots else np.zeros((0, 2))
         folds = np.array([fold.line.mean(axis=0) * (1 + fold.angle) for fold in self.folds]).reshape(-1, 2)
         return self.outline, np.array([hole.at for hole in self.holes]).reshape(-1, 2), slots, folds
@@ -233,7 +233,7 @@ def alike_parts(parts: Sequence[FlatPart], distance: float, fit: float) -> list[
     """Return parts along x. A part that is nearly equal to an earlier part takes its shape, but keeps its own names.
     distance : largest distance between two outlines, metres.
     fit      : largest distance between matching holes, metres.
-    Parts may be rotated by 180 degrees, but not mirrored, because their engraved face lies outside."""
+    Parts may be rotated by 180 degrees, but not mirrored: the engraved face must stay on the outside."""
     first_parts = dict[tuple[int, float], list[FlatPart]]()
     result = list[FlatPart]()
     for part in parts:
@@ -248,7 +248,7 @@ def alike_parts(parts: Sequence[FlatPart], distance: float, fit: float) -> list[
 
 
 def _in_place_of(model: FlatPart, part: FlatPart, turn: int, distance: float, fit: float) -> FlatPart | None:
-    """Return a part with the shape of `model`, after half a turn if `turn` is -1; None if they are not nearly equal."""
+    """Return `part` with the shape of `model`, rotated by 180 degrees if `turn` is -1; None if they differ too much."""
     if (np.abs(model.size - part.size) > 2 * distance).any() or bool(len(model.axis)) != bool(len(part.axis)):
         return None
     holes, model_holes = part.features[1], turn * model.features[1]
@@ -277,7 +277,7 @@ def distances_from_outline(points: Floats, outline: Floats) -> Floats:
 
 
 def inside_outline(points: Floats, outline: Floats) -> Bools:
-    """Return a mask (q,) of the points (q, 2) in a closed polygon (k, 2): a ray crosses an odd number of its sides."""
+    """Return a mask (q,) of points (q, 2) in a closed polygon (k, 2): rays from them cross an odd number of sides."""
     a, b = outline, np.roll(outline, -1, axis=0)
     x, y = points[:, :1], points[:, 1:]
     spans = (a[:, 1] > y) != (b[:, 1] > y)
@@ -300,7 +300,7 @@ def half_plane_clip(P: Floats, a: Floats, b: float) -> Floats:
 
 
 def label(text: str, middle: Floats, angle: float, height: float) -> tuple[Floats, ...]:
-    """Return strokes (k, 2) of a text along an angle (radians), with its middle at (2,) metres."""
+    """Return strokes (k, 2) of a text along an angle (radians); `middle` (2,) is its place, metres."""
     lines = strokes(text, height)
     width = max(float(line[:, 0].max()) for line in lines)
     return tuple((line - [width / 2, height / 2]) @ rotation_matrix(angle) + middle for line in lines)

@@ -71,7 +71,7 @@ def construction_route(
         return ConstructionRoute("sheet", "" if options.route == "sheet" else "the design is flat")
     if options.route in ("bars", "planks"):
         if options.model:
-            raise PatternError("a model is built of strips: leave out --model, or take workshop.route = 'strips'")
+            raise PatternError("a model is built of strips: leave out --model, or set workshop.route = 'strips'")
         if options.route == "planks":
             return ConstructionRoute("planks", planks=design_planks(design, graph, up))
         return ConstructionRoute("bars", bars=design_bars(design, graph, up))
@@ -133,7 +133,7 @@ def usable_sizes(options: Workshop) -> list[tuple[float, float]]:
 
 
 def _route_by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up: Floats) -> ConstructionRoute:
-    """Choose the first possible route: strips within the bending limit, bars near the surface, planks, other bars."""
+    """Choose how to build: strips within the bending limit; or else bars near the surface, planks, or other bars."""
     worst, layers_text = max(limits.bending, limits.shape), f"layers of {length(limits.thickness)} of strips"
     if not limits.limit:
         reason = f"{layers_text} would be bent to {worst:.2%}, and the limit of the material is not known"
@@ -141,8 +141,8 @@ def _route_by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up
     if worst <= limits.limit:
         return ConstructionRoute("strips", f"{layers_text} can be bent: strain {worst:.2%}, allowed {limits.limit:.2%}")
     problem = (
-        f"{layers_text} would be bent or stretched to {worst:.2%}, {worst / limits.limit:.1f} times the strain that "
-        f"the material bears; the thickest strips that could be bent are {length(limits.thickest)}"
+        f"{layers_text} would be bent or stretched to a strain of {worst:.2%}, {worst / limits.limit:.1f} times the "
+        f"strain that the material bears; the thickest strips that could be bent are {length(limits.thickest)}"
     )
     bars, no_bars = _bars_or_reason(design, graph, up)
     if bars and not no_bars:
@@ -160,7 +160,7 @@ def _bars_or_reason(design: Design, graph: MemberGraph, up: Floats) -> tuple[Bar
     try:
         bars = design_bars(design, graph, up)
     except PatternError as error:
-        reason = str(error).partition("; ")[0]  # the text after "; " proposes other routes
+        reason = str(error).partition("; ")[0]  # the text after "; " proposes other ways to build
         return None, f"bars are impossible too: {reason}"
     if bars.too_short:
         return None, f"{len(bars.too_short)} bar{'s' * (len(bars.too_short) > 1)} would be too short for bolts"
@@ -198,10 +198,10 @@ def node_normals(design: Design, graph: MemberGraph) -> Floats:
 JOINT_SENTENCES = {
     "butt": "cut straight and butted: no joint is drawn; for a joint, set workshop.splice to 'fingers' or 'scarf'",
     "fingers": "joined by fingers that are {} long and fit without a gap; a round cutter leaves round inner corners",
-    "scarf": "which overlap by {} and are glued there; bevel the right and upper edges on the engraved face, the left "
-    "and lower edges on the back, from the engraved line to the edge",
+    "scarf": "which overlap by {} and are glued there; cut bevels from the engraved lines to the edges: at right and "
+    "upper edges on the engraved face, at left and lower edges on the back",
 }
-"""Second half of the sentence on the pieces of a flat sheet, by their joint."""
+"""Words after "the sheet is in 2 x 3 pieces, ", by the joint of the pieces."""
 TAB_CLEARANCE = 1e-4  # gap between a tab and its slot in a model's base plate, on each side (m)
 TABS_LENGTH = 4.0  # largest length that two tabs add to a strip, in strip thicknesses
 
@@ -249,8 +249,7 @@ class WorkshopPlan:
 def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
     """Return the workshop plan of a design, from section [workshop] of its preset.
     up : (3,) unit vector, for the base plate of a model.
-
-    If the stock has prices, the cheapest of several plans wins: with all sizes, and with the shorter sizes alone.
+    If the stock has prices, the cheapest of several plans wins: on all sheet sizes, and on the shorter sheets only.
     Raises PatternError if the route is impossible, a part fits on no sheet, or a library is missing."""
     if design.preset.workshop.nesting == "spyrrow":
         require_spyrrow()
@@ -318,7 +317,7 @@ MOST_FACES = 250_000  # largest number of faces of a cut sheet refined for drill
 
 
 def drilling_members(design: Design) -> tuple[MemberGraph, float]:
-    """Return the members of a design on a mesh that is fine enough for drilling, and the edge of that mesh (m).
+    """Return the members of a design on a mesh that is fine enough for drilling, and that mesh's edge length (m).
     If the design's edges exceed `drilling_edge`, triangles are divided into four, and points move to the smooth
     surface. The pattern and the names of members stay."""
 
@@ -359,7 +358,7 @@ def _flat_design_parts(design: Design, room: list[tuple[float, float]]) -> tuple
     extra_parts = len(division.pieces) - along * across
     notes = [f"the sheet is in {along} x {across} pieces, {JOINT_SENTENCES[joint.kind].format(length(joint.reach))}"]
     if extra_parts > 0:
-        notes.append(f"{_quantity(extra_parts, 'part')} more, because openings divide some pieces")
+        notes.append(f"openings divide some of these pieces, which adds {_quantity(extra_parts, 'part')}")
     return list(division.pieces), notes
 
 
@@ -383,7 +382,7 @@ def _curved_design_parts(
         raise PatternError("nothing of this design is a strip or a plate; build it as one piece, see `dsfab build`")
     lines = model_notes(limits, graph, options.model, options.bolt) if options.model else [*limits.lines]
     if edge < surface.mean_edge:
-        refined = f"the mesh is refined for drilling: edges of {length(edge)} instead of {length(surface.mean_edge)}"
+        refined = f"the mesh is refined for exact holes: edges of {length(edge)} instead of {length(surface.mean_edge)}"
         lines = [*lines, f"{refined}, on a smooth surface"]
     notes = [*lines, *_plate_notes(plates), *_strip_notes(strips, graph, layering)]
     if options.splice == "scarf" and strips.splice_count:
@@ -429,7 +428,7 @@ NEARLY_EQUAL = 5e-3  # distance of outlines of near-equal parts, if workshop.ali
 def _alike_notes(parts: list[FlatPart], alike: list[FlatPart], distance: float) -> list[str]:
     before, after = len(equal_part_groups(parts)), len(equal_part_groups(alike))
     if distance:
-        return [f"{_quantity(len(parts), 'part')} of {after} shapes; workshop.alike = 0 would give {before} shapes"]
+        return [f"{_quantity(len(parts), 'part')} with {after} shapes; workshop.alike = 0 would give {before} shapes"]
     fewer = f"; workshop.alike = {NEARLY_EQUAL:g} leaves {after} shapes or fewer" if after < before else ""
     return [f"{_quantity(len(parts), 'part')} of {_quantity(before, 'shape')}{fewer}"]
 
@@ -447,8 +446,8 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
     if strips.shortened:
         notes.append(
             f"{_quantity(len(strips.shortened), 'strip')} {stopping_clause(len(strips.shortened))} other strips "
-            f"of the same layer, or curl up: {names_and_count(strips.shortened)}; "
-            f"not reached: {_quantity(len(strips.missed_nodes), 'node')}"
+            f"of the same layer, or would curl up: {names_and_count(strips.shortened)}; "
+            f"not reached by these strips: {_quantity(len(strips.missed_nodes), 'node')}"
         )
     if strips.vanished:
         notes.append(f"NOT BUILT, because other strips of the layer are in the way: {names_and_count(strips.vanished)}")
@@ -463,13 +462,13 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
     packed = Counter(layering.packing_layers(node, families) for node in nodes)
     notes += [
-        f"{_quantity(count, 'node')} with packing of {length(layers * layering.thickness)} between two members"
+        f"put packing, {length(layers * layering.thickness)} thick, between both members at {_quantity(count, 'node')}"
         for layers, count in sorted(packed.items())
         if layers
     ]
     level = sum(families[node.members[0]] == families[node.members[1]] for node in nodes)
     if level:
-        notes.append(f"{_quantity(level, 'node')} between members of one layer: notch or butt them there")
+        notes.append(f"at {_quantity(level, 'node')}, members of one layer meet: notch or butt these members")
     fills = sum(member.kind == "fill" for member in graph.members)
     return [*notes, f"{_quantity(fills, 'filled corner')} left open"] if fills else notes
 

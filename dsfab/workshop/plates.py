@@ -33,7 +33,7 @@ from dsfab.workshop.strips import HOLE_EDGE_DISTANCE, is_strip
 
 
 def is_plate(member: Member) -> bool:
-    """Return whether a member is built as a plate. Strips are not plates, and fills are not built."""
+    """Return True for a member that is built as a plate: not a strip, and not a fill, which is never built."""
     return member.kind != "fill" and not is_strip(member)
 
 
@@ -128,8 +128,8 @@ class FlattenedMesh:
 
 FINGER_LENGTH, FINGER_WIDTH = 4.0, 2.0  # length and approximate width of a finger, in sheet thicknesses
 REASSIGN_ROUNDS, LEAST_FINGERS = 4, 4.0
-"""Rounds in which small bits join a neighbouring piece; small: under the area of `LEAST_FINGERS` fingers."""
-LINE_TOLERANCE = 1e-9  # largest distance between a mesh edge and its dividing line, in sheet sizes
+"""Rounds in which small bits of a piece join its neighbour, and the area below which bits are small, in fingers."""
+LINE_TOLERANCE = 1e-9  # largest distance of a mesh edge from the line that divides the sheet, over the sheet's size
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ class SheetJoint:
             return 1
         if room <= 2 * self.reach:
             raise PatternError(
-                f"joints of a flat sheet are {length(self.reach)} long, too long for stock with room for "
+                f"joints of a flat sheet are {length(self.reach)} long, too long for stock with room for parts of "
                 f"{length(room)}: give larger sheets in workshop.stock, or workshop.splice = 'none'"
             )
         return int(np.ceil(size / (room - self.reach)))
@@ -173,7 +173,7 @@ def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJ
     x = plane_coordinates(surface)
     level = Surface(np.pad(x - x.min(axis=0), ((0, 0), (0, 1))), surface.F)
     reduction = 0.0
-    for _ in range(4):  # try smaller rectangles, because a piece grows when a small bit of its neighbour joins it
+    for _ in range(4):  # try smaller rectangles, because a bit of its neighbour can make a piece too large
         division = _rectangles(level, [(a - reduction, b - reduction) for a, b in room], joint)
         turned = [*room, *((b, a) for a, b in room)]
         excesses = ((p, min(float(max(p.size[0] - a, p.size[1] - b)) for a, b in turned)) for p in division.pieces)
@@ -230,7 +230,7 @@ class _SheetGrid:
         numbers = list[Ints]()
         for axis in (0, 1):
             odd = (places[:, 1 - axis] * self.fingers(1 - axis) / self.size[1 - axis]).astype(int) % 2
-            moved = places[:, axis] + (odd - 0.5) * self.joint.reach  # half of each finger lies in the next rectangle
+            moved = places[:, axis] + (odd - 0.5) * self.joint.reach  # fingers cross a joint by half their length
             numbers.append(np.clip((moved * self.counts[axis] / self.size[axis]).astype(int), 0, self.counts[axis] - 1))
         return np.asarray(numbers[0] * self.counts[1] + numbers[1])
 
@@ -281,7 +281,7 @@ def _connected_to(divided: Surface, selected: Bools, roots: Bools) -> Bools:
 
 
 def _with_bits_reassigned(divided: Surface, pieces: Ints, least: float) -> Ints:
-    """Return piece numbers (m,); a separate bit under `least` (m2) joins the piece with the longest common border."""
+    """Return piece numbers (m,). A separate bit below `least` (m2) joins the piece with the most common border."""
     face_a, face_b = (divided.edges.pairs // 3).T
     ends = divided.V[divided.edges.ends[divided.edges.count == 2]]
     edge_lengths, pieces = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), pieces.copy()

@@ -111,7 +111,7 @@ def scarf_line(splices: int, lap: float) -> str:
 def lap_marks(
     layer: Development, span: tuple[float, float], full_span: tuple[float, float], lap: float, height: float
 ) -> tuple[Floats, ...]:
-    """Return the lines and texts that mark a piece's bevels. lap : half the overlap (m), included in `full_span`."""
+    """Return the lines and texts that mark bevels. lap : half the overlap (m), by which `full_span` exceeds `span`."""
     lines = list[Floats]()
     for k, (s, end) in enumerate(zip(span, full_span, strict=True)):
         if s != end:
@@ -130,7 +130,7 @@ def strip_fits(development: Development, room: Sequence[tuple[float, float]]) ->
     longest = max(np.hypot(x, y) for x, y in room) + 1e-6
 
     def fits(begin: float, end: float) -> bool:
-        (x, y), _ = development.middle_line_at(np.array([begin, end]))  # a quick test, because most pieces are too long
+        (x, y), _ = development.middle_line_at(np.array([begin, end]))  # a quick test: most pieces exceed the stock
         return float(np.linalg.norm(y - x)) <= longest and fits_stock(development.outline(begin, end), y - x, room)
 
     return fits

@@ -15,7 +15,7 @@ from dsfab.workshop.parts import FlatPart
 
 
 def stock_choices(options: Workshop) -> list[Workshop]:
-    """Return `options`; with prices, also variants without the longest sheets, which few parts need."""
+    """Return `options`; with prices, also variants without the longer sheets, because few parts need long sheets."""
     lengths = sorted({size[0] for size in options.stock}, reverse=True) if options.prices else []
     choices = [options]
     for longest in lengths[1:]:

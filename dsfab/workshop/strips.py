@@ -1,4 +1,4 @@
-"""Flat parts of strips that lie in the surface, and the limits of their bending and stretching."""
+"""Strips that lie in the surface: their flat parts, and the limits of their bending and stretching."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -107,7 +107,7 @@ def _shortened_courses(
 
 
 def node_bolts(graph: MemberGraph, member: Member, course: StripCourse) -> list[StripBolt]:
-    """Return the bolts of the nodes on a member, in the order of their arc lengths on its axis."""
+    """Return the bolts of a member's nodes, in the order of the nodes' arc lengths on the member's axis."""
     bolts = []
     for node in graph.nodes_along[member.id]:
         s = course.wrapped_station(node.at[node.members.index(member.id)])
@@ -218,7 +218,7 @@ class _StripLayer:
         marks = list(label(name, position[0], float(angle[0]), high))
         taken = [(middle, text_length(name, high))]
         for s, hole in holes:
-            if "." not in hole.bolt:  # the names of splice bolts are not engraved
+            if "." not in hole.bolt:  # a name with "." belongs to a splice bolt, and is not engraved
                 ahead = 1 if s + 4 * bolt < span[1] else -1
                 long = text_length(hole.bolt, height)
                 places = [s + side * (bolt / 2 + 3.5 * height) for side in (ahead, -ahead)]
@@ -249,7 +249,7 @@ def bending_strain(course: StripCourse, span: tuple[float, float], thickness: fl
     return float(thickness * bend / 2)
 
 
-UNCERTAIN_WIDTHS = 1.5  # length of a member's end with uncertain curvature, in widths
+UNCERTAIN_WIDTHS = 1.5  # length of the part at a member's end where its curvature is uncertain, in member widths
 HOLE_FIT = 5e-4
 """Largest error (m) of a length between holes. A hole may be a millimetre larger than its bolt [EN 1995-1-1, 10.4.3].
 Each of the two parts at a bolt may use half of this clearance."""
@@ -280,10 +280,10 @@ class StripLimits:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Sentences for the builder on the strips and their limits."""
+        """Sentences about the strips and their limits, for the builder."""
         lines = []
         layers = f"layers of {length(self.thickness)}"
-        bending_text = f"{layers} are bent to a strain of {self.bending:.2%} ({self.member} most)"
+        bending_text = f"{layers} are bent to a strain of {self.bending:.2%} (most in {self.member})"
         if not self.limit:
             lines.append(f"{bending_text}; name a material or set statics.strength for a limit")
         elif self.bending > self.limit:
@@ -306,8 +306,8 @@ class StripLimits:
 
 
 def drilling_edge(graph: MemberGraph) -> float:
-    """Return the largest mesh edge (m) at which the length of a typical bay has an error up to `HOLE_FIT`.
-    Without bending, it is infinite. Edges e change a bay L with curvature k by at most about L (e k)^2 / 8."""
+    """Return the largest mesh edge (m) for which the error of a typical bay's length is at most `HOLE_FIT`; infinite
+    without bending. Edges of length e change a bay of length L and curvature k by at most about L (e k)^2 / 8."""
     strips = [member for member in graph.members if is_strip(member)]
     bends = [np.abs(member.axis.kn[calm_stations(member)]) for member in strips if member.axis is not None]
     bend = float(np.quantile(np.concatenate(bends), 0.95)) if bends else 0.0  # ignores rare peaks

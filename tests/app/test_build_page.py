@@ -88,7 +88,7 @@ def test_a_structure_that_does_not_carry_is_written_and_ends_with_5(capsys, tmp_
     assert "left out: " in out
     lines = out.splitlines()
     assert lines[0].startswith("dome_modes DOES NOT CARRY its loads: ")
-    assert lines[1].startswith("you must act: make it thicker")
+    assert lines[1].startswith("you must act: make the sheet thicker")
     assert len(lines) <= LINES
     assert err == ""
     facts = json.loads((folder / "design.json").read_text())

@@ -49,7 +49,7 @@ SECTIONS = (
     "Displacements and stress",
     "What was assumed",
     "What was not checked",
-    "How reliable is the bound?",
+    "How reliable is the error bound?",
     "How to repeat the report",
 )
 
@@ -316,12 +316,12 @@ def test_a_stiffer_thinner_sheet_is_reported_at_all_volumes(drafted, compared):
     # one solve on the mesh of a whole sheet may be off by half: that decides nothing
     rough = [(0.7, compare_at(drafted, 0.7, ("thinner",)))]
     assert thinner_sheet_words(replace(found, volumes=rough)).startswith(
-        "At 70% the bounds of the design and the thinner sheet overlap"
+        "At 70% of the material the error bounds of the design and the thinner sheet overlap"
     )
     stiff = replace(
         at[1][1], design=replace(at[1][1].design, judgement=replace(compared.design.judgement, compliance=1e-9))
     )
-    assert thinner_sheet_words(replace(found, volumes=[(0.7, stiff)])).startswith("At every share that was tried the")
+    assert thinner_sheet_words(replace(found, volumes=[(0.7, stiff)])).startswith("At every tried share of material")
 
 
 def test_the_verdict_of_a_report_follows_its_checks(compared):
@@ -376,7 +376,7 @@ def test_the_full_judge_tells_the_value_of_the_verdict_within_its_bound(drafted,
     assert judged.theory == judged.check.theory
     known = replace(compared, design=replace(compared.design, judgement=replace(judged, theory=0.034)))
     told = Findings(known, [], "")
-    assert "(thin-shell theory: a solid is up to 3.4 % softer)" in verdict_banner(told).text
+    assert "(thin-shell theory: a solid is up to 3.4 % softer than a thin sheet)" in verdict_banner(told).text
     assert {one.name: one.status for one in told.checks}["Within thin-shell theory"] == "note"
     rough = comparison((drafted), ()).design.judgement
     assert (rough.level, rough.verdict, rough.bound) == ("quick", "unknown", 0.05)
@@ -419,7 +419,7 @@ def test_the_report_of_a_failing_design_gives_the_reason(tmp_path, capsys, monke
     assert rows["design"]["mass_kg"] == pytest.approx(rows["thinner"]["mass_kg"], rel=1e-3)
     reader, text = read_page(out)
     without = ("Compliance and its convergence", "Reactions and balance", "Displacements and stress")
-    left = [title for title in SECTIONS if title not in (*without, "How reliable is the bound?")]
+    left = [title for title in SECTIONS if title not in (*without, "How reliable is the error bound?")]
     assert [heading.lstrip("0123456789") for heading in reader.headings] == left
     assert "Fail: the structure does not carry its loads" in text
     assert why in text

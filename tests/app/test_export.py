@@ -200,7 +200,7 @@ def test_cases_combinations_springs_and_clamped_edges_go_along(tmp_path):
         assert theirs.energy == pytest.approx((ours.compliance - springs) / 2, rel=0.01), name
         assert theirs.u[: len(ours.u), 2] == pytest.approx(ours.u[:, 2], abs=0.01 * np.abs(ours.u[:, 2]).max())
     top = "\n".join(check.model.notes)
-    assert "support 2 stands on springs of (0, 0, 200000) N/m in all" in top
+    assert "support 2 stands on springs with a total stiffness of (0, 0, 200000) N/m" in top
     assert "support 1 is clamped" in top
     assert "SUPPORT_2" not in top
 

@@ -163,7 +163,7 @@ def test_a_search_without_any_loaded_candidate_is_refused():
     assert "refused" in choice_lines(found)[0]
     assert json.dumps(choice_facts(found)).count("refused") == len(refused)
     lost = with_overrides(preset, {"pattern.major.threshold": 0.95, "pattern.minor.threshold": 0.95})
-    with pytest.raises(PatternError, match=r"none of 8 modes and phases carries the loads; .* reaches no support; set"):
+    with pytest.raises(PatternError, match=r"none of 8 combinations of modes and phases .* reaches no support; set"):
         draft(lost)
 
 

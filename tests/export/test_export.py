@@ -196,7 +196,7 @@ def test_a_failed_last_step_leaves_the_older_file(tmp_path, monkeypatch):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
     monkeypatch.setattr(writing.os, "replace", refused)
-    with pytest.raises(ExportError, match="no permission to write there; choose another folder"):
+    with pytest.raises(ExportError, match="no permission to write in this folder; choose another folder"):
         write(solid_box(), path)
     assert [p.read_bytes() for p in tmp_path.iterdir()] == [b"older file"]
 

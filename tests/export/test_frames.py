@@ -84,7 +84,7 @@ def test_names_of_nodes_and_cases_cannot_break_the_script(tmp_path):
 
 def test_a_sheet_alone_has_no_beam_model_and_people_say_opensees(tmp_path, capsys):
     for suffix in (".tcl", ".beams.inp", ".saf.xlsx"):
-        with pytest.raises(ExportError, match="'x' has no beam model; only a design knows it"):
+        with pytest.raises(ExportError, match="'x' has no beam model; only a design has a beam model"):
             write(plate(1, 1, 1), tmp_path / f"x{suffix}")
     assert format_suffix("opensees") == format_suffix("tcl") == ".tcl"
     assert format_suffix("beams.inp") == ".beams.inp"

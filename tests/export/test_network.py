@@ -757,7 +757,7 @@ def test_many_faces_are_written_only_on_request(monkeypatch):
     monkeypatch.setattr(draft, "UNASKED", 10)
     part, _, _ = draft_of(surface := cylinder_strip(), cylinder_grid(surface))
     assert member_draft(part, SolidPlan(part)).faces > 10
-    with pytest.raises(ManyFacesError, match=r"more than the 10 that dsfab tries without a request$"):
+    with pytest.raises(ManyFacesError, match=r"which dsfab writes only on request \(limit: 10\)$"):
         member_draft(replace(part, hurry=1), SolidPlan(part))
 
 

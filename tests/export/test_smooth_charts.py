@@ -94,7 +94,7 @@ def test_a_much_larger_tolerance_at_the_coarsest_faces_gives_a_note():
     V, F = np.zeros((3, 3)), np.zeros((20, 3), dtype=np.int64)
     chord = np.append(np.full(19, 0.3), 9.0)
     told = SmoothLimits(20.0, 1.0, V, F, chord, np.zeros(20)).summary
-    assert told == "allowed: 1 mm plus the mesh's own chord error, usually under 0.3 mm, 9 mm at the coarsest triangles"
+    assert told == "allowed: 1 mm plus the mesh's own chord error, usually under 0.3 mm, up to 9 mm at coarse triangles"
     even = SmoothLimits(20.0, 1.0, V, F, np.full(20, 0.3), np.zeros(20)).summary
     assert even == "allowed: 1 mm plus the mesh's own chord error, usually under 0.3 mm"
 

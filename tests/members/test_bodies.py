@@ -166,7 +166,7 @@ def test_the_same_members_give_the_same_bytes_and_a_lost_one_is_refused(
     monkeypatch.setitem(FORMATS, suffix, replace(form, encode=fewer))
     with pytest.raises(ExportError, match="reads back with"):
         write(design.sheet, tmp_path / f"b{suffix}", details=details)
-    with pytest.raises(ExportError, match="only a design knows them"):
+    with pytest.raises(ExportError, match="only a design has members"):
         write(design.sheet, tmp_path / f"b{suffix}")
     assert [path.name for path in tmp_path.iterdir()] == [f"vault{suffix}"]
 

@@ -314,7 +314,7 @@ def test_other_materials_are_compared_with_their_strength_and_no_standard():
 
 def test_a_plate_thicker_than_the_table_gives_a_note():
     found = utilisation(bar(0.5, 0.3, 2.0, N=1e3), rules())
-    assert any("Strengths end at 200 mm" in line for line in found.assumed)
+    assert any("table of strengths ends at 200 mm" in line for line in found.assumed)
 
 
 def test_presets_name_the_rules_of_their_checks():

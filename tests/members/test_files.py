@@ -78,7 +78,7 @@ def test_files_of_members_are_known_by_their_whole_name(tmp_path, name, suffix):
 
 
 def test_an_object_without_a_design_has_no_members(design, tmp_path):
-    with pytest.raises(ExportError, match="only a design knows them"):
+    with pytest.raises(ExportError, match="only a design has members"):
         write(design.surface, tmp_path / "members.json")
     assert not list(tmp_path.iterdir())
 

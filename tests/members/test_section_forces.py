@@ -204,7 +204,7 @@ def test_section_forces_are_written_for_paraview_on_the_cut_sheet(dome_design, t
 
 @pytest.mark.parametrize("suffix", [".forces.csv", ".forces.vtu"])
 def test_a_sheet_alone_has_none_and_a_spoilt_file_is_not_kept(suffix, dome_design, tmp_path, monkeypatch):
-    with pytest.raises(ExportError, match="only a design knows them"):
+    with pytest.raises(ExportError, match="only a design has section forces"):
         dsfab.write(dome_design.sheet, tmp_path / f"a{suffix}")
     form = FORMATS[suffix]
 

@@ -53,7 +53,7 @@ def test_a_stripe_runs_on_a_straight_curve(angle, aside, family):
     _, off = crossings(given, distance, near, ("major", "minor").index(family))
     assert len(off) > 40
     assert off.max() < 0.004  # 1.5 mm: lines are not as near to each other everywhere
-    assert given.even.steered.told == f"a {family} member runs on the curve of pattern.guide.0"
+    assert given.even.steered.told == f"a {family} member follows the whole curve of pattern.guide.0"
 
 
 def test_the_member_of_a_guide_has_the_usual_width_and_is_joined():
@@ -78,14 +78,14 @@ def test_a_curve_that_bends_is_followed_within_a_face():
     radius = np.linalg.norm(given.surface.V - MIDDLE, axis=1)
     _, off = crossings(given, radius - 0.9, radius > 0)
     assert off.max() * SPACING < 1.5 * given.surface.mean_edge**2 / (8 * 0.9)
-    assert "a major member runs on the curve" in given.even.steered.told
+    assert "a major member follows the whole curve" in given.even.steered.told
 
 
 def test_the_part_of_a_guide_beyond_the_surface_is_ignored():
     given = guided(straight(25, 0.0, 6.0))
-    assert given.even.steered.told == "a major member runs on the curve of pattern.guide.0"
+    assert given.even.steered.told == "a major member follows the whole curve of pattern.guide.0"
     lifted = guided([[x, y, 0.05] for x, y, _ in straight(25, 0.0, 1.0)])
-    assert lifted.even.steered.told == "a major member runs on the curve of pattern.guide.0"
+    assert lifted.even.steered.told == "a major member follows the whole curve of pattern.guide.0"
 
 
 def test_a_guide_that_no_member_can_follow_gives_a_note():
@@ -99,7 +99,7 @@ def test_a_curve_across_the_stress_names_the_family_that_runs_there():
 
 
 def test_invalid_member_guides_are_refused_in_one_sentence():
-    with pytest.raises(GuideError, match="member is for a curve; remove the key"):
+    with pytest.raises(GuideError, match="only a curve can be a member; remove the key"):
         Guide(at={"pick": "all"}, direction=(1.0, 0.0, 0.0), member=True)
     with pytest.raises(PresetError, match=r"guide\.0 is a major member, but families = 'minor'; set the family"):
         load_preset("dome", {"pattern.families": "minor", "pattern.guide": [{"curve": straight(0), "member": True}]})

@@ -538,11 +538,11 @@ def test_a_folder_holds_its_regions(tmp_path):
 def test_an_asymmetric_region_gives_a_note():
     design = dsfab.run(wall(RING))
     assert any(
-        "stripes match at 4 symmetric images, but some regions at fewer: pattern.region.0 at 2" in n.text
+        "stripes match at 4 symmetric places, but these regions at fewer: pattern.region.0 at 2" in n.text
         for n in design.notes
     )
     middle = {**RING, "at": {"pick": "ball", "center": [0, 0.3, 0], "radius": 1.7}}
-    assert not any("images" in note.text for note in dsfab.run(wall(middle)).notes)
+    assert not any("symmetric places" in note.text for note in dsfab.run(wall(middle)).notes)
     assert one_sided_message(design.surface, design.preset.pattern.region, None) == ""
 
 

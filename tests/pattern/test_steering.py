@@ -271,7 +271,7 @@ def drafted(**more):
     ("more", "order", "told"),
     [
         ({}, 4, ""),
-        ({"rotate": 45}, 2, "of 4 images, but the pattern has only 2, because of rotate = 45"),
+        ({"rotate": 45}, 2, "4 symmetric images, but the pattern has only 2, because of rotate = 45"),
         ({"rotate": 90}, 4, ""),
         ({"guide": [{"curve": [[2, 1, 3], [3, 2, 2.5]], "reach": 1.5}]}, 1, "pattern has only 1, because of guides"),
         (

@@ -635,7 +635,7 @@ def test_the_proposal_lists_pieces_without_support(capsys, tmp_path):
 def test_a_size_that_nothing_is_built_in_is_doubted(tmp_path, unit, doubt):
     found = propose(obj(tmp_path / "roof.obj", dome(edge=0.8), unit))
     text = next(one.choice for one in found.decisions if one.topic == "unit")
-    assert (doubt is None) == ("is that the file's unit?" not in text)
+    assert (doubt is None) == ("is the file's unit right?" not in text)
     assert (doubt or "10 m x") in text
     assert unit < 1e6 or "10 km x" in text
 
@@ -666,7 +666,7 @@ def test_an_unlikely_unit_of_a_file_gives_a_warning_with_other_units(tmp_path, c
     path.write_text("# units: ft\n" + path.read_text())
     assert main(["inspect", str(path)]) == 0
     told = capsys.readouterr().out
-    assert "far larger than usual structures; is that the file's unit?; --unit mm: 10 m x" in told
+    assert "far larger than usual structures; is the file's unit right?; --unit mm: 10 m x" in told
 
 
 @pytest.mark.parametrize(

@@ -99,7 +99,7 @@ def test_overrides_and_text_keep_every_bit_of_the_mesh() -> None:
     finer = with_overrides(made, {"surface.refine": 0.1})
     assert finer.surface.build().m > made.surface.build().m
     assert with_overrides(finer, {"surface.refine": 0.0}) == made
-    assert f"given in Python: {HYPAR.n} vertices" in preset_toml(made, for_people=True)
+    assert f"Python mesh: {HYPAR.n} vertices" in preset_toml(made, for_people=True)
 
 
 BALL = {"pick": "ball", "center": [0, 0]}

@@ -34,7 +34,7 @@ def found(N=-10e3, material="S235", **more):
         (
             found(combined=False),
             "unknown",
-            "Each of 1 members is loaded below its resistance, under loads without partial factors",
+            "Each of 1 members is loaded below its resistance. The loads have no partial factors",
         ),
         (found(N=-1e6), "fail", "1 of 1 members exceed their resistance"),
         (found(N=-1e6, combined=False), "fail", "1 of 1 members exceed their resistance"),
@@ -144,7 +144,7 @@ def test_the_command_writes_a_report_and_its_tables(tmp_path, capsys):
     table = (tmp_path / "out" / "barrel_vault.member_utilisation.csv").read_text(encoding="utf-8")
     worst = next(line for line in table.splitlines()[1:] if not line.startswith(("#", "member"))).split(",")[0]
     for text in (page, printed):
-        assert "under loads without partial factors" in text
+        assert "The loads have no partial factors" in text
         assert worst in text
         assert "dsfab report barrel_vault --set surface.edge=0.5" in text
     assert page.count("<img") == 1 + 4  # the structure; diagrams of ten members, three in a figure
@@ -152,7 +152,7 @@ def test_the_command_writes_a_report_and_its_tables(tmp_path, capsys):
     facts = json.loads(re.search(r'id="facts">(.*?)</script>', client, re.DOTALL)[1])
     assert [one["name"] for one in facts["shades"]] == ["length", "width", "utilisation", "normal force N"]
     most = max(value for value in facts["shades"][2]["values"] if value is not None)
-    assert dict(facts["figures"])["most used"] == f"{worst}: {most / 100:.0%} of what it can bear"
+    assert dict(facts["figures"])["most used"] == f"{worst}: {most / 100:.0%} of its capacity"
     assert {part["file"] for part in facts["parts"]} == {""}  # the drawings are in the workshop's folder
 
 

@@ -266,5 +266,5 @@ def test_meshes_of_many_vertices_use_the_quick_elements(monkeypatch, factorisati
     assert made.statics.answers.elements == made.preset.statics.elements
     texts = [note.text for note in made.notes if note.stage == "statics"]
     assert sum("too many" in text for text in texts) == 2
-    assert not any("of the strength" in text or "are those of" in text for text in texts)
+    assert not any("of the strength" in text or "are computed with" in text for text in texts)
     assert "too many" in made.statics.answers.refusals[0]

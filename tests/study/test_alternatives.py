@@ -261,7 +261,7 @@ def test_alternatives_that_carry_no_load_are_listed_and_do_not_win(pulled, monke
     monkeypatch.setattr(module.Trial, "candidate", refused)
     (found,) = alternatives(task, own, ["isotropic"])
     assert (found.over, found.is_stiffer) == (0.0, False)
-    assert found.error == "no pair of modes carries the loads; the first: falls apart"
+    assert found.error == "no pair of modes carries the loads; pair 1: falls apart"
     assert np.isnan(METRICS["over_isotropic"](fresh(pulled, (found,))))
 
 

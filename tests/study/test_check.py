@@ -95,7 +95,7 @@ def test_a_file_in_metres_gives_a_warning(tmp_path, capsys):
     assert verdicts(check_file(path))["unit"] == "fail"
     assert check_file(path, unit="m").has_passed
     assert main(["check", str(path)]) == 1
-    assert "with the unit mm its thinnest wall is 0.01 mm, so its unit is probably metres" in capsys.readouterr().out
+    assert "solid is in mm, its thinnest wall is 0.01 mm, so the unit is probably metres" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -206,7 +206,7 @@ def test_the_preset_beside_the_file_is_found_and_the_file_read_once(design, tmp_
     assert found["volume_m3"] == pytest.approx(design.solid.volume, rel=1e-6)
     assert main(["check", str(path), "--no-solid", "--set", "statics.thickness=0.012"]) == 1
     assert (
-        "is it the design              fail     the file is 1 mm from the design's surface; the limit is 0.6 mm"
+        "is it the design              fail     the file's solid is 1 mm from the design's surface; the limit is 0.6 mm"
         in capsys.readouterr().out
     )
 

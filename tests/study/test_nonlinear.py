@@ -121,7 +121,7 @@ def test_a_path_that_runs_out_of_time_is_not_called_a_failure():
     load = np.linspace(0, 1, 11)
     assert limit_of(replace(path(load, load, whole=False), late=True)) == (10, False)
     found = NonlinearCheck("wind", 3.0, 1.5, False, 0.01, 0.002, load, load, 400, minutes=2.0)
-    assert found.sentence.startswith("wind: solved up to 1.5 times its load with large displacements")
+    assert found.sentence.startswith("wind: the sheet was solved up to 1.5 times its load, with large displacements")
     assert (
         "stopped at the time limit of 2 minutes (--minutes): it may bear more; by linear theory the sheet buckles at 3"
         in found.sentence

@@ -249,7 +249,7 @@ def test_a_mechanism_fails_and_a_sheet_too_large_to_solve_is_unknown():
     assert np.isnan(large.value)
     some = check(setting, whole_sheet(surface), budget=1e7)
     assert some.status == "unknown"
-    assert "by the recovery error; one mesh cannot show convergence; the next mesh, of 800" in some.reason
+    assert "from one mesh; only finer meshes can show convergence; the next mesh, of 800" in some.reason
     assert abs(some.value - navier(1e3, 0.01)) <= some.bound * some.value
     assert len(some.levels) == 1
     with pytest.raises(ValueError, match="pass `sheet`"):
@@ -343,7 +343,7 @@ def test_the_shipped_table_obeys_the_bounds():
     circular = replace(outside, compliance=(1.0, 1.1, 1.2))
     assert not circular.is_tested
     assert summary([*rows, circular]) == told
-    with pytest.raises(ValueError, match="more meshes than its verdict"):
+    with pytest.raises(ValueError, match="finer mesh than those of its verdict"):
         summary([circular])
 
 

@@ -80,7 +80,7 @@ def test_a_one_sided_strip_is_read_from_a_file_unchanged(tmp_path):
 
 @pytest.mark.parametrize("load", [Pressure(1.0), Wind(1.0, (1, 0, 0))], ids=["pressure", "wind"])
 def test_loads_that_need_an_outside_refuse_a_one_sided_surface(load):
-    with pytest.raises(SurfaceError, match=r"needs an outside, but 320 of its faces .* one side only"):
+    with pytest.raises(SurfaceError, match=r"needs faces with an outside, but 320 of these faces .* one side only"):
         load.forces(moebius(), 1.0)
 
 
@@ -92,7 +92,7 @@ def test_faces_with_two_sides_beside_a_strip_take_pressure():
 
 
 def test_nothing_of_a_strip_faces_anywhere():
-    with pytest.raises(SurfaceError, match="needs an outside"):
+    with pytest.raises(SurfaceError, match="needs faces with an outside"):
         Facing((0, 0, 1)).vertices(moebius())
 
 

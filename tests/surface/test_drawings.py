@@ -53,7 +53,7 @@ def test_blocks_within_blocks_are_bounded(tmp_path):
     document.blocks.new("self").add_blockref("self", (1, 0))
     document.modelspace().add_blockref("self", (0, 0))
     document.saveas(tmp_path / "self.dxf")
-    with pytest.raises(SurfaceError, match=r"self\.dxf cannot be read as DXF \(its blocks are nested more than"):
+    with pytest.raises(SurfaceError, match=r"self\.dxf cannot be read as DXF \(the file's blocks are nested more than"):
         loops_of(tmp_path / "self.dxf")
     document = drawing(tmp_path)
     document.blocks.new("b").add_circle((0, 0), 100)

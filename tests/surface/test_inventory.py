@@ -341,7 +341,7 @@ def test_gltf_1_is_named(version, tmp_path):
     [
         ("KHR_technique_webgl", ""),
         ("KHR_draco_mesh_compression", "KHR_draco_mesh_compression: export it without compression"),
-        ("ADESK_bend", "it needs the extension ADESK_bend: export it without this extension"),
+        ("ADESK_bend", "the file needs the extension ADESK_bend: export it without this extension"),
     ],
 )
 def test_a_required_extension_is_read_or_the_remedy_fits(name, words, tmp_path):
@@ -454,11 +454,11 @@ def test_modifiers_of_slicers_are_ignored_and_named(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (model([("", mesh_text())], '<item objectid="7"/>'), "it places the object '7', but lacks this object"),
+        (model([("", mesh_text())], '<item objectid="7"/>'), "the file places the object '7', but lacks this object"),
         (model([("", mesh_text())], '<item objectid="1"/>')[:-20], "the file's XML is broken or cut off in line 1"),
         (model([("", mesh_text().replace('x="', 'u="', 1))], ""), "a number or an object is missing or invalid"),
         (model([("", mesh_text())], '<item objectid="1" transform="1 0 0"/>'), "a number or an object is missing"),
-        (model([("", mesh_text())], "", 'requiredextensions="s"'), "it needs the extension s, which dsfab does not"),
+        (model([("", mesh_text())], "", 'requiredextensions="s"'), "the file needs the extension s, which dsfab"),
         (
             model([("", mesh_text(extra=""))], '<item objectid="1"/>', 'unit="parsec"'),
             "is in parsec, a unit that dsfab",

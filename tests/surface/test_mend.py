@@ -117,7 +117,7 @@ def test_crossing_sheets_stay_apart_and_a_wall_on_a_sheet_is_sewn():
     assert both.repairs == ()
     assert pieces(both.F, edge_table(both.F))[0] == 2
     wall = mended_mesh(np.concatenate([flat.V, upright + [0, 0, 1]]), np.concatenate([flat.F, flat.F + flat.n]))
-    assert wall.repairs[0] == "7 vertices merged with near vertices, within 5e-05 of the largest side"
+    assert wall.repairs[0] == "7 vertices merged with near vertices, within 5e-05 times the mesh's largest side"
     twice = mended_mesh(np.concatenate([flat.V, flat.V]), np.concatenate([flat.F, flat.F + flat.n]))
     assert len(twice.F) == flat.m
 
@@ -267,7 +267,7 @@ def test_a_stray_vertex_is_removed_with_its_faces_only(broken):
     assert len(mesh.F) == flat.m - int((flat.F == 45).any(axis=1).sum()) < flat.m
     assert len(mesh.V) == flat.n - 1
     assert len(mesh.repairs) == 1
-    assert ("not numbers" if np.isnan(broken) else "1,000 times as far away") in mesh.repairs[0]
+    assert ("not numbers" if np.isnan(broken) else "1,000 times as far from") in mesh.repairs[0]
     assert mended_mesh(V[:, [1, 0, 2]] * [1, 400, 1], flat.F[(flat.F != 45).all(axis=1)]).repairs == ()
 
 
@@ -366,7 +366,7 @@ def test_a_second_copy_of_a_sheet_goes(size):
     assert len(mesh.F) == ROOF.m
     assert_array_equal(mesh.V, ROOF.V * size)
     assert mesh.repairs[0].startswith("a second copy of the sheet, 1.")
-    assert mesh.repairs[0].endswith("mm from the first, dropped")
+    assert mesh.repairs[0].endswith("mm from the first copy, was dropped")
 
 
 def test_a_sheet_that_a_file_repeats_is_dropped_with_a_note():

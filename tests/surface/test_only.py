@@ -188,7 +188,7 @@ def test_a_file_without_any_name_says_so(tmp_path):
     path = tmp_path / "roof.obj"
     path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     with pytest.raises(
-        SurfaceError, match="no visible part has the name 'Roof', because none has a name; leave out --only"
+        SurfaceError, match="no visible part has the name 'Roof'; the parts have no names: leave out --only"
     ):
         raw_mesh(path, only=["Roof"])
 

@@ -334,7 +334,7 @@ def test_a_foreign_reader_is_silent_and_its_words_reach_nobody(tmp_path, monkeyp
 
     monkeypatch.setattr("dsfab.surface.files.mesh_files.read_stl", loud)
     with pytest.raises(
-        SurfaceError, match=r"cannot be read as STL \(it is damaged, or of a kind .*\); export it again"
+        SurfaceError, match=r"cannot be read as STL \(the file is damaged, or of a kind .*\); export it again"
     ):
         read_surface(obj(tmp_path, "solid\n", "mesh.stl"))
     assert "noise" not in caplog.text

@@ -455,7 +455,7 @@ def test_a_contact_in_a_point_is_refused():
     corners = Surface(plate.V, plate.F[np.isin(plate.F, [0, 8]).any(axis=1) & ~np.isin(plate.F, [1, 5]).all(axis=1)])
     bow = Surface([[0, 0, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0], [-1, -1, 0]], [[0, 1, 2], [0, 3, 4]])
     assert corners.m > 0
-    with pytest.raises(SolidError, match=r"touch in a single point at 1 vertex \(first: 0\)"):
+    with pytest.raises(SolidError, match=r"touch only in points, at 1 vertex \(first: 0\)"):
         thicken(bow, offsets(bow, 0.1).D)
 
 

@@ -198,8 +198,8 @@ def test_the_command_prints_a_table_json_and_a_list(capsys):
     assert lines[12].endswith("ok")
     assert lines[13] == "elements of dsfab that miss a tolerance: none is off on a finest mesh"
     assert lines[14] == "targets of hybrid+hhj: 3 of 3 met"
-    assert lines[15].startswith("results of mesh patterns at 16 cells differ by up to 0.0")
-    assert lines[16].startswith("hybrid+hhj beside 6 published values from meshes of equal size: better 6")
+    assert lines[15].startswith("results of different 16-cell meshes differ by up to 0.0")
+    assert lines[16].startswith("hybrid+hhj, compared with 6 published values for meshes of equal size: better 6")
     assert main(["verify", "patch", "--json", "-e", "constant+hinge", "-e", "quadratic+midedge"]) == 0
     rows = json.loads(capsys.readouterr().out)
     assert len(rows) == 2 * 2 * 3

@@ -243,7 +243,7 @@ def test_the_page_for_model_makers_names_the_plate_and_stays_on_the_paper():
     pages["Building the model at 1:50"](paper)
     words = " ".join(text for text, *_ in paper.words)
     assert "base, 1:1" in words
-    assert "Layers from the inside: kept material at supports and loads (ring, band), then rim, then B, then A" in words
+    assert "Layers from the inside: rings and bands around supports and loads, then rim, then B, then A" in words
     assert all(x >= 0 and x + wide <= PAPER_WIDTH and 0 <= y <= PAPER_HEIGHT for _, x, y, wide, _ in paper.words)
     for (_, _, y, *_), (_, _, below, *_) in pairwise(paper.words[:-1]):
         assert below <= y + 1e-9

@@ -54,8 +54,7 @@ class Wishes(bpy.types.PropertyGroup):
         subtype="FILE_PATH",
     )
     changes: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Changes",
-        description="Keys of the preset with other values, spaces between: statics.material=S235 pattern.rotate=45",
+        name="Changes", description="New values for keys, separated by spaces: statics.material=S235 pattern.rotate=45"
     )
 
 
@@ -80,7 +79,7 @@ def mesh_file(source: bpy.types.Object, metres: float, path: Path) -> None:
 
 
 def command(python: str, mesh: Path, settings: Wishes, output: Path) -> list[str]:
-    """Return the command line of the build. Raises BuildError if the changes contain an unclosed quote."""
+    """Return the command line of the build. Raises BuildError if `settings.changes` has an unclosed quote."""
     preset = bpy.path.abspath(settings.preset)
     preset = str(Path(preset).resolve()) if Path(preset).is_file() else preset
     words = [preset, "--mesh", str(mesh)] if preset else [str(mesh)]
@@ -106,7 +105,7 @@ def import_meshes(path: Path, source: str, collection: bpy.types.Collection, met
     """Import a GLB file; return its meshes as objects of a collection, in the unit of the scene."""
     before = set(bpy.data.objects)
     unit = bpy.context.scene.unit_settings
-    unit.scale_length = 1.0  # the importer scales by `scale_length`; the loop below scales instead
+    unit.scale_length = 1.0  # with 1.0 the importer does not scale; the loop below scales
     try:
         bpy.ops.import_scene.gltf(filepath=str(path))
     finally:
@@ -156,7 +155,7 @@ def view_layer_of(collection: bpy.types.Collection) -> bpy.types.LayerCollection
 
 
 def show_result(folder: Path, source: bpy.types.Object, metres: float) -> int:
-    """Show the solid of a folder, hide its members and the source object; return the number of members."""
+    """Show a folder's solid, hide its members and `source`; return the number of members. metres : per scene unit."""
     collection = new_collection(source.name, bpy.context.scene.collection)
     solid_file = next(path for path in folder.glob("*.glb") if not path.stem.endswith(".members"))
     for solid in import_meshes(solid_file, source.name, collection, metres):
@@ -226,7 +225,7 @@ class Build(bpy.types.Operator):
         return {"FINISHED"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Build and wait, for scripts."""
+        """Build the structure, and return after the end of the build, for scripts."""
         if not self._begin(context):
             return {"CANCELLED"}
         self._process.wait()

@@ -1,4 +1,4 @@
-"""Builds of the page, in a process that the user can cancel, and the folders of their files."""
+"""Builds that the page starts, each in a process that the user can cancel, and the folders of their files."""
 
 import io
 import json
@@ -32,7 +32,7 @@ from dsfab.report.design.save import save
 
 @dataclass(frozen=True)
 class EditorBuild:
-    """Files of a build, those in the preset's formats first, and facts about the build for the page."""
+    """Files of a build, with files in the preset's formats first, and facts that the editor's page shows."""
 
     files: list[Path]
     facts: dict[str, Any]
@@ -55,7 +55,7 @@ class BuildRequest:
 
 
 def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
-    """Write the files of `dsfab build`; the fact `refused` tells why a STEP file is missing. Raises DsfabError."""
+    """Write the files of `dsfab build`; `facts["refused"]` is the reason for a missing STEP file. Raises DsfabError."""
     preset = request.preset
     design = _design_of_request(request, progress)
     if request.mesh:
@@ -78,7 +78,7 @@ def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -
 
 
 def export_file(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
-    """Write a single file like `dsfab export`; the folder `before` may hold the design. Raises DsfabError."""
+    """Write one file like `dsfab export`, from the build in `before` if its preset is equal. Raises DsfabError."""
     from dsfab.app.export import CALCULIX, CALCULIX_SUFFIX, ExportRequest, write_file
     from dsfab.design.output.archive import read_archive
 
@@ -103,7 +103,7 @@ def _mesh_copy_path(mesh: Path, folder: Path) -> Path:
 def draw_png(
     preset: Preset, earlier: Design | None, view: str, show: str, size: tuple[int, int], progress: ReportProgress
 ) -> bytes:
-    """Draw a preset in this process; return the picture as PNG. Raises DsfabError if this machine cannot draw."""
+    """Return a picture (PNG) of a preset; reuse stages of the design `earlier`. Raises DsfabError if drawing fails."""
     from PIL import Image
 
     from dsfab.render import light
@@ -128,7 +128,7 @@ class BuilderError(RuntimeError):
 
 def build_in_process(request: BuildRequest, folder: Path, progress: JobProgress) -> EditorBuild:
     """Run `build_files`, or `export_file` for a single format, in another process, and raise its errors.
-    A cancellation raises Cancelled within a fraction of a second. Errors remove the folder."""
+    A cancellation raises Cancelled within a fraction of a second. If an error is raised, `folder` is removed."""
     message = pickle.dumps((request, str(folder)), protocol=5)
     try:
         with (
@@ -266,6 +266,6 @@ class Builds:
         listed = [{"name": path.name, "bytes": path.stat().st_size} for path in files]
         place = f"{self.outputs.label}/{name}" if self.outputs.label else ""
         facts = result.facts
-        if "told" in facts:  # the message must name the final folder of the file
+        if "told" in facts:  # messages name the temporary folder; the final folder replaces it
             facts = facts | {"told": [line.replace(str(folder), place or str(published)) for line in facts["told"]]}
         return {"build": number, "files": listed, "folder": place, **facts}

@@ -68,7 +68,7 @@ def _direction_controls() -> list[Control]:
     ]
 
 
-_GAMMA = "gamma: factor on the loads; it only decides which faces count as isotropic."
+_GAMMA = "gamma: factor on the loads. Faces with similar principal stresses count as isotropic; gamma decides which."
 _MODE_SYMMETRY = "Symmetries of the modes (comma list): x, y or z for a mirror, rot:6:z for rotations by 60° about z."
 
 
@@ -85,7 +85,7 @@ def _sheet_controls(surface: Surface) -> list[Control]:
 
 
 _YOUNG = "Young's modulus."
-_STRENGTH = "Reports compare the largest stress with this strength; off for none."
+_STRENGTH = "Reports compare the largest stress with this strength; off: no comparison."
 
 
 def _mesh_controls(surface: Surface) -> list[Control]:
@@ -125,7 +125,7 @@ _NO_SLITS = (
 _BED = "Space in the machine along x, y and z in metres, for instance 0.25 x 0.21 x 0.2; empty: no check of the size."
 
 _ACCEPT = (
-    "Build even if a load has no support, the sheet is as thin as a film, or a feature under 1 mm fails its limit."
+    "Build even if a load has no support, the sheet is a thin film, or a member or opening is too narrow to be made."
 )
 
 
@@ -165,10 +165,10 @@ def _method_controls() -> list[Control]:
 _METHOD = "modes: stripes along level lines of eigenmodes; stripes: evenly spaced stripes along the stress."
 _FAMILIES = "A single family has no crossings; the rim and kept regions hold its members together."
 _HALVE = "Where stripes crowd, every second stripe ends on a crossing member."
-_STRIPE_SYMMETRY = "auto: stripes have all mirror and rotational symmetries of surface, supports and loads; none: none."
-_FORCES = "Stripes follow the forces of the uncut sheet, or of the stiffest sheet of varying thickness (needs a share)."
+_STRIPE_SYMMETRY = "auto: stripes have all symmetries of surface, supports and loads; none: dsfab ignores symmetries."
+_FORCES = "Stripes follow forces in the uncut sheet, or in the stiffest sheet of varying thickness (set a fraction)."
 _ROUNDS = "Number of times that the stripes are computed again with their own weight; 0: weight of the uncut sheet."
-_CROWDING = "avoid: if neighbouring openings would be filled, dsfab tries up to four other patterns."
+_CROWDING = "avoid: if dsfab would fill openings side by side, it tries up to four other patterns."
 _TURN = "Angle between stripes and stress in degrees, for both families; 90 exchanges the families."
 
 
@@ -183,14 +183,14 @@ def _family_controls(name: str, preset: Preset, surface: Surface, reach: float) 
         Control(group, key + "frequency", "frequency", low=0.5, high=40, step=0.1, hint=_FREQUENCY, method="modes"),
         replace(spacing, instead=Family().distance(surface.area, surface.mean_edge)),
         Control(group, key + "phase", "phase", unit="periods", word="auto", hint=_PHASE, method="modes"),
-        Control(group, key + "threshold", "threshold", low=-1, step=0.01, hint="-1: all is material; 1: nothing is."),
+        Control(group, key + "threshold", "threshold", low=-1, step=0.01, hint="-1: solid surface; 1: no material."),
     ]
 
 
 _MODE = "Number of the mode, a field that stripes follow; 1 is the smoothest. auto selects the stiffest of several."
 _PHASE = "Moves the stripes sideways."
 _FREQUENCY = "Number of stripes while the mode's value grows by 1; a larger number gives a finer pattern."
-_SPACING = "Metres from one stripe to the next. For stripes on modes, 0 means that the frequency decides."
+_SPACING = "Metres from one stripe to the next. For stripes from modes, 0 means that the frequency sets the spacing."
 
 
 def _width_controls(reach: float) -> list[Control]:
@@ -212,8 +212,8 @@ def _width_controls(reach: float) -> list[Control]:
 
 
 _RULE = (
-    "plain: the thresholds decide the width; constant: one width in metres; graded: the width grows with the stress; "
-    "stressed: the energy of the cut sheet decides."
+    "plain: thresholds of the families set the widths; constant: one width in metres; graded: the width grows with the "
+    "stress; stressed: the energy of the cut sheet decides."
 )
 _STEPS = "Steps of the rule stressed: in each step dsfab cuts, solves and widens; the stiffest result counts."
 _FRACTION = (
@@ -228,7 +228,7 @@ _THINNEST = (
 
 
 def _kept_controls(reach: float) -> list[Control]:
-    keep_hint = "Metres around loads and supports that stay material."
+    keep_hint = "All points up to this distance (m) from loads and supports stay material."
     return [
         Control("kept", "pattern.keep", "near loads", "length", "m", high=reach, step=reach / 200, hint=keep_hint),
         Control("kept", "pattern.rim", "rim", "length", "m", high=reach, step=reach / 200, hint="Along the boundary."),

@@ -29,7 +29,7 @@ TYPES = {"f": "float32", "i": "uint32", "u": "uint32", "b": "uint8"}
 
 
 def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """Pack facts and arrays (...) into one message; floats take 32 bits, integers become unsigned with 32 bits."""
+    """Pack facts (JSON values) and arrays (...) into a message: floats with 32 bits, integers as unsigned 32 bits."""
     table, blocks, place = {}, [], 0
     for name, array in arrays.items():
         kind = TYPES[array.dtype.kind]
@@ -44,9 +44,9 @@ def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
 
 
 def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return facts and arrays of a draft: surface, fields of the stripes, statics, and marks of loads and supports.
+    """Return facts and arrays of a draft: surface, stripes, statics, marks of loads and supports, and boundary loops.
     V (n, 3), metres, F (m, 3) and their fields belong to the mesh of the stripes (`StripedMesh`). If this mesh is not
-    the surface itself, marks and loops refer to the vertices `uncut` (k, 3) of the surface."""
+    the surface itself, the boundary loops refer to the vertices `uncut` (k, 3) of the surface."""
     surface, statics, modes = draft.surface, draft.statics, draft.diffusion
     mesh = StripedMesh.from_design(draft)
     up = up_axis(surface.V, surface, draft.load)
@@ -166,7 +166,7 @@ def _lines_per_metre(surface: Surface, x: Floats) -> float:
 
 
 def _mark_arrays(surface: Surface, load: LoadCase, reaction: Floats, middle: Floats) -> dict[str, Floats]:
-    """Return arrows (k, 6) of grouped forces, each with place (m) and force (N), and the places (k, 3) of supports."""
+    """Return arrows (k, 6): place (m) and sum (N) of nearby forces; and places (k, 3) of supports. middle : origin."""
     acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
     V = surface.V - middle
     loads = [_gathered_forces(V, load.force, acts & load.loaded, POINT_LOAD_SPACING, surface.size)]
@@ -193,11 +193,10 @@ TINTS = ("major", "minor")  # Families with colours of their own; all other mate
 
 def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
     """Return the arrays of a cut sheet with k vertices and m faces; families share no vertices.
-
     V : (k, 3) metres from the middle of the surface.    F : (m, 3).    E : (e, 2) edges of the outlines.
     tint    : (k,) 0 major family, 1 minor family, 2 other material.
     normals : (k, 3) unit normals of the uncut surface.
-    corners : (k, 3) corners of a face in the mesh of the stripes.    shares : (k, 3) barycentric weights."""
+    corners : (k, 3) corners of the nearest face of `StripedMesh`.    shares : (k, 3) barycentric weights of corners."""
     surface, striped_surface = sheet.surface, StripedMesh.from_design(draft).surface
     tints = np.array([TINTS.index(name) if name in TINTS else len(TINTS) for name in draft.pattern.names])
     tint = np.repeat(tints[sheet.family], 3)

@@ -94,7 +94,7 @@ class Jobs:
             worker.join(timeout=5)
 
     def submit(self, kind: str, work: Work) -> int:
-        """Run `work` in the worker of its kind, in place of an older job of this kind; return the job's number."""
+        """Run `work` in the worker for jobs of this kind, in place of an older such job; return the job's number."""
         with self._wake:
             job = EditorJob(next(self._numbers), kind, work)
             self._known[job.number] = job

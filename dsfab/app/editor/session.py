@@ -117,14 +117,14 @@ class Session:
         return self._set_opened(self.current_preset.open_toml(text))
 
     def open_variant(self, number: int) -> dict[str, Any]:
-        """Open the preset of a variant; the result's key `changes` holds the variant's changes to this preset."""
+        """Open the preset of a variant; the result's key `changes` holds the changes that the user has made to it."""
         variant = self.variants[number]
         with self._lock:
             is_open = variant.opened is self._opened
             return {**(self.start() if is_open else self._set_opened(variant.opened)), "changes": dict(variant.changes)}
 
     def ask_mesh(self, name: str, unit: str | None, data: str) -> dict[str, Any]:
-        """Start a job that opens a mesh file from the page in another process. Raises DsfabError.
+        """Start a job that opens a mesh file, which the page has sent, in another process. Raises DsfabError.
         data : content of the file in base64."""
         suffix = Path(name).suffix.lower()
         if suffix not in MESH_SUFFIXES:
@@ -160,7 +160,7 @@ class Session:
         return {"name": f"{opened.preset_with(changes).name}.toml", "toml": opened.toml(changes)}
 
     def command(self, changes: Changes) -> dict[str, Any]:
-        """Return the command of the build, and the path of its preset file if the session has saved this file.
+        """Return the command that builds the preset. `saved` is the preset file that the session wrote, or ''.
         `save` is True if the page must offer the preset file to the user."""
         opened, outputs = self.current_preset, self.builds.outputs
         command, save = opened.command(changes)
@@ -207,7 +207,7 @@ class Session:
         return self.jobs.submit("picture", lambda progress: self._picture(preset, view, show, size, progress))
 
     def first_model(self) -> bytes:
-        """Return the last draft, or a sketch of the first draft, for a new page; empty if no job makes a draft."""
+        """Return the last draft for a new page. Wait for a first draft or a sketch; empty if no job makes a draft."""
         shown = self._shown
         while shown is None and self._asked and self.jobs.pending(self._asked[0]):
             time.sleep(0.01)
@@ -216,7 +216,7 @@ class Session:
         return self._model(shown, 0) if shown else b""
 
     def model(self, have: int) -> bytes:
-        """Return the last draft; only its widths if the page has version `have`. Raises DsfabError without a draft."""
+        """Return the last draft, or only its widths if its version is `have`. Raises DsfabError without a draft."""
         with self._lock:
             shown = self._shown
         if shown is None:
@@ -224,7 +224,7 @@ class Session:
         return self._model(shown, have)
 
     def cut_sheet(self, draft: int) -> bytes:
-        """Return the cut sheet of the last draft (`drafts.cut_sheet_arrays`); empty if its number is not `draft`."""
+        """Return the latest cut sheet (`drafts.cut_sheet_arrays`); empty if it belongs to another draft."""
         with self._lock:
             latest_cut = self._cut
         if not latest_cut or latest_cut[0].number != draft:
@@ -303,7 +303,7 @@ def _same_model(draft: Design, earlier: Design) -> bool:
     pattern, earlier_pattern = draft.preset.pattern, earlier.preset.pattern
     if pattern.region != earlier_pattern.region or (pattern.region and pattern.keep != earlier_pattern.keep):
         return False
-    # rough statics of a sketch differ from those of the design
+    # a sketch has only rough statics, so the page needs the statics of the design
     if draft.statics is not earlier.statics or draft.diffusion is not earlier.diffusion:
         return False
     return StripedMesh.from_design(draft).is_same_mesh(StripedMesh.from_design(earlier))

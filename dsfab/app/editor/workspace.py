@@ -52,7 +52,7 @@ class Outputs:
         return next(word for word in _numbered_names(name) if not self.foreign_files(word))
 
     def publish(self, files: Path, name: str) -> Path:
-        """Move all files from the folder `files` to the build folder `name`; return the latter. Raises DsfabError."""
+        """Move all files from the folder `files` to the folder of the build; return this folder. Raises DsfabError."""
         folder = self.folder(name)
         with atomic_folder(folder) as partial:
             for path in files.iterdir():
@@ -99,7 +99,7 @@ class OpenedPreset:
     decided: tuple[Decision, ...] = ()
 
     def preset_with(self, changes: Mapping[str, Any]) -> Preset:
-        """Return the preset with new values at dotted keys. Raises PresetError for invalid values and another file."""
+        """Return the preset with new values at dotted keys. Raises PresetError for invalid values or new files."""
         preset = with_overrides(self.preset, changes)
         if _mesh_file(preset) != _mesh_file(self.preset):  # the page must not choose files on this machine
             raise PresetError(
@@ -124,7 +124,7 @@ class OpenedPreset:
     def command(self, changes: Mapping[str, Any]) -> tuple[str, bool]:
         """Return the command that builds the changed preset, and whether the user must save the preset first."""
         preset = self.preset_with(changes)
-        if self.words and self.decided and MATERIAL in changes:  # keep the thickness of the proposal
+        if self.words and self.decided and MATERIAL in changes:  # else the command would propose another thickness
             changes = {"statics.thickness": preset.statics.thickness, **changes}
         sets = [word for key, value in changes.items() for word in ("--set", f"{key}={_value_text(value)}")]
         command = shlex.join(["dsfab", "build", *self.words, *sets])
@@ -134,7 +134,7 @@ class OpenedPreset:
         return shlex.join(["dsfab", "build", f"{preset.name}.toml"]), True
 
     def open_toml(self, text: str) -> "OpenedPreset":
-        """Open a preset file from the page. Raises PresetError as `load_preset`, and if its mesh is not loaded."""
+        """Open a preset file from the page. Raises PresetError if it is invalid, or needs a file that is not open."""
         try:
             values = toml_table(text)
         except TomlError as error:
@@ -276,7 +276,7 @@ class VariantTray:
         """Add a variant; if it has no name, its number is its name. Raises DsfabError for an invalid variant."""
         _ = variant.preset
         if len(self._all) >= MAX_VARIANTS:
-            raise DsfabError(f"the tray holds {MAX_VARIANTS} variants already; remove one first")
+            raise DsfabError(f"the editor already holds {MAX_VARIANTS} variants; remove a variant first")
         if variant.picture and not (variant.picture.startswith("data:image/") and len(variant.picture) <= LARGEST):
             raise DsfabError("the picture of the variant did not arrive completely; keep the variant again")
         number = next(self._numbers)

@@ -25,12 +25,12 @@ INPUTS = (
     HopsParameter(
         "supports", "S", "Points that hold the surface near them. Default: proposed supports.", "Point", is_list=True
     ),
-    HopsParameter("snow", "Sn", "Pa on the plan. Default: a placeholder for the kind of surface.", "Number"),
+    HopsParameter("snow", "Sn", "Snow load, Pa on the plan. Default: a usual value for the surface.", "Number"),
     HopsParameter("spacing", "Sp", "Distance from one member to the next, in the unit of the model.", "Number"),
     HopsParameter("thickness", "T", "Thickness of the sheet, in the unit of the model.", "Number"),
     HopsParameter("share", "Sh", "Share of the surface that is material, 0 to 1.", "Number"),
     HopsParameter(
-        "preset", "P", "Lines of a preset in metres and pascals, such as pattern.rotate = 45.", "Text", is_list=True
+        "preset", "P", "Lines of a preset; metres and pascals. Example: pattern.rotate = 45.", "Text", is_list=True
     ),
 )
 NOTES = HopsParameter("notes", "N", "Notes on the design.", "Text", is_list=True)
@@ -93,7 +93,7 @@ def _note_texts(design: Design, request: HopsRequest) -> list[str]:
     mesh = request.values["mesh"]
     taken = [f"taken: {', '.join(thing.text for thing in mesh.content)}"]
     if request.origin.any():
-        taken.append(f"lines of a preset count coordinates from {coordinates(request.origin.tolist())} m of the model")
+        taken.append(f"in lines of a preset, the origin is the model's point {coordinates(request.origin.tolist())} m")
     return [*taken, *(note.text for note in design.notes)]
 
 
@@ -158,7 +158,7 @@ COMPONENTS = {
     for one in (
         HopsComponent(
             "structure",
-            "A structure on a surface, along its forces.",
+            "A structure on a surface; its members follow the forces.",
             INPUTS,
             (
                 HopsParameter("solid", "So", "The watertight solid.", "Mesh"),

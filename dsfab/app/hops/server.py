@@ -63,7 +63,7 @@ def solve_request(name: str, body: Mapping[str, Any]) -> tuple[bool, str]:
         return True, json.dumps(component.answer(read_request(component, body)))
     except DsfabError as error:
         return False, str(error)
-    except Exception as error:  # Grasshopper also gets an answer after a bug
+    except Exception as error:  # Grasshopper also gets an answer after an unexpected error
         log.exception("%s", name)
         return False, f"dsfab made a mistake ({type(error).__name__}: {error}); please report it"
 

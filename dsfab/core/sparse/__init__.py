@@ -78,8 +78,8 @@ class SamePatternFactors:
         self._factor: Factor | None = None
 
     def factor(self, K: csr_array) -> Factor:
-        """Return b -> K^-1 b for a positive definite K (N, N), valid until the next call. All K of an object must be
-        real, or all Hermitian. Raises the errors of `factorise`, and ValueError for another pattern."""
+        """Return b -> K^-1 b for a positive definite K (N, N), valid until `factor` is called again. All K of an object
+        must be real, or all Hermitian. Raises the errors of `factorise`, and ValueError if the pattern of K changes."""
         if self._factor is None and self._many_solves and solver_name() == "PARDISO":
             self._factor = Pardiso(K, blocks=False)
         elif self._factor is None:

@@ -76,8 +76,7 @@ LITTLE = 20e6
 
 def release_freed_memory(freed: float) -> None:
     """Return freed memory to the system, because glibc keeps it while small blocks above it are in use.
-
-    freed : approximate number of freed bytes. Up to `LITTLE`, and without glibc, the function does nothing."""
+    freed : approximate number of freed bytes. The function does nothing up to `LITTLE` bytes, or without glibc."""
     if freed > LITTLE and (trim := malloc_trim()):
         trim(0)
 
@@ -100,7 +99,7 @@ def blas_pools() -> Any:
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """Limit BLAS to one thread, because more threads are slower on vectors and small fronts.
-    The limit applies to the whole process, so a lock makes other Python threads wait until it ends."""
+    The limit applies to the whole process, so a lock lets only one Python thread at a time run the `with` block."""
     with _BLAS_LOCK, blas_pools().limit(limits=1, user_api="blas"):
         yield
 
@@ -202,7 +201,7 @@ class Fronts:
         used, node = np.unique(node, return_inverse=True)
         points, n, N = points[used], len(used), K.shape[0]
         keys = dissection_keys(point_graph(K, node, n), points, N)
-        # points of a part are sorted along a curve, so that neighbours have similar numbers; fronts then add up fast
+        # along a curve, neighbours in a part get similar numbers; adding the results of fronts is then fast
         sequence = np.lexsort((morton_positions(points), keys))
         rank = np.empty(n, dtype=np.int32)
         rank[sequence] = np.arange(n)
@@ -234,7 +233,7 @@ class Fronts:
 
 
 def _touched_points(row: Index, column: Index, front_start: Ints) -> tuple[list[Ints], list[list[int]]]:
-    """Return the later points that each front changes, also by fill-in, and the children of each front.
+    """Return the later points that the elimination of each front changes, also by fill-in, and each front's children.
     row, column : points of every entry below the diagonal.    front_start : (fronts + 1,) first point of each front."""
     n = int(front_start[-1])
     front = np.repeat(np.arange(len(front_start) - 1), np.diff(front_start))

@@ -63,7 +63,7 @@ class SuperLU:
 
 def elimination_order(K: csr_array, points: Floats, node: Ints) -> Ints:
     """Return the order (N,) for the elimination of the unknowns of K (N, N), by nested dissection of their points.
-    The points of a part follow a space-filling curve. Parts are small, because SuperLU forms its own dense blocks."""
+    The points of a part follow a space-filling curve. Parts are small: SuperLU itself joins columns to dense blocks."""
     used, node = np.unique(node, return_inverse=True)
     points = points[used]
     keys = dissection_keys(point_graph(K, node, len(used)), points, K.shape[0], leaf=24)
@@ -79,7 +79,7 @@ PARDISO_OPTIONS = {0: 1, 1: 2, 9: 8, 17: -1, 23: 1}
 In this order, the entries select: values from the user; nested dissection by METIS; pivots for symmetric matrices; a
 count of the factor's entries; the two-level factorisation, which makes solves faster."""
 BLOCKS = {36: -100}
-"""Additional entry for points with several unknowns: PARDISO analyses rows with equal columns as one row.
+"""Additional entry of `iparm` for points with several unknowns: PARDISO analyses rows with equal columns as one row.
 The analysis then takes a third of the memory and the time."""
 ALONE = 12_000
 """Largest number of unknowns for which PARDISO uses one thread.
@@ -171,7 +171,7 @@ class Pardiso:
         from pypardiso.pardiso_wrapper import PyPardisoError
 
         self._solver.set_phase(phase)
-        # solves with a two-level factor need the number of threads that the factorisation had
+        # after a two-level factorisation, each solve needs the same number of threads as the factorisation
         before = self._solver.libmkl.MKL_Set_Num_Threads_Local(self._threads)
         try:
             x: Floats = self._solver._call_pardiso(self._upper, b)  # `solve` is slow: it hashes the matrix
@@ -190,7 +190,7 @@ def _set_mkl_path() -> None:
     try:
         files = importlib.metadata.files("mkl") or []
     except importlib.metadata.PackageNotFoundError:
-        return  # MKL is not from pip, so pypardiso must search for it
+        return  # pip did not install MKL, so pypardiso must search for MKL
     paths = sorted((str(file.locate()) for file in files if "mkl_rt" in file.name), key=len)
     if paths and os.path.exists(paths[0]):
         os.environ["PYPARDISO_MKL_RT"] = paths[0]
@@ -231,13 +231,13 @@ class Multigrid:
         self.refactor(K)
 
     def refactor(self, K: csr_array) -> None:
-        """Use a new matrix K, (N, N), with the unknowns of the same points."""
+        """Use a new matrix K (N, N) for the same unknowns at the same points."""
         import pyamg
 
         self._K = K
         self._place, size = _positions_in_blocks(self._node)
         full = K.tocoo()
-        spare = np.setdiff1d(np.arange(size), self._place)  # blocks get a diagonal 1 for missing unknowns
+        spare = np.setdiff1d(np.arange(size), self._place)  # unknowns that a point lacks get 1 on the diagonal
         blocks = coo_array(
             (
                 np.concatenate([full.data, np.ones(len(spare))]),

@@ -1,4 +1,4 @@
-"""Lines and fields of a design, and its archive `design.npz`, from which dsfab reads it without solving again."""
+"""Lines and fields of a design, and its archive `design.npz`; dsfab reads the archive instead of solving again."""
 
 import json
 import zipfile
@@ -29,8 +29,7 @@ from dsfab.thickening import Repairs, Solid
 
 def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine, ...]:
     """Return the edges of the sheet by family, then the centre lines of its members, in metres on the middle surface.
-    tolerance : largest distance (m) of removed points from the simplified lines. The lengths are those of the full
-                lines.
+    tolerance : largest distance (m) between a full line and its simplified line. Lengths are those of full lines.
     A family has no centre lines if it has no stripes, or if its stripes touch everywhere."""
     pattern, sheet, surface = design.pattern, design.sheet, design.surface
     phases = [stripe_phase(design, k) for k in range(len(pattern.names))]
@@ -39,7 +38,7 @@ def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine,
     for k, name in enumerate(pattern.names):
         z, d = phases[k], half_widths[name]
         if z is None or pattern.names.index(name) < k or not ((d > 0).any() and (d < 0.5).any()):
-            continue  # stripes touch if their half-widths are half a period
+            continue  # without stripes, or with stripes that touch everywhere, there are no centre lines
         if isinstance(z, CornerLines):
             assert pattern.even is not None
             lines += chart_lines(sheet, surface, pattern.names, name, pattern.even.chart, d)
@@ -67,10 +66,9 @@ def stripe_phase(design: Design, k: int) -> Phase:
 def design_fields(design: Design) -> dict[str, Floats]:
     """Return fields by name, at the vertices (n, ...) or in the faces (m, ...).
 
-    At vertices: displacements of every load case, forces, supports and modes; phase, half-width and wave of each
-    family.
+    At vertices: displacements of every load case, forces, supports and modes. Also phase and half-width of each family,
+    and the triangle wave of the phase.
     In faces: stress in xyz, principal values of the diffusion tensors times gamma, and the mask of isotropic faces.
-
     For evenly spaced stripes, the distance from the nearest centre line and the lines per metre replace the phase."""
     statics, tensors = design.statics, design.diffusion.tensors
     fields = {
@@ -115,13 +113,13 @@ def _distances(design: Design) -> dict[str, Floats]:
 
 
 def _even_fields(even: EvenStripes, family: int) -> dict[str, Floats]:
-    """Return fields at vertices. If a vertex has several phases, the phase of the nearest line counts."""
+    """Return fields of a family at vertices. At a vertex with several phases, the phase nearest to a line is used."""
     name, chart, density = STRIPES[family], even.chart, even.density[:, family]
     weights = chart.weights.tocoo()
     row, vertex = (index.astype(np.int64) for index in weights.coords)
     on_vertex = (weights.data >= ON_SIMPLEX) & (chart.scale[row, family] > 0)
     z = chart.z[row[on_vertex], family]
-    distance = np.full(len(density), 0.5)  # half a period, at vertices without a line
+    distance = np.full(len(density), 0.5)  # in periods; 0.5 at vertices without a phase
     np.minimum.at(distance, vertex[on_vertex], np.abs(z - np.rint(z)))
     return {
         f"{name} middle [m]": distance / density,
@@ -150,7 +148,7 @@ def field_arrays(key: str, field: Field) -> Arrays:
 
 
 def division_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> DividedSurface | None:
-    """Return the surface with divided faces from arrays such as part_V (p, 3), metres; None if there are none."""
+    """Return the surface with its division into smaller faces, from arrays such as part_V (p, 3), metres; else None."""
     if "part_V" not in arrays:
         return None
     parts = Surface(arrays["part_V"], arrays["part_F"])
@@ -214,7 +212,7 @@ def tidy_arrays(tidy: Tidy) -> Arrays:
 
 
 def tidy_from(arrays: Mapping[str, NDArray[Any]]) -> Tidy | None:
-    """Return the rules for removing loose stripes, from an archive's arrays such as tidy_anchor (n,), or None."""
+    """Return the rules by which loose stripes are removed; None if the archive's arrays have no such rules."""
     if "tidy_striped" not in arrays:
         return None
     striped = tuple(arrays["tidy_striped"].tolist())
@@ -236,9 +234,8 @@ _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFil
 
 
 def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
-    """Return the preset as it is written into a folder. A mesh file in the folder is named without its path, and curves
-    replace references to drawings.
-    folder : folder into which a mesh from Python is written.    home : final path of the folder.
+    """Return the preset as it is written into `folder`: a mesh file there is named without its path, and curves replace
+    the names of drawings. folder : also gets a mesh from Python.    home : path of the folder after the build.
     Raises SurfaceError for a missing drawing."""
     preset = preset.self_contained()
     section = preset.surface

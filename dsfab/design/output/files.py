@@ -52,7 +52,7 @@ class OpenedSurface(NamedTuple):
         return vectors
 
     def sheet(self, sheet: Sheet) -> tuple[Sheet, Ints]:
-        """Return a sheet cut along the seam, with cells in the same order, and pairs (k, 2) of half-edges there."""
+        """Return `sheet` cut along the seam, cells in the same order, and pairs (k, 2) of half-edges on the seam."""
         oriented = _with_turned(sheet.surface, self.turned[sheet.parent])
         seam = _seam(oriented)
         F = corner_fans(oriented.F, oriented.edges, apart=seam)
@@ -97,7 +97,7 @@ def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
 def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
     """Return faces (m,) whose normal must be reversed for the shortest seam; None if no seam gives a two-sided piece.
     counts : (m,) cost of a metre of seam along an edge of each face.
-    The seam runs from boundary to boundary. It crosses a loop that reverses the normal an odd number of times."""
+    The seam runs from boundary to boundary. A loop that reverses the normal crosses the seam an odd number of times."""
     n, m, edges = surface.n, surface.m, surface.edges
     h0, h1 = edges.pairs.T
     f, g, ends = h0 // 3, h1 // 3, edges.ends[edges.count == 2]
@@ -113,7 +113,7 @@ def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
         np.append(ends[:, 0], border),
         np.append(ends[:, 1], outer),
         np.append(crossed % 2, 0 * outer),
-        np.append(lengths, np.full(len(border), 1e-12)),  # moving along the boundary costs almost nothing
+        np.append(lengths, np.full(len(border), 1e-12)),  # the seam may start and end anywhere on the boundary
         n,
         2 * n + 1,
     )
@@ -146,7 +146,7 @@ def _shortest_path(
 
 
 def _turned_for_smooth_seam(surface: Surface, rounds: int = 1000) -> Bools:
-    """Return faces (m,) whose normal must be reversed so that at most half of a face's outline lies on the seam."""
+    """Return faces (m,) to reverse; at most half of each face's outline then borders faces with opposite normals."""
     h0, h1 = surface.edges.pairs.T
     f, g, (a, b) = h0 // 3, h1 // 3, half_edges(surface.F)
     lengths = np.linalg.norm(surface.V[a[h0]] - surface.V[b[h0]], axis=1)
@@ -193,7 +193,7 @@ def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: A
 
 def to_build123d(thing: Design | Solid) -> "build123d.Shape":
     """Return a solid, or the solid of a design, as a build123d shape, millimetres.
-    Raises ExportError as `write` does."""
+    Raises ExportError if dsfab cannot write the solid as STEP."""
     import build123d
 
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
@@ -318,8 +318,8 @@ def striped_sheet(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Str
 
 
 def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side: Side = "mid") -> Curved:
-    """Return a sheet together with its surface, for a smooth STEP file. A one-sided surface is first cut along a seam.
-    thickness : metres, a number or a value for each vertex (n,)."""
+    """Return a cut sheet together with its surface, for a smooth STEP file. A one-sided surface is first cut along a
+    seam. thickness : metres, a number or a value for each vertex (n,).    side : see `offsets`."""
     offset, opening, twins = offsets(surface, thickness, side), opened_surface(surface, sheet), NO_PAIRS
     D = offset.D
     if opening:

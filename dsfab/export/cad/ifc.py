@@ -30,7 +30,7 @@ KINDS = dict.fromkeys(("Length", "Width", "Thickness"), "LENGTH")
 for _kind in ("Area", "Volume", "Weight"):
     KINDS |= dict.fromkeys((f"Net{_kind}", f"Gross{_kind}"), _kind.upper())
 KINDS["NetSurfaceArea"] = "AREA"  # kinds of quantities by name
-Naming = Callable[[str], str]  # function that returns an IFC identifier for a word
+Naming = Callable[[str], str]  # function that returns the IFC identifier of an entity from a text, such as "roof"
 
 
 class Place(NamedTuple):

@@ -211,7 +211,7 @@ def check(part: Part, path: Path) -> ReadBack:
 
 
 def _valid_items(part: Part, path: Path, instead: str) -> list[tuple[str, Any]]:
-    """Return name and geometry of all objects; raises ExportError if one is invalid, or the unit is not mm."""
+    """Return name and geometry of a file's objects. Raises ExportError for invalid objects, and units other than mm."""
     import rhino3dm
 
     model = rhino3dm.File3dm.Read(str(path))

@@ -84,7 +84,7 @@ _TITLE = "title of the drawing"
 
 
 class _Frame(NamedTuple):
-    """Two parts of a DXF text without entities. free : first unused handle; space : handle of the model space."""
+    """DXF text before and after the entities. free : first unused handle; space : handle of the model space."""
 
     before: str
     after: str

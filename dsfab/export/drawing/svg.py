@@ -136,11 +136,11 @@ def _scale_bar(x: float, y: float, scale: float) -> Iterator[str]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back as XML; compare the number of lines and the size of the paper."""
+    """Read the file back as XML; compare the number of lines and the width of the paper with the drawing."""
     root = ElementTree.parse(path).getroot()
     lines = [element for element in root.iter() if element.get("data-id")]
     expected = sum(len(placed_view.view.runs) for placed_view in views_on_paper(part, TITLE)[1])
     require_equal(part, "lines", expected, len(lines))
     if root.get("width") != f"{PAPER[0]:g}mm":
-        raise ExportError(f"the drawing of {part.name!r} reads back without its size in millimetres; write .dxf")
+        raise ExportError(f"the drawing of {part.name!r} does not contain the paper's width in mm; write .dxf")
     return ReadBack(len(lines), "lines")

@@ -60,7 +60,7 @@ def _view(
         loops = tuple(sheet.V[loop] @ axes[:2].T for loop in sheet.loops)
         return DrawingView(title, tuple((line, line.points @ axes[:2].T) for line in lines), loops, low, high)
     cell = float((high - low).max()) / 800
-    margin = 0.01 * size  # a surface hides points farther behind it than this margin
+    margin = 0.01 * size  # the surface hides a point that is behind it by more than this distance
     depth = _DepthPicture.from_mesh(sheet.V @ axes.T, sheet.F, low, high, cell)
     runs = []
     for line in lines:
@@ -99,7 +99,7 @@ class _DepthPicture:
         return cls(low, cell, depth.reshape(shape))
 
     def hides(self, points: Floats, margin: float) -> Bools:
-        """Return (k,) True for points (k, 3) over `margin` behind the sheet in all 3 x 3 cells around the point."""
+        """Return (k,) True for points (k, 3) that lie more than `margin` behind the sheet in all 3 x 3 cells around."""
         cell_index = ((points[:, :2] - self.low) / self.cell).astype(np.int64) + 1
         cell_index = np.clip(cell_index, 1, np.array(self.depth.shape) - 2)
         nearest = np.full(len(points), np.inf)
@@ -158,7 +158,7 @@ def views_on_paper(part: Part, title: tuple[float, float]) -> tuple[float, list[
 
 
 def _scale(rows: list[list[DrawingView]], title: tuple[float, float]) -> float:
-    """Return the largest standard scale at which the rows fit above the title block. The last row may be beside it."""
+    """Return the largest standard scale at which the rows fit above the title block, or the last row beside it."""
     extents = np.concatenate([view.extent for row in rows for view in row])
     power = 10.0 ** np.floor(np.log10(extents.max() / max(PAPER)) - 1)
     while True:

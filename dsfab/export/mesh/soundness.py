@@ -136,7 +136,7 @@ def soundness(V: Floats, F: Ints) -> Soundness:
 
 
 def fault_at(kind: str, places: Floats) -> Fault | None:
-    """Return the fault that occurs at places (k, 3), metres; None if there are no places."""
+    """Return the fault `kind` with its number of places (k, 3), metres, and the first place; None without places."""
     if not len(places):
         return None
     x, y, z = places[0].tolist()

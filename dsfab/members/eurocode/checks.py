@@ -1,4 +1,4 @@
-"""Bays of members with rectangular sections and forces, checks with name and clause, and utilisation of the bays."""
+"""Data for checks of members: bays (parts between nodes), rectangular sections, code checks, and utilisation."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -129,12 +129,12 @@ class Utilisation:
 
     @cached_property
     def worst(self) -> Floats:
-        """Largest value (b, c) over all cases, for each bay and check."""
+        """Largest utilisation (b, c) of each bay (part between two nodes) in each check, over all cases."""
         return np.asarray(self._all.max(axis=1))
 
     @cached_property
     def largest(self) -> Floats:
-        """Largest value of all checks and cases (b,), for each bay."""
+        """Largest utilisation (b,) of each bay, over all checks and cases."""
         return np.asarray(self.worst.max(axis=1))
 
     def governing(self, bay: int) -> tuple[CodeCheck, str, int]:
@@ -157,7 +157,7 @@ class Utilisation:
         return by_name
 
     def worst_bays(self, count: int) -> list[int]:
-        """Return the worst bay of each of the `count` members with the largest utilisation, worst first."""
+        """Return the most utilised bay (part between two nodes) of the `count` most utilised members, worst first."""
         seen: dict[str, int] = {}
         for bay in self.order.tolist():
             seen.setdefault(self.bays.member[bay], bay)

@@ -16,21 +16,21 @@ class SteelGrade:
     source: str
 
     def fy(self, thickness: float) -> float:
-        """Return the yield strength (Pa) of a plate with this thickness (m); above the table, its last value."""
+        """Return the yield strength (Pa) at a thickness (m); for a thicker plate than in `yields`, the last value."""
         return next((value for limit, value in self.yields if thickness <= limit * (1 + 1e-9)), self.yields[-1][1])
 
     def covers(self, thickness: float) -> bool:
-        """Return True if the table covers the thickness (m)."""
+        """Return True if `yields` contains a strength for plates of this thickness (m)."""
         return thickness <= self.yields[-1][0] * (1 + 1e-9)
 
 
 def _steel(name: str, megapascals: tuple[float, ...], product: str) -> SteelGrade:
     yields = zip(PLATES, (x * MPA for x in megapascals), strict=True)
-    return SteelGrade(name, tuple(yields), f"EN 1993-1-1, table 3.1 for plates up to 80 mm; {product} above 80 mm")
+    return SteelGrade(name, tuple(yields), f"EN 1993-1-1, table 3.1 for plates up to 80 mm; thicker plates: {product}")
 
 
 PLATES = (0.04, 0.08, 0.1, 0.15, 0.2)
-"""Largest thickness (m) for each yield strength: up to 80 mm by EN 1993-1-1, above by EN 10025."""
+"""Largest thickness (m) for each yield strength. Up to 80 mm, strengths are from EN 1993-1-1, above from EN 10025."""
 STEEL = {
     grade.name: grade
     for grade in (

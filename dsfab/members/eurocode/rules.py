@@ -16,11 +16,11 @@ from dsfab.members.eurocode.timber import TimberFactors
 
 UNCHECKED = (
     "joints: bolts, welds, holes, splices, and stress within nodes",
-    "stability of the structure as a whole: nodes count as supported, so that bays buckle separately",
+    "stability of the whole structure: each bay is checked for buckling as if its nodes could not move",
     "effects of displacements on forces (second order), and imperfections of the surface",
     "slip between layers: dsfab treats each section as solid, as thick as the sheet",
-    "plates and fills; discs and stubs that have no bay between two nodes",
-    "fire, fatigue, brittle fracture, corrosion; size of displacements",
+    "plates and fills, and discs and stubs without a bay between two nodes",
+    "fire, fatigue, brittle fracture, corrosion, and limits of displacements",
 )
 """Topics that dsfab does not check."""
 
@@ -79,7 +79,7 @@ def _method(rules: Rules, thickness: float) -> CheckMethod:
         bent = rules.young * rules.timber.layer * np.abs(bays.curvature) / 2
         return plain_checks(bays, bays.forces[case], rules.strength, bent)
 
-    standard = f"no standard: {what}; stress over the strength of the preset, {rules.strength / 1e6:g} MPa"
+    standard = f"no standard: {what}; stress divided by the preset's strength, {rules.strength / 1e6:g} MPa"
     return check, standard, iter(["The material counts as isotropic, and buckling is not checked."])
 
 
@@ -96,7 +96,7 @@ def _steel_words(grade: SteelGrade, factors: SteelFactors, thickness: float) -> 
     yield f"Strengths: {grade.source}, plates of {length(thickness)}."
     if not grade.covers(thickness):
         limit = length(grade.yields[-1][0])
-        yield f"Strengths end at {limit}: plates of {length(thickness)} get the last value, which is too high."
+        yield f"The table of strengths ends at {limit}; plates of {length(thickness)} get its last, too high value."
     yield f"Partial factors: gamma_M0 = {factors.gamma_m0:g}, gamma_M1 = {factors.gamma_m1:g} (6.1)."
     yield (
         f"Buckling: {factors.buckling_length:g} times the distance between nodes for both axes, curve {factors.curve} "
@@ -119,9 +119,9 @@ def _timber_words(grade: TimberGrade, rules: Rules) -> Iterator[str]:
     yield f"Strengths: {grade.source}, along the grain; {grade.product}, gamma_M = {gamma:g} (table 2.3)."
     times = sorted({(k_mod(d, factors.service_class), d) for d in rules.durations.values()})
     listed = ", ".join(f"{value:g} ({name})" for value, name in times)
-    yield f"k_mod in service class {factors.service_class} by the shortest load of each case: {listed} (table 3.1)."
+    yield f"k_mod in service class {factors.service_class} for the shortest load in each case: {listed} (table 3.1)."
     yield f"Buckling about both axes: length = {factors.buckling_length:g} times the distance of nodes (6.3.2, 6.3.3)."
-    yield "Size factors that add strength (3.2, 3.3) are left out; shear: k_cr (6.1.7); torsion: own check (6.1.8)."
+    yield "Size factors above 1 (3.2, 3.3) are not used. Shear includes k_cr (6.1.7). Torsion: own check (6.1.8)."
     if factors.layer:
         yield (
             f"Straight layers of {length(factors.layer)} are bent into shape: their stress E t kn / 2 adds to the "

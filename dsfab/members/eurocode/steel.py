@@ -42,7 +42,7 @@ class SteelFactors:
 def steel_checks(
     bays: MemberBays, forces: Floats, grade: SteelGrade, elastic: tuple[float, float], factors: SteelFactors
 ) -> CheckRatios:
-    """Return force divided by resistance, for bays under forces (b, 5, 6). elastic : Young's and shear modulus, Pa."""
+    """Return force / resistance by check, for bays (parts between nodes) under forces (b, 5, 6). elastic : E, G, Pa."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     fy = grade.fy(bays.thickness)
     ratios = section_checks(section, forces, fy / factors.gamma_m0)
@@ -52,13 +52,13 @@ def steel_checks(
 
 def section_checks(section: Rectangle, forces: Floats, fd: float) -> CheckRatios:
     """Check sections (b, 5) under forces (b, 5, 6), with fd = f_y / gamma_M0, Pa.
-    The shear stress is elastic, 1.5 V / A, plus St. Venant's torsion. Torsion reduces the plastic resistance to V.
+    The shear stress is elastic, 1.5 V / A, plus St. Venant's torsion. Torsion reduces the plastic shear resistance.
     V above half of this resistance reduces f_y for N and M by the factor 1 - rho [6.2.8, 6.2.10].
-    N and bending combine as (N / N_Rd)^2 + My / My_pl,Rd + Mz / Mz_pl,Rd: (6.32), and (6.41) with exponents 1."""
+    N and bending combine as (N / N_Rd)^2 + My / My_pl,Rd + Mz / Mz_pl,Rd, as in (6.32), and (6.41) with exponents 1."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     V, torsion = np.hypot(Vy, Vz) / section.area, np.abs(Mt) / section.Wt
     tau = fd / np.sqrt(3)
-    nearly = 0.95  # the check of shear governs above this ratio of V to its resistance
+    nearly = 0.95  # limit of V / shear resistance in this formula; above it, the check of shear governs
     plastic = V / tau / np.maximum(1 - torsion / tau, V / tau / nearly + 1e-12)
     rho = np.where(plastic > 0.5, (2 * np.minimum(plastic, nearly) - 1) ** 2, 0.0)
     n, strength_share = N / (section.area * fd), 1 - rho
@@ -105,7 +105,7 @@ def _by(lying: Floats, if_lying: Floats, if_upright: Floats) -> Floats:
 
 
 def _interaction(strong: list[Floats], weak: list[Floats], tilted: Floats) -> Floats:
-    """Return the larger of (6.61) and (6.62). tilted : M / M_Rd about the strong axis, divided by chi_LT.
+    """Return the larger result of formulas (6.61), (6.62). tilted : M / M_Rd about the strong axis, divided by chi_LT.
     strong, weak : slenderness, N / N_b,Rd, M / M_Rd and C_m about the strong axis, and about the weak axis."""
     (lam_s, n_s, _, C_s), (lam_w, n_w, m_w, C_w) = strong, weak
     k_ss = C_s * (1 + 0.6 * np.minimum(lam_s, 1) * n_s)

@@ -66,7 +66,7 @@ def timber_checks(
 
 @dataclass(frozen=True, eq=False)
 class Stresses:
-    """Stresses (b, 5), Pa: axial, tension positive; bending out of and in the surface; shear along y and z; torsion."""
+    """Stresses (b, 5), Pa: axial, tension positive; bending out of the surface and in it; shear along y, z; torsion."""
 
     axial: Floats
     my: Floats
@@ -91,7 +91,7 @@ def stresses(section: Rectangle, forces: Floats, bent: Floats, grade: TimberGrad
 
 
 def _bending(section: Rectangle, stress: Stresses, grade: TimberGrade) -> tuple[Floats, Floats]:
-    """Return both bending stresses / characteristic strengths; LVL on edge loses strength above 300 mm [3.4 (3)]."""
+    """Return bending stress / characteristic strength for My, Mz; LVL over 300 mm wide is weaker for Mz [3.4 (3)]."""
     deep = np.maximum(section.width / LVL_HEIGHT, 1.0) ** grade.size
     return stress.my / grade.fm_flat, stress.mz * deep / grade.fm
 
@@ -99,13 +99,13 @@ def _bending(section: Rectangle, stress: Stresses, grade: TimberGrade) -> tuple[
 def section_checks(
     section: Rectangle, stress: Stresses, over: float, lengthy: Floats, grade: TimberGrade
 ) -> CheckRatios:
-    """Check sections (b, 5). over : gamma_M / k_mod.    lengthy : (b, 1) factor on tension stress in long LVL [3.4]."""
+    """Check sections (b, 5). over : gamma_M / k_mod.    lengthy : (b, 1) factor of tension in long LVL [3.4]."""
     y, z = (over * ratio for ratio in _bending(section, stress, grade))
     bent = np.maximum(y + K_M * z, K_M * y + z)
     tension = over * lengthy * np.maximum(stress.axial, 0.0) / grade.ft
     pressed = over * np.maximum(-stress.axial, 0.0) / grade.fc
     a, t = (edge(section.width, section.thickness) for edge in (np.maximum, np.minimum))
-    shape = np.minimum(1 + 0.05 * a / t, 1.3)  # the limit of amendment A2:2014
+    shape = np.minimum(1 + 0.05 * a / t, 1.3)  # amendment A2:2014 has the limit 1.3
     return {
         TENSION: tension,
         COMPRESSION: pressed,
@@ -131,7 +131,7 @@ def beam_factor(slenderness: Floats) -> Floats:
 
 
 def stability_checks(slim: Rectangle, stress: Stresses, over: float, length: Floats, grade: TimberGrade) -> CheckRatios:
-    """Return checks (b, 1) of the largest stresses on `slim` sections. length : (b, 1), m; over : gamma_M / k_mod."""
+    """Check the narrowest sections `slim` for buckling. length : (b, 1) buckling length, m. over : gamma_M / k_mod."""
     pressed = over * np.maximum(-stress.axial, 0.0).max(axis=1, keepdims=True) / grade.fc
     largest = Stresses(*(np.max(value, axis=1, keepdims=True) for value in vars(stress).values()))
     y, z = (over * value for value in _bending(slim, largest, grade))

@@ -1,6 +1,6 @@
 """The beam model of a structure: its members as beams between nodes, solved and compared with the sheet.
 
-joints   nodes of members, ends, hubs of discs
+joints   nodes where members meet and end, and at the centres of discs
 beams    straight pieces, loads and supports on nodes
 build    the whole model: `Design.frame`
 model    `Frame`, its solution, comparison with the sheet

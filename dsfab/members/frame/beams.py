@@ -18,7 +18,7 @@ SHORT = 1e-3  # Least distance between two nodes of a member, as a fraction of i
 
 
 class BeamRow(NamedTuple):
-    """A beam: its nodes, local z, width and eccentricity (m), its member's number, and `stout`, see `Frame`."""
+    """A beam: its end nodes, normal (local z), width, eccentricity (m), member number, and `stout`, see `Frame`."""
 
     ends: tuple[int, int]
     normal: Floats
@@ -117,17 +117,17 @@ def _bay(
 
 def _sides(member: Member) -> Floats:
     """Return widths (k, 2), m, to the left and right of the axis.
-    A disc has a ring as its axis and no inner edge. So each of its widths is at least half of area / length."""
+    A disc's axis is a ring without an inner edge. So each width is at least half of the disc's area / ring length."""
     return member.sides if member.kind != "disc" else np.maximum(member.sides, member.area / member.length / 2)
 
 
 def _divide_bay(
     member: Member, span: tuple[float, float], joint_widths: tuple[float, float], least: int
 ) -> tuple[Floats, Floats]:
-    """Return arc lengths (k + 1,) that divide a bay into joints and beams, and widths (k,) to add; 0 for beams."""
+    """Return arc lengths (k + 1,) that divide a bay into joints and beams, and extra widths (k,) of the joints."""
     (s, t), axis = span, member.curve
     half = fitting(np.array(joint_widths) / 2, t - s)
-    half[half < 0.05 * member.mean_width] = 0.0  # shorter joints are left out
+    half[half < 0.05 * member.mean_width] = 0.0  # half joints shorter than this are left out
     fine, clear = np.linspace(s, t, 17), np.linspace(s + half[0], t - half[1], 17)
     if axis.closed:
         fine, clear = fine % member.length, clear % member.length
@@ -159,7 +159,7 @@ class BeamPlaces:
 def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
     """Return the nearest beam to each place (q, 3), and the nearest point on it."""
     a, b = points[beams.ends[:, 0]], points[beams.ends[:, 1]]
-    count = 9  # sample points along each beam; candidates are the beams of the six samples nearest to a place
+    count = 9  # samples along each beam; the nearest beam is sought among those of the six samples nearest to a place
     samples = (a[:, None] + np.linspace(0, 1, count)[:, None] * (b - a)[:, None]).reshape(-1, 3)
     candidates = cKDTree(samples).query(places, k=min(6, len(samples)))[1].reshape(len(places), -1) // count
     direction = b - a
@@ -176,8 +176,8 @@ def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
 
 def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, beams: Beams) -> Floats:
     """Return forces and moments (n, 6), N and Nm, at nodes, from forces on the vertices V (v, 3) of a sheet.
-    Each force moves to the nearest point on the axes, with its moment about that point. The nodes of the beam share the
-    force and the moment as the supports of a simple beam."""
+    Each force moves to the nearest point on the axes, with its moment about that point. The end nodes of the beam share
+    the force and the moment in proportion to the point's distance from the opposite node."""
     loads = np.zeros((len(points), 6))
     ends, moment = beams.ends[places.beam], np.cross(V - places.foot, load.force)
     for side, share in ((0, 1 - places.along), (1, places.along)):
@@ -221,10 +221,10 @@ def supports_at_nodes(load: LoadCase, surface: Surface, points: Floats, beams: B
     np.maximum.at(least, group, _blocks(load, surface)[vertices])
     turned = np.zeros(len(which), dtype=bool)
     np.logical_or.at(turned, group, clamped[vertices])
-    block = least > 0.2 * around  # a fixed area wider than 0.2 of the beams' width cannot rotate
+    block = least > 0.2 * around  # a fixed area wider than 0.2 of the beams' width prevents rotation
     still = turned | (block & fixed[:, :3].all(axis=1))
     fixed[:, 3:] |= still[:, None]
-    apart = np.linalg.norm(place - points[which], axis=1) > 0.02 * around  # supports farther from the node need a link
+    apart = np.linalg.norm(place - points[which], axis=1) > 0.02 * around  # farther supports need a link
     return NodeSupports(which, place, apart & ~block, fixed, spring, np.maximum(reach, 0.25 * around))
 
 
@@ -257,7 +257,7 @@ def _reach(V: Floats, group: Ints) -> Floats:
 
 
 def fixed_in_plane(fixed: Bools, axis: int) -> Bools:
-    """Return the supports (n, 6) of a plane frame that cannot leave its plane, whose normal is the global `axis`."""
+    """Return supports (n, 6) of a plane frame, with supports that keep it in its plane. axis : normal of the plane."""
     still = fixed.copy()
     still[:, axis] = True
     still[:, [3 + k for k in range(3) if k != axis]] = True

@@ -71,7 +71,7 @@ def distinct_names(names: list[str]) -> tuple[str, ...]:
 
 
 def _merge_nodes(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats, Beams, list[str]]:
-    tolerance = 0.01  # nodes nearer than this fraction of the median width merge
+    tolerance = 0.01  # nodes merge if their distance is below this fraction of the beams' median width
     pairs = cKDTree(points).query_pairs(tolerance * float(np.median(beams.width)), output_type="ndarray")
     links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
     label = connected_components(links, directed=False)[1]
@@ -84,7 +84,7 @@ def _merge_nodes(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats
 
 
 def _connect_parts(points: Floats, beams: Beams) -> Beams:
-    """Link parts without a common node at their nearest nodes, because the sheet connects these parts."""
+    """Link separate parts of the frame at their nearest nodes, because in the sheet they are connected."""
     while True:
         n = len(points)
         joined = coo_array((np.ones(len(beams.ends)), beams.ends.T), shape=(n, n))

@@ -15,21 +15,20 @@ from dsfab.surface import Surface
 
 PLANES = 4
 """Number of planes near a station, all within one edge length of the mesh.
-Forces are averaged over these planes, because forces are constant on faces and only their means are in equilibrium."""
+Forces are constant on each face, so only means over several faces are in equilibrium. The planes give such means."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sections:
-    """Lines in which planes across a member's axis cut the faces. The planes belong to stations (points) of the axis.
+    """Lines in which planes across a member's axis cut the faces. Each plane belongs to a station (point) of the axis.
     c counts the lines. e counts ends of lines on free edges.
     station : (c,) number of the station.    face : (c,) face.
     length  : (c,) metres, divided by the number of planes at a station.
     arm     : (c, 2, 3) vectors (m) from the axis to both ends of the line.
     weight  : (c, 2, 3) barycentric weights of both ends of the line in the face.
-    across  : (c, 3) unit vectors in the face, at right angles to the line, along the axis.
-    end_station, end_face, end_across : (e,) station, face and `across` of the line that has the end.
-    end_arm : (e, 3) vectors (m) from the axis.    end_weight : (e, 3) barycentric weights.
-    end_out : (e, 3) unit vectors along the line, out of the face."""
+    across  : (c, 3) unit vectors in the face, perpendicular to the line, in the direction of the axis.
+    end_station, end_face, end_across : (e,) `station`, `face` and `across` of the line with this end.
+    end_arm, end_weight : (e, 3) like `arm`, `weight`.    end_out : (e, 3) unit vectors along the line, outwards."""
 
     station: Ints
     face: Ints
@@ -105,7 +104,7 @@ def _as_sections(surface: Surface, face: Ints, plane: Ints, P: Floats, corner: F
     length = np.linalg.norm(direction, axis=1)
     along = direction / np.maximum(length, np.finfo(float).tiny)[:, None]
     across = np.cross(along, surface.normals[face])
-    ahead = corner[np.arange(len(face)), level.argmin(axis=1)] - a  # the corner farthest along the axis
+    ahead = corner[np.arange(len(face)), level.argmin(axis=1)] - a  # to the corner with the largest arc length
     across *= np.sign(np.einsum("ci,ci->c", ahead, across))[:, None]
     free = surface.edges.boundary[surface.edges.of[face]]
     rows, ends = np.nonzero(free[np.arange(len(face))[:, None], _edge_number(surface, face, edges)])
@@ -123,7 +122,7 @@ def _edge_number(surface: Surface, face: Ints, begins: Ints) -> Ints:
 
 
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # Stations of a bay, as fractions of its clear length between joints.
-STATIONS = len(SHARES)  # Number of stations of each bay.
+STATIONS = len(SHARES)  # Number of stations (points with forces) of each bay.
 COMPONENTS = ("N", "Vy", "Vz", "Mt", "My", "Mz")
 """Section forces on a section with outward normal x: x along the axis, y to the left, z along the surface normal."""
 
@@ -151,7 +150,7 @@ class MemberForces:
 
     @property
     def envelope(self) -> Floats:
-        """Least and greatest value (k, 6, 2) of all cases and combinations."""
+        """Least and greatest value of each force at each station, over all cases and combinations: (k, 6, 2)."""
         every = np.stack(list(self.forces.values()))
         return np.stack([every.min(axis=0), every.max(axis=0)], axis=-1)
 
@@ -190,7 +189,7 @@ def _force_sums(
     m = np.einsum("ca,cai->ci", _times(section_forces.m[source], v), frame)
     p = np.stack(ends, axis=1) - (np.einsum("ca,ca->c", section_forces.q[source], v)[:, None] * z)[:, None]
     F = group_sums(cut.station, cut.length[:, None] * p.mean(axis=1), len(axes))
-    moment = np.cross(cut.arm, (2 * p + p[:, ::-1]) / 6).sum(axis=1) + np.cross(m, z)  # p is linear along each line
+    moment = np.cross(cut.arm, (2 * p + p[:, ::-1]) / 6).sum(axis=1) + np.cross(m, z)  # exact for a linear force p
     M = group_sums(cut.station, cut.length[:, None] * moment, len(axes))
     f = _edge_forces(cut, section_forces, graph, normals)
     F = F + group_sums(cut.end_station, f, len(axes))
@@ -199,7 +198,7 @@ def _force_sums(
 
 
 def _edge_forces(cut: Sections, section_forces: SectionForces, graph: MemberGraph, normals: Floats) -> Floats:
-    """Return forces (e, 3), N, that replace the twisting moment on free edges; each plane gets 1 / `PLANES` of them."""
+    """Return forces (e, 3), N, for the twisting moment on free edges, divided by `PLANES` (cuts per station)."""
     source = graph.source[cut.end_face]
     frame = section_forces.frame[source]
     v, s = (np.einsum("cai,ci->ca", frame, x) for x in (cut.end_across, cut.end_out))

@@ -1,4 +1,4 @@
-"""Joints between axes of members: at nodes, at member ends, and at the centres of discs around points."""
+"""Joints between axes of members: at nodes, at member ends, and at the centres of members of kind "disc"."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ SAME = 0.25
 
 
 def fitting(halves: Floats, length: float) -> Floats:
-    """Return the lengths (2,), m, of a bay's joints: `halves`, reduced if they leave less than a fifth of the bay."""
+    """Return lengths (2,), m, of the joints at a bay's ends: `halves`, reduced if their sum exceeds 0.8 of the bay."""
     clear = 0.2
     return halves * min(1.0, (1 - clear) * length / max(float(halves.sum()), 1e-30))
 
@@ -49,7 +49,7 @@ class AxisJoints:
         return len(self.names) - 1
 
     def place(self, member: Member, s: float, name: str) -> int:
-        """Return the node of a member at an arc length, within `SAME`; add a node if there is none."""
+        """Return the member's node near arc length `s` (see `SAME`); add a node if there is none."""
         tolerance = SAME * member.mean_width
         for station, number in self.on[member.id]:
             if _distance(member, station, s) < tolerance:
@@ -119,7 +119,7 @@ Trees = Mapping[str, tuple[cKDTree, Floats]]
 
 
 def join_ends(joints: AxisJoints) -> None:
-    """Join ends without a node to the nearest axis and adjacent members; shorten members to their last node."""
+    """Join member ends without a node to nearby members; remove short pieces of members beyond their last node."""
     samples = [(member, *_samples(member)) for member in joints.members_with_axis]
     trees = {member.id: (cKDTree(P), s) for member, s, P in samples}
     open_ended = [member for member in joints.members_with_axis if member.axis and not member.axis.closed]
@@ -140,10 +140,9 @@ def join_ends(joints: AxisJoints) -> None:
 
 
 def _join_touching(joints: AxisJoints, trees: Trees) -> None:
-    """Join member ends that have no node to the members that touch these ends.
-
-    A free end is joined to all members nearer than the end's width, other ends only to members that also end there. So
-    the arms of a star stay connected. Ends with a node get no links, which would make the frame too stiff."""
+    """Join member ends that have no node to the members that touch these ends. A free end is joined to all members
+    nearer than the end's width. An end at another member is joined only to members that also end there, as in a star.
+    Ends with a node get no links, which would make the frame too stiff."""
     surface = joints.graph.sheet.surface
     middle = surface.V[surface.edges.ends].mean(axis=1)
     borders = [np.unique(surface.edges.of[member.cells]) for member in joints.members_with_axis]
@@ -225,9 +224,9 @@ def _samples(member: Member) -> tuple[Floats, Floats]:
 
 
 def add_hubs(joints: AxisJoints) -> None:
-    """Add a hub (central node) and links (spokes) to each disc of 3 nodes or more. Spoke widths sum to the ring length.
-    Under a load on the hub, clamped spokes deflect 0.73 times as much as the plate. Simply supported spokes deflect
-    1.15 times as much as the plate [Timoshenko, Woinowsky-Krieger 1959, 19]."""
+    """Add a hub (central node) and spokes (links) to each member of kind "disc" with 3 nodes or more. Spoke widths sum
+    to the length of the disc's closed axis. Under a load on the hub, clamped spokes deflect 0.73 times, simply
+    supported spokes 1.15 times as much as the plate [Timoshenko, Woinowsky-Krieger 1959, 19]."""
     for member in joints.members_with_axis:
         nodes = sorted({number for _, number in joints.on[member.id]})
         if member.kind == "disc" and member.axis and member.axis.closed and len(nodes) >= 3:

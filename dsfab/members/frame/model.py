@@ -54,14 +54,14 @@ class Frame:
     ends      : (b, 2) nodes at both ends of each beam.
     normal    : (b, 3) unit vectors, local z of each beam.
     width     : (b,) metres, along local y.    thickness : (b,) metres, along local z.
-    member    : (b,) number in `members`; -1 for a link, the material away from the axes.
-    members   : names of the members.
+    member    : (b,) number in `members` (names); -1 for a link, the material away from the axes.
     fixed     : (n, 6) True for a fixed translation or rotation.    spring : (n, 6) N/m and Nm.
     loads     : (n, 6) newtons and newton metres on the nodes, by case.
     combinations : factors of the cases, by name of the combination.
     actions   : permanent, snow, wind or variable, by case; {} if unknown.
     eccentricity : (b,) metres from the beam to the material's middle, to the left along local y.
-    stout     : (b,) width of the member / length of the bay; 1 beside nodes at which members graze; 0 for links."""
+    stout     : (b,) width of the member / length of the bay (part between nodes), at most 1. It is 1 beside a node at
+                which members overlap although their middle lines do not meet, and 0 for links."""
 
     points: Floats
     nodes: tuple[str, ...]
@@ -129,7 +129,7 @@ class Frame:
 
     @cached_property
     def all_loads(self) -> dict[str, Floats]:
-        """Loads (n, 6) of each case, then of each combination, by name."""
+        """Loads (n, 6) by name: of each case, then of each combination."""
         sums = {
             name: np.sum([factor * self.loads[case] for case, factor in factors.items()], axis=0)
             for name, factors in self.combinations.items()
@@ -262,11 +262,10 @@ STOUT = 0.35
 @dataclass(frozen=True, eq=False)
 class FrameAgreement:
     """Results of a frame divided by those of its sheet, for one case. In this sheet, ribs have the torsion of bars.
-
     compliance   : ratio of the compliances, 1 for equal results.
     displacement : ratio of the largest displacements, 1 for equal results.
-    stout : the larger of two shares of elastic energy. Share 1, of the frame: in links, in bays wider than `STOUT`, and
-            in bays with grazing members. Share 2, of the sheet: outside of members with an axis.
+    stout : the larger of two shares of the elastic energy. Frame: share in links and in bays with `Frame.stout` above
+            `STOUT`. Sheet: share outside of members with an axis.
     twist : largest displacement of this sheet, divided by the displacement of a thin sheet without bar torsion."""
 
     case: str
@@ -289,14 +288,14 @@ class FrameAgreement:
             f"{self.displacement:.2f} times its largest displacement"
         )
         if self.twist > 1.02:
-            sentence += f"; the sheet moves {self.twist:.2f} times as far as a thin sheet, because ribs twist as bars"
+            sentence += f"; ribs twist like bars, so the sheet moves {self.twist:.2f} times as far as a thin sheet"
         if abs(self.compliance - 1) <= 0.1 and abs(self.displacement - 1) <= 0.1:
             return sentence
         where = (
-            f"{self.stout:.0%} of the energy is in discs, links, bays wider than {STOUT:g} of their length and bays "
-            "of grazing members"
+            f"{self.stout:.0%} of the energy is in discs, links, parts between nodes wider than {STOUT:g} of their "
+            "length, and parts where members overlap without a crossing"
         )
-        why = "although the bays are slender" if self.slender else f"{where}, where beams are a rough model"
+        why = "although most energy is in slender bays" if self.slender else f"{where}, where beams are a rough model"
         return f"{sentence}: {why}; take displacements from the sheet"
 
 

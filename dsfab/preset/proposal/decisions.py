@@ -1,4 +1,4 @@
-"""Decisions that explain a proposed preset, and `Proposal`, which contains the preset for `dsfab build`."""
+"""Choices of dsfab for a proposed preset, with reasons, and `Proposal`, which contains the preset for `dsfab build`."""
 
 import tomllib
 from collections.abc import Iterator, Sequence
@@ -24,7 +24,7 @@ from dsfab.preset.proposal.sizes import MODEL, Sizes, shorter_side, sizes
 from dsfab.preset.proposal.text import SHARE, ProposedValues, place_words, proposal_text
 from dsfab.surface import RawMesh, Surface
 
-OWN = "roof"  # Shipped preset without a surface; with `--mesh`, dsfab proposes a preset instead.
+OWN = "roof"  # Shipped preset without a surface; if it is used with `--mesh`, dsfab proposes a preset in its place.
 LISTED = 4  # Largest number of supports that are listed by name in the decision about supports.
 
 
@@ -110,7 +110,7 @@ def propose(
     raw: RawMesh | None = None,
     wishes: MeshWishes = NO_WISHES,
 ) -> Proposal:
-    """Return the proposal with its text and decisions; see `preset_for`.
+    """Return the proposed preset with its text and decisions (choices with reasons); see `preset_for`.
     max_triangles : largest number of triangles in a mesh file.
     raw           : content of the file, if the caller has read it."""
     axis = vertical_axis(up)
@@ -165,8 +165,8 @@ def _stands(proposal: Proposal) -> Decision:
         return Decision("stands on", where, "surface.support")
     topic = "hangs from" if winner.reading.kind == "hung" else "stands on"
     free = "; other edges and openings are free" if any(place.length for place in stands) else ", its lowest part"
-    built_in = "; built in, so that it cannot turn there" if proposal.plan.built_in else ""
-    tips = "; its centre lies outside of the supports, which must also hold it down" if winner.tips else ""
+    built_in = "; these supports are clamped, without rotation" if proposal.plan.built_in else ""
+    tips = "; the centre of mass is outside of the supports, which must also hold the sheet down" if winner.tips else ""
     alternatives = [candidate.reading.word for candidate in proposal.given.choice.runners_up]
     flag = f", or --stand {', '.join(alternatives)}" if alternatives else ""
     return Decision(topic, where + free + built_in + tips, "surface.support" + flag)
@@ -178,7 +178,7 @@ def _questions(proposal: Proposal) -> Iterator[str]:
     if unit := choice.rival_unit:
         words = next(decision.choice for decision in mesh.decisions if decision.topic == "unit")
         names = [{"in": "inches", "ft": "feet"}.get(name, name) for name in (choice.unit, unit)]
-        yield f"is {mesh.name} in {names[0]} or in {names[1]}? {words}; if that is wrong, add --unit {unit}"
+        yield f"is {mesh.name} in {names[0]} or in {names[1]}? dsfab uses {words}; if wrong, add --unit {unit}"
     if "support" in proposal.plan.marks or proposal.wishes.stand:
         return
     for rival in choice.rivals:
@@ -188,12 +188,12 @@ def _questions(proposal: Proposal) -> Iterator[str]:
         else:
             names = [place_words(candidate.reading.places) for candidate in (winner, rival)]
             yield (
-                f"is {mesh.name} held by {names[0]}, or by {names[1]}? the first is taken; if that is wrong, add "
-                f"--stand {rival.reading.word}"
+                f"is {mesh.name} supported by {names[0]}, or by {names[1]}? dsfab uses the first answer; for the "
+                f"second answer, add --stand {rival.reading.word}"
             )
     if winner.score < DOUBT:
         guess = place_words(proposal.plan.stands)
-        yield f"what holds {mesh.name}? {guess}: a guess; if it is wrong, name what holds it with --stand"
+        yield f"what supports {mesh.name}? dsfab guesses {guess}; if this is wrong, name the supports with --stand"
 
 
 def _fills(surface: Surface, size: Sizes) -> bool:

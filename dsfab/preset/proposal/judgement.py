@@ -32,18 +32,18 @@ from dsfab.statics import PAPER, Material, SheetModel, equilibrium, sheet_stiffn
 from dsfab.surface import LoadCase, Surface, Up, upright_vertices
 
 DEEP = {"roof": 50.0, "hung": 50.0, "floor": 25.0, "wall": 20.0}
-"""Usual ratio of the size to the depth of ribs, by kind."""
+"""Usual ratio of a surface's size (see `_depth`) to the depth of its ribs, by kind."""
 LOAD = {"roof": 750.0, "hung": 300.0, "floor": 5000.0, "wall": 800.0}
 """Usual load by kind, Pa: snow, services, people, wind."""
 TIMBER, STRENGTH = Material(11e9, 0.3, 420.0), 15e6  # GL24h: strength 24 MPa x 0.8 / 1.25.
 LIMIT = 1 / 300  # Largest usual movement, divided by the span.
-EDGE = 0.5  # If all edges of the sheet are supported, the score of a way of support is reduced by this fraction.
+EDGE = 0.5  # Fraction by which the score of a reading is reduced if it supports all edges of the sheet.
 UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}  # Share of each unit in files that do not name it.
 BUILDING, SPREAD = 18.0, 1.1  # Median length of buildings, metres, and standard deviation of its logarithm.
 LEAST, DOUBT = 0.02, 0.25  # Smallest score of a plausible way of support, and smallest score without doubt.
 CLOSE = 0.75  # dsfab asks about another way of support if its score is at least this share of the best score.
 OPEN = 0.13  # dsfab asks about the unit if the second most probable unit has at least this probability.
-UNDER = 0.7  # Factor on the score of a vertical axis if the surface then reaches below the ground (z = 0).
+UNDER = 0.7  # Factor on the score of a vertical axis with which the surface would reach below the ground (z = 0).
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ class JudgedReading:
 
 
 def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float = 1.0) -> JudgedReading:
-    """Return a way of support with its score, 0 if the sheet could move freely. usual : factor for the axis `up`."""
+    """Return the reading (way of support) with its score, 0 if the sheet could move freely. usual : factor on it."""
     if reading.kind == "object":
         return JudgedReading(reading, DRAWN * usual, up)
     surface, supported = shape.surface, reading.vertices(shape.surface)
@@ -87,7 +87,7 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
         span = min(span, 2 * shape.width)  # a larger span does not increase the allowed movement
     moved = float(np.quantile(lengths(answer.u), 0.99))
     stress = weighted_quantile(sheet_stress(sheet, PAPER, answer).largest, surface.areas, 0.9)
-    used = max(moved / (LIMIT * span) if span else 0.0, stress / STRENGTH)  # without span, all is supported
+    used = max(moved / (LIMIT * span) if span else 0.0, stress / STRENGTH)  # span 0: all vertices are supported
     steady = _steadiness(shape, reading, supported, _upward(reading, surface, rows, answer.reaction), is_line)
     rim = surface.edge_lengths * surface.edges.boundary
     share = float(rim[supported[surface.edges.ends].all(axis=1)].sum() / rim.sum())
@@ -168,8 +168,8 @@ def likely_units(shape: Shape) -> list[tuple[str, float]]:
 
 @dataclass(frozen=True, eq=False)
 class SupportChoice:
-    """The ways of support of a surface with their scores, the best first.
-    unit  : unit of the surface.    units : probability of each unit; empty if the unit is known."""
+    """The readings (ways to support) of a surface with their scores, the best first, and its unit.
+    unit  : chosen unit.    units : probability of each possible unit; empty if the unit is known."""
 
     ranking: tuple[JudgedReading, ...]
     unit: str
@@ -192,7 +192,7 @@ class SupportChoice:
 
     @property
     def rivals(self) -> list[JudgedReading]:
-        """At most two ways of support with nearly the best score; from each further vertical axis, only the best."""
+        """At most two readings with nearly the best score, only one for each axis other than the best axis."""
         rivals = [rival for rival in self.ranking[1:] if rival.score > CLOSE * self.best.score]
         best_on = {rival.up: rival for rival in reversed(rivals)}
         return [rival for rival in rivals if rival.up == self.best.up or rival is best_on[rival.up]][:2]
@@ -209,12 +209,12 @@ class SupportChoice:
 
 
 def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: str = "") -> SupportChoice:
-    """Return the choice of supports, unit and vertical axis for a surface with edges.
+    """Return the readings (ways to support) of a surface with edges, with scores and vertical axes, and its unit.
     surface : surface in metres, or in the numbers of its file if the unit is unknown.
-    axes    : possible vertical axes, each with a factor on its scores.
+    axes    : possible vertical axes, each with a factor on the scores.
     unit    : unit, or "" if unknown.
-    stand   : name of a way of support (--stand), a height in metres, or "" for the best way.
-    Raises PresetError if no way of support has this name."""
+    stand   : value of --stand: name of a reading, or height (m) of the supports; "" for the best reading.
+    Raises PresetError if no reading has this name."""
     coarse = surface if is_nearly_closed(surface) else coarse_surface(surface)
     size = float(np.ptp(coarse.V, axis=0).max())
     shapes = {up: Shape(Surface(upright_vertices(coarse.V, up), coarse.F)) for up in axes}
@@ -236,8 +236,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
 
 
 def _ranking(shapes: Mapping[Up, Shape], candidates: Sequence[tuple[float, Up, SupportReading]]) -> list[JudgedReading]:
-    """Return ways of support with their scores, the best first. A score is at most `SupportReading.form`, so ways with
-    a low `form` are left out."""
+    """Return readings with scores, the best first, without those of too low `form` (upper bound of the score)."""
     ranking = list[JudgedReading]()
     for factor, up, reading in sorted(candidates, key=lambda candidate: -candidate[0] * candidate[2].form):
         highest = factor * reading.form
@@ -268,7 +267,7 @@ def _no_word(stand: str, candidates: Sequence[SupportReading]) -> str:
     words = "".join(f"{word}, " for word in dict.fromkeys(reading.word for reading in candidates))
     fault = f"--stand {stand}: the surface has no such place" if stand else "no way to hold the surface is plausible"
     option = "use" if stand else "choose with --stand:"
-    return f"{fault}; {option} {words}{'or ' if words else ''}a height over its lowest point in metres"
+    return f"{fault}; {option} {words}{'or ' if words else ''}a height in metres above the surface's lowest point"
 
 
 def _flaw(candidate: JudgedReading) -> str:
@@ -277,6 +276,6 @@ def _flaw(candidate: JudgedReading) -> str:
     flaws = {
         f"displacement or stress is {candidate.figures['used']:.2g} x the limit": candidate.figures["used"] - 1,
         "it would tip": 0.5 - candidate.figures["steady"],
-        "the shape of the surface does not suggest these supports": 0.3 - candidate.figures["form"],
+        "the shape of the surface does not suggest this way of support": 0.3 - candidate.figures["form"],
     }
     return max(flaws, key=lambda words: flaws[words])

@@ -69,7 +69,7 @@ def mark_decisions(marks: Mapping[str, Marks]) -> Iterator[Decision]:
         counts = ", ".join(f"{count} {thing}{'s' if count > 1 else ''}" for count, thing in parts if count)
         value = "; 1 kN a point, 1 kN/m along a line, 1 kPa within a curve: placeholders" if word == "load" else ""
         lost = len(layer_marks.points) + len(layer_marks.open_runs) if word == "void" else 0
-        value += f"; {lost} of these marks enclose no area and are ignored" if lost else ""
+        value += f"; {lost} of these points and lines enclose no area and are ignored" if lost else ""
         yield Decision(f"layer {layer_marks.layer}", counts + value, changes.get(word, "pattern.region"))
 
 

@@ -36,9 +36,9 @@ from dsfab.surface import (
 )
 
 Z_UP = (".3mf", ".3dm", ".dxf", ".glb", ".gltf", ".ifc")
-"""Suffixes of files in which z is the vertical axis, by their format or program; glTF files are rotated when read."""
+"""Suffixes of files in which z is vertical, by the format or its usual program. glTF files are rotated when read."""
 MOSTLY_Z = (".stl", ".step", ".stp", ".brep")  # Suffixes of files in which z mostly is the vertical axis.
-Y_UP = 0.7  # Factor on scores if y is the vertical axis, which few programs use.
+Y_UP = 0.7  # Factor on the scores of supports if y is the vertical axis; few programs use a vertical y axis.
 GROUND = 1e-3  # Largest depth below the ground that counts as zero, divided by the size.
 
 
@@ -78,16 +78,16 @@ def _stability(V: Floats, surface: Surface) -> float:
     middle = surface.areas @ V[surface.F, :2].mean(axis=1) / surface.area
     depth = depth_within(base_points, middle)
     if depth is None:
-        return -0.2  # the base is a point or a line
+        return -0.2  # the lowest points lie on a line, or coincide
     return float(np.clip(depth / np.sqrt(surface.area), -0.2, 0.4))
 
 
 UMLAUTS = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss", "ø": "oe", "æ": "ae"}
 )
-SMALLEST, LARGEST = 0.02, 1000.0  # Range of the longest side (m) without doubt about the unit.
+SMALLEST, LARGEST = 0.02, 1000.0  # Range of a surface's longest side (m) in which dsfab does not doubt the unit.
 USUAL = 2.0, 100.0  # Usual range of the longest side (m); outside of it, dsfab lists other units.
-POSSIBLE = 0.2, 500.0  # Range of the longest side (m) in sizes that `dsfab inspect` lists.
+POSSIBLE = 0.2, 500.0  # Range of a surface's longest side (m) for the units that `dsfab inspect` lists.
 UNLIKELY = 0.02  # Units with a smaller probability are not listed.
 GUESSED = ("mm", "cm", "m", "in", "ft")  # Units that dsfab considers for files without a unit.
 
@@ -164,7 +164,7 @@ def mesh_in_file(
         keys["origin"] = list(origin)
         surface = Surface(surface.V - origin, surface.F)
         where = f"{coordinates(origin)} m of the file"
-        why = "the surface is so far from the origin that programs round it; move output files back by this vector"
+        why = "programs round coordinates so far from the origin; move output files back by this vector"
         decisions.append(Decision("origin", f"{where}: {why}", "surface.origin"))
     places = _places(surface, chosen, np.array(origin))
     repaired = file_surface.record.repaired
@@ -172,7 +172,7 @@ def mesh_in_file(
 
 
 def _file_decisions(raw: RawMesh, better: RawMesh, scan: bool, mesh: SurfaceInFile) -> Iterator[Decision]:
-    """Yield decisions on contents of a file that are not faces, and on parts that were left out or repaired."""
+    """Yield decisions on a file: content that was read or left out, remarks, repairs, and parallel sheets."""
     if raw.record.surface_words:
         yield Decision("file", f"read: {raw.record.surface_words}")
     if raw.record.mark_words:
@@ -230,7 +230,7 @@ def _with_z_up(surface: Surface, chosen: SupportChoice, option: Up | None) -> tu
         return turned, Decision("up", lies, change)
     low, _, high = np.sort(np.ptp(turned.V, axis=0))
     stands = np.ptp(turned.V[:, 2]) == high and high > 1.5 * low
-    words = f"z; the surface stands upright, {length(high)} high; to lay it down, change the axis" if stands else "z"
+    words = f"z, so the surface stands {length(high)} high; choose another axis if it should lie" if stands else "z"
     return turned, Decision("up", words, change)
 
 
@@ -246,7 +246,7 @@ def size_doubt(sides: Sequence[float], unit: str) -> str:
     """Return a question about the unit if the sides (m) of the bounding box are unusual, else ''."""
     if SMALLEST <= max(sides) <= LARGEST:
         return ""
-    doubt = f"far {'larger' if max(sides) > LARGEST else 'smaller'} than usual structures; is that the file's unit?"
+    doubt = f"far {'larger' if max(sides) > LARGEST else 'smaller'} than usual structures; is the file's unit right?"
     return f" ({'; '.join([doubt, *sizes_in_other_units(sides, unit, USUAL)])})"
 
 
@@ -265,7 +265,7 @@ def _unit_words(surface: Surface, chosen: SupportChoice, declared: str | None, o
 
 
 def sizes_in_other_units(sides: Sequence[float], unit: str, between: tuple[float, float] = POSSIBLE) -> list[str]:
-    """Return texts such as '--unit in: 8 m x 6 m x 3 m', for units with a longest side in the range `between` (m)."""
+    """Return texts such as '--unit in: 8 m x 6 m x 3 m' for other units that put the longest side in `between` (m)."""
     metres = {name: metres_per(name) / metres_per(unit) for name in GUESSED if name != unit}
     return [
         f"--unit {name}: {' x '.join(length(times * side) for side in sides)}"

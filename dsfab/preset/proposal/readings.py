@@ -11,11 +11,11 @@ from dsfab.core.arrays import Bools, Floats, Ints, lock, point_tuple
 from dsfab.preset.proposal.shape import DEPTH, NECK, RISE, STRIP, Edge, Shape, is_scalloped
 from dsfab.surface import Ball, Boundary, Box, Surface, link_components
 
-DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25  # `form` of supports: shown by the shape, usual, or possible on any shape.
-RARER = 0.8  # Factor on `SupportReading.form` for hanging surfaces and for walls: most surfaces are roofs.
-LEFT = 0.7  # Factor on `SupportReading.form` if necks or hollows of the shape have no support.
+DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25  # `SupportReading.form`: supports are shown by the shape, usual, or possible.
+RARER = 0.8  # Factor on `SupportReading.form` for hanging surfaces and for walls, because roofs are more frequent.
+LEFT = 0.7  # Factor on `SupportReading.form` if necks or hollows of the surface (see `Shape`) stay without support.
 SAG = 0.15  # Smallest sag of a hanging roof, divided by its height.
-WALLS = 0.8  # An outer edge is level and low enough to stand on walls if its `_edge_form` is above this.
+WALLS = 0.8  # `_edge_form` above which an outer edge is level and low enough to stand on walls.
 APART = 12.0  # Largest distance between posts along a strip, metres.
 FRAGMENT = 0.1  # Smallest size of a support, divided by the size of the largest support.
 LOWEST_SILL = 0.005  # Smallest height of a window above the base, divided by the wall's height.
@@ -30,7 +30,7 @@ class SupportPlace:
     """A supported part of a surface.
     name   : text for the user.    points : (k, 3) points along the free edge or on the surface, metres.
     length : length of free edge (m), 0 inside the sheet.    is_loop : True for a whole closed edge.
-    loop   : number of the closed edge; None if another edge has nearly the same length.
+    loop   : number of the closed edge, the longest first; None if another edge has nearly the same length.
     radius : radius of a disc inside the sheet, metres."""
 
     name: str
@@ -83,7 +83,7 @@ def readings(shape: Shape) -> list[SupportReading]:
 
 
 def distinct_readings(shape: Shape) -> list[SupportReading]:
-    """Return the ways to support a shape. Of two ways with nearly equal supports, the higher score `form` stays."""
+    """Return the ways to support a shape. Of ways with nearly equal supports, the way with the highest `form` stays."""
     distinct = list[tuple[SupportReading, Bools]]()
     for reading in readings(shape):
         supported = reading.vertices(shape.surface)
@@ -94,7 +94,7 @@ def distinct_readings(shape: Shape) -> list[SupportReading]:
 
 
 def _of_what_it_leaves(shape: Shape, reading: SupportReading) -> SupportReading:
-    """Return the reading. Its score `form` is lower if necks of the shape, or hollows of a roof, have no support."""
+    """Return the reading (way of support), with a lower `form` if necks of the shape or hollows of a roof stay free."""
     free = len(shape.heads) * (reading.word not in ("loops", "walls")) + len(shape.lugs) * (reading.word != "hung")
     ponds = len(shape.inner_hollows) > 0 and not shape.heads and reading.kind == "roof"
     ponds = ponds and reading.word not in ("hollows", "columns")
@@ -125,7 +125,7 @@ def _edge_place(edge: Edge) -> SupportPlace:
 
 
 def _whole(shape: Shape, edges: Sequence[Edge], name: str) -> tuple[SupportPlace, ...]:
-    """Return whole edges as places. A place gets the number of its edge if all other lengths differ by over 5 %."""
+    """Return whole edges as places. A place gets the number of its edge if no other edge's length is within 5 %."""
     places = []
     for edge in edges:
         rivals = [rival for rival in shape.edges if abs(rival.length / edge.length - 1) < 0.05]
@@ -143,12 +143,12 @@ def _column_heads(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _edge_form(shape: Shape) -> float:
-    """Return 1 if the outer edge is level and not above the centre of mass, as an edge on walls; else less."""
+    """Return 1 if the outer edge is level and not above the centre of mass, like an edge on walls, else less than 1."""
     return _mean([edge.levelness * shape.lowness(edge) for edge in shape.outer])
 
 
 def _walls(shape: Shape) -> Iterator[SupportReading]:
-    """Yield walls below a level outer edge, together with columns inside. There must be column heads inside."""
+    """Yield walls below a level outer edge, together with columns inside. Yield nothing without column heads."""
     if shape.heads and (form := _edge_form(shape)) > WALLS:
         places = (
             *_whole(shape, shape.outer, "wall"),
@@ -207,7 +207,7 @@ def _whole_edges(shape: Shape) -> Iterator[SupportReading]:
     floor = max(_roof(shape), float(shape.is_floor))
     drop = _mean([edge.z.mean() for edge in shape.outer]) - _mean([edge.z.mean() for edge in shape.large])
     is_vault = bool(shape.large) and shape.rise > 0.05 * shape.width and abs(drop) < 0.05 * shape.rise
-    loss = LEFT if is_vault else 1.0  # an inner edge as low as the outer edge is probably a support
+    loss = LEFT if is_vault else 1.0  # a vault's inner edge, as low as its outer edge, is probably a support, too
     yield SupportReading("edge", kind, _whole(shape, shape.outer, name), DRAWN * loss * floor * _mean(outer))
     below = drop > max(0.3 * shape.rise, 0.015 * shape.width)
     usual = loss * (DRAWN if below else USUAL) * _roof(shape)
@@ -225,7 +225,7 @@ def _pairs(shape: Shape) -> tuple[list[Edge], list[Edge]]:
 
 
 def _hangs_between(shape: Shape, two: Sequence[Edge], crossing: Sequence[Edge]) -> bool:
-    """Return True if the sheet sags between two opposite sides. The other sides must sag, too, in their middle half."""
+    """Return True if the sheet sags between the sides `two`: its centre and the middles of `crossing` are lower."""
     if not two:
         return False
     low = min(float(side.z.min()) for side in two)

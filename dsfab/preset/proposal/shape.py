@@ -1,4 +1,4 @@
-"""`Shape`: a coarse copy of a surface; its edges, corners, sides, necks and hollows show how it may be supported."""
+"""`Shape`: a coarse copy of a surface, and its features (edges, corners, sides, low points) that suggest supports."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ SLOPE = 0.25  # Slope (14 degrees) at which `levelness` is 1/2.
 CORNER = 40.0  # Smallest change of an edge's direction at a corner, degrees.
 DEPTH, RISE = 0.15, 0.05
 """Smallest depth of a foot (low part of an edge), and largest rise within a foot, divided by the surface's height."""
-SMALL = 0.15  # Largest length of a small edge, divided by that of the longest edge.
+SMALL = 0.15  # Largest length of a small edge, divided by the length of the surface's longest edge.
 STRIP = 3.0  # Smallest ratio of long to short sides of a strip, such as a footbridge.
 NECK = 0.2  # Smallest vertical component of `Shape.neck` for a column head (up) or a hanging point (down).
 LUG = 2.0  # Smallest height of a lug, divided by its radius.
@@ -105,13 +105,13 @@ class Edge:
 
     @cached_property
     def straight_levelness(self) -> float:
-        """Levelness of an edge on a straight wall or beam, from its rise divided by its length alone."""
+        """Levelness of an edge on a straight wall or beam. Only the ratio of rise to length of the edge counts."""
         return float(1 / (1 + (np.ptp(self.z) / max(self.length, 1e-12) / SLOPE) ** 2))
 
     def valleys(self, height: float, shortest: float) -> Iterator[tuple["Edge", float]]:
         """Yield low parts of a closed edge, each with its depth (m) below the neighbouring parts.
         height   : height of the surface, metres.
-        shortest : smallest length of a part, metres. A shorter part is extended, first on its lower side."""
+        shortest : smallest length of a part, metres. A shorter part is extended by the next lowest points."""
         z, n, step = self.z, len(self.points), self.length / len(self.points)
         tops, facts = find_peaks(-np.tile(z, 3), prominence=DEPTH * height, plateau_size=(None, None))
         for top, depth in zip((tops - n).tolist(), facts["prominences"].tolist(), strict=True):
@@ -199,7 +199,7 @@ class Shape:
 
     @property
     def is_raised(self) -> bool:
-        """True for a surface above the ground: its height is under `HEAD` (2.2 m), or its lowest z over `HEAD`."""
+        """True for a surface above the ground: too low to stand under (`HEAD`), or with its lowest z above `HEAD`."""
         return self.rise < HEAD or HEAD <= self.surface.V[:, 2].min() <= 1.5 * self.surface.size
 
     @cached_property
@@ -244,7 +244,7 @@ class Shape:
         return float(middle[2] - np.median(around)) / radius if len(around) else 0.0
 
     def lowness(self, edge: Edge) -> float:
-        """Return 1 for an edge at or below the centre of mass, or of an almost flat sheet; 0 for an edge at the top."""
+        """Return 1 for an edge at or below the centre of mass, 0 at the top; 1 for any edge of an almost flat sheet."""
         rise = (edge.z.mean() - self.middle[2]) / max(self.surface.V[:, 2].max() - self.middle[2], 1e-9)
         return 1.0 if self.rise < 0.05 * self.width else float(np.clip(1 - rise, 0, 1))
 
@@ -266,7 +266,7 @@ class Shape:
 
     @cached_property
     def inner_hollows(self) -> Ints:
-        """Hollows (k,) of the sheet that are not on an edge; see `hollows`."""
+        """Vertices (k,) of `hollows` (places where water would stand) that are not on an edge."""
         return np.setdiff1d(self.hollows, np.concatenate([*self.surface.loops, np.zeros(0, dtype=np.int64)]))
 
     def below(self, plan: Floats) -> Floats:
@@ -285,7 +285,7 @@ class Shape:
 
     @cached_property
     def heads(self) -> list[Edge]:
-        """Column heads: small edges from which the sheet rises. It does not rise from the edge of an opening."""
+        """Column heads: small inner edges from which the sheet goes up. At openings, the sheet does not go up."""
         return [edge for edge in self.small if self.neck(edge)[2] > NECK]
 
     @cached_property

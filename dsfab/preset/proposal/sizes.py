@@ -27,7 +27,7 @@ class Sizes:
     """Proposed lengths in metres.
     edge    : edge length of the mesh; 0 if the user's mesh does not change.
     own     : mean edge length of the user's mesh.
-    span    : shorter side of the plan (see `shorter_side`), or the span of a roof if it is far smaller than this side.
+    span    : shorter side of the plan (see `shorter_side`), or a roof's far smaller span between supports.
     bridged : span between the supports if it is far longer than the shorter side of the plan, else 0."""
 
     span: float
@@ -50,11 +50,10 @@ class Sizes:
 
     def with_feet(self, surface: Surface, feet: Sequence[Floats], roof: bool = False) -> "Sizes":
         """Return the sizes for a surface on feet (k, 3): thicker if the span far exceeds the plan's shorter side.
-
         The span is twice the distance in plan from the feet to the farthest vertex. If the span of a roof is far
-        smaller than the shorter side, as around a courtyard, all sizes follow from the span. If the span is far larger,
-        the spacing is larger. The thickness is then 1.1 times the thickness for the geometric mean of span and side,
-        because bending is largest at clamped ends."""
+        smaller than the shorter side, as around a courtyard, all proposed lengths follow from the span. If the span far
+        exceeds the shorter side, the spacing is larger. The thickness is then 1.1 times the thickness for the geometric
+        mean of span and side, because bending is largest at clamped ends."""
         if is_figure(surface) or not feet:
             return self
         distance, _ = cKDTree(np.concatenate(feet)[:, :2]).query(surface.V[:, :2])
@@ -85,7 +84,7 @@ class Sizes:
 
 
 def sizes(surface: Surface, material: str | None = None, span: float = 0.0) -> Sizes:
-    """Return the sizes for a surface with z up.
+    """Return the proposed sizes of members, mesh and thickness for a surface with z up.
     material : default: GL24h, or PLA for a printed model.    span : metres; 0 for the shorter side of the plan."""
     figure = is_figure(surface)
     span = span or shorter_side(surface)

@@ -24,7 +24,7 @@ class ProposedValues:
     """Values of a proposed preset.
     stands   : the supports.    built_in : True if the supports are clamped.
     loads    : pressures (Pa) of the loads by name, without the weight.
-    marks    : marks in the file, by layer."""
+    marks    : points and curves in the file that mark supports, loads or regions, by layer."""
 
     size: Sizes
     stands: tuple[SupportPlace, ...]
@@ -60,14 +60,14 @@ def proposal_text(user_mesh: UserMesh, plan: ProposedValues, keys: Mapping[str, 
         _widths(),
         [
             "[slicing]",
-            toml_line("snap", 0.01, "a cut moves to a vertex within this share of an edge; small shares keep symmetry"),
-            toml_line("improve", True, "fewer and better triangles, for finite elements and CAD"),
+            toml_line("snap", 0.01, "largest move of a cut to a vertex, share of an edge; small values keep symmetry"),
+            toml_line("improve", True, "fewer and better triangles in the cut mesh, for finite elements and CAD"),
         ],
         *_thickening(surface),
         ["[sizing]", toml_line("first", size.thickness, "m; first guess of the thickness")],
         [
             "[export]",
-            toml_line("step", "quick", "STEP only if it takes little time; auto tries more kinds of STEP, for minutes"),
+            toml_line("step", "quick", "quick: STEP only if it is fast; auto: more kinds of STEP, which takes minutes"),
             toml_line("step_faces", 12_000, "STEP files with more planar faces are slow in CAD; the default is 30000"),
         ],
     )
@@ -79,12 +79,12 @@ def _surface(keys: Mapping[str, Any], notes: Mapping[str, str], size: Sizes) -> 
     comments = {"unit": notes["unit"], "up": notes["up"], "mend": notes.get("mended", "")}
     comments["repair"] = comments["mend"]
     comments["only"] = "parts of the file that form the surface"
-    comments["origin"] = "m; output files have their origin at this point of the mesh"
+    comments["origin"] = "metres; this point of the mesh is the origin of output files"
     for key, value in keys.items():
         if key != "mesh":
             yield toml_line(key, value, comments.get(key, ""))
     if size.edge:
-        yield toml_line("edge", size.edge, "m; a new mesh of even triangles, with the same boundaries and creases")
+        yield toml_line("edge", size.edge, "m; edge length of a new, even mesh with the same boundaries and creases")
     if size.edge and size.coarse:
         yield toml_line("smooth", True, "the new vertices lie on the smooth surface through the old vertices")
 
@@ -118,19 +118,19 @@ def _toml(value: Any) -> str:
 def _statics(plan: ProposedValues) -> Iterator[str]:
     yield "[statics]"
     yield toml_line("material", plan.size.material, "`dsfab materials` lists all materials")
-    yield toml_line("thickness", "auto", "auto: the smallest that meets the targets of [sizing]; or metres")
+    yield toml_line("thickness", "auto", "auto: the smallest thickness that meets [sizing]; or a number in metres")
     if plan.built_in:
         yield toml_line("bending", "midedge", "elements with rotations, which built-in edges need")
 
 
 def _diffusion(plan: ProposedValues) -> Iterator[list[str]]:
     if "wind" in plan.loads:
-        yield ["[diffusion]", toml_line("follow", "combined", "the pattern follows wind from both sides")]
+        yield ["[diffusion]", toml_line("follow", "combined", "the pattern follows the stress of wind from both sides")]
 
 
 def _pattern(surface: Surface, size: Sizes) -> Iterator[str]:
     yield "[pattern]"
-    yield toml_line("method", "stripes", "evenly spaced along the stress")
+    yield toml_line("method", "stripes", "evenly spaced stripes along the stress")
     yield toml_line("keep", size.keep, "m of material around supports")
     if surface.loops:
         yield toml_line("rim", size.rim, "m of material along edges and openings")
@@ -149,8 +149,8 @@ def _widths() -> Iterator[str]:
 
 
 def _thickening(surface: Surface) -> Iterator[list[str]]:
-    if is_figure(surface):  # the surface of a sculpture bends sharply
-        yield ["[thickening]", toml_line("thinnest", 0.05, "at sharp bends, this share of the thickness must stay")]
+    if is_figure(surface):  # sculptures bend sharply, where the solid gets thin
+        yield ["[thickening]", toml_line("thinnest", 0.05, "smallest accepted share of the thickness at sharp bends")]
 
 
 def _description(surface: Surface, plan: ProposedValues) -> str:

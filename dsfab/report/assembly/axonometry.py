@@ -54,8 +54,8 @@ class MemberFaces:
 
 
 def drawn_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """Return the faces of all bars and plates; without bars, of members with parts (fills only in plans of planks).
-    Faces show the uppermost layer of a strip, two sides and the upper edge of a plank, and one side of a plate."""
+    """Return the faces of all bars and plates; in a plan without bars, the faces of all members that have parts.
+    Strips show the uppermost layer, planks two sides and upper edge, plates one side. Fills: only in plank plans."""
     assert plan.graph is not None
     if plan.bars:
         return bar_faces(plan, palette)

@@ -1,4 +1,4 @@
-"""Pages of bars: a table of all bars, their order of assembly, and drawings of joints."""
+"""Pages on a structure of bars: a table of all bars, their order of assembly, and drawings of joints."""
 
 from collections.abc import Callable, Container, Sequence
 
@@ -17,15 +17,15 @@ ROWS, COLUMNS = 58, 2  # Rows and columns of bars on a page.
 
 BAR_RULE = (
     "Assemble the bars from the supports upwards, in the order of the heights of their middles. Before you lift the "
-    "first bar of a plate, bolt the plate beneath this bar, by the arm with the bar's name. Prop every bar that "
-    "nothing holds yet, until its neighbours are bolted."
+    "first bar of a plate, bolt the plate beneath this bar. Use the arm of the plate that has the bar's name. Prop "
+    "every bar that nothing holds yet, until its neighbours are bolted."
 )
 """Rule for the order of `bar_steps`, printed for the builders."""
 BARS_UNCHECKED = (
-    "the statics of bolts, plates and folds: dsfab judged the design as one sheet, but joints with one plate can bend",
-    "the statics of unfinished stages; props and scaffolding",
+    "whether bolts, plates and folds hold: dsfab judged the design as one sheet, but joints with one plate can bend",
+    "whether the unfinished structure stands at each stage, and which props and scaffolding it needs",
     "how far bars and plates can be twisted; the radius of folds, and the length that a sheet gains by folding",
-    "moisture, grain and knots; edge and end distances of bolts by the material's standard",
+    "effects of moisture, grain and knots; distances of bolts from edges and ends (see the material's standard)",
     "bearings: the parts that hold the structure at its supports",
 )
 """Risks of bars that dsfab does not check, for the last page of the book."""
@@ -63,9 +63,9 @@ def bar_pages(plan: WorkshopPlan) -> list[PartsPage]:
 BAR_TABLE_HEADS = ("bar", "from", "to", "length", "along", "dip", "along", "dip", "twist", "bow")
 BAR_TABLE_PLACES = (0.0, 20.0, 46.0, 92.0, 107.0, 120.0, 136.0, 149.0, 164.0, 178.0)
 BAR_TABLE_NOTE = (
-    "Length: cut length of the bar, millimetres. Angles at its first and second node: 'along' in degrees from the "
-    "first arm of the plate, counter-clockwise as seen from outside; 'dip' in degrees below the plate. Twist: degrees "
-    "from one end to the other, right-handed. Bow: largest distance from the bar to the curved axis, millimetres."
+    "Length: cut length of the bar, millimetres. At the first and the second node: 'along' is the bar's direction, in "
+    "degrees from the plate's first arm, counter-clockwise as seen from outside; 'dip' is its angle below the plate. "
+    "Twist: degrees from end to end, right-handed. Bow: largest distance from the bar to the curved axis, millimetres."
 )
 
 
@@ -89,7 +89,7 @@ def bar_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
     )
 
 
-SHOWN = 1.7  # Drawn length of a bar on the page of a joint / length of the plate's arm.
+SHOWN = 1.7  # Drawn length of a bar on the page of a joint, divided by the length of the plate's arm.
 
 
 def joint_pages(plan: WorkshopPlan) -> list[PartsPage]:
@@ -123,7 +123,7 @@ def _joint_page(plan: WorkshopPlan, name: str) -> Callable[[Paper], None]:
         low, high = points.min(axis=0), points.max(axis=0)
         scale, scale_name = usual_scale(min(np.array([room.wide - 12, room.high - 12]) / (high - low)))
         fitted = DrawingTransform.fit_to_box(low, high, room, scale)
-        title = f"The plate before it is folded, and its bars, from outside, {scale_name}"
+        title = f"The unfolded plate and its bars, seen from outside, {scale_name}"
         paper.text((PAGE.x, PAGE.y + PAGE.high - 4), title, 9)
         paper.polylines([fitted.to_paper(bar) for bar in bars], QUIET, 0.5, closed=True)
         paper.polylines([fitted.to_paper(plate - middle)], INK, 0.8, closed=True)
@@ -172,8 +172,8 @@ def _arm_table(paper: Paper, box: PaperBox, arms: Sequence[PlateArm]) -> None:
             paper.text((x + place, y), words, 8, side="right")
     note = (
         "Millimetres from the middle of the hole at the node; degrees from the first arm, counter-clockwise. Fold at "
-        "the lines FOLD, away from you where the angle is positive. The lines are placed for a sharp fold at half the "
-        "thickness, so allow for the radius of your tool. The number engraved on each arm is its fold."
+        "the lines FOLD, away from you where the angle is positive. Their places assume that the plate's middle plane "
+        "folds sharply, so allow for the radius of your tool. The number engraved on each arm is its fold."
     )
     for k, line in enumerate(paper.wrapped_lines(note, box.wide, 7.5)):
         paper.text((x, y - 8 - 3.4 * k), line, 7.5, QUIET)
@@ -201,7 +201,7 @@ def _side_view(paper: Paper, box: PaperBox, plan: WorkshopPlan, arm: PlateArm, b
     points = np.concatenate(shown)
     scale, scale_name = usual_scale(min(np.array([box.wide - 4, box.high - 16]) / np.ptp(points, axis=0)))
     fitted = DrawingTransform.fit_to_box(points.min(axis=0), points.max(axis=0), box, scale)
-    words = f"Bar {arm.bar} on its arm" if arm.bar in bars else "The leg on the ground"
+    words = f"Bar {arm.bar} on its arm" if arm.bar in bars else "The plate's leg on the ground"
     paper.text((box.x, box.y + box.high + 2), f"{words}, from the side, {scale_name}", 9)
     paper.polylines([fitted.to_paper(line) for line in shown], INK, 0.7, closed=True)
     for r in arm.holes:

@@ -34,10 +34,10 @@ from dsfab.workshop import WorkshopPlan
 BookPage = tuple[str, Callable[[Paper], None]]
 
 LAYERS_UNCHECKED = (
-    "the statics of bolts, of splices and of layers that slide on each other: dsfab judged the design as one sheet",
+    "whether bolts and splices hold, and whether layers slide on each other: dsfab judged the design as one sheet",
     "the statics of the structure during assembly, and of props and scaffolding",
     "springback and creep of bent layers",
-    "moisture, grain and knots; edge and end distances of bolts by the material's standard",
+    "effects of moisture, grain and knots; distances of bolts from edges and ends (see the material's standard)",
     "bearings: the parts that hold the structure at its supports",
 )
 """Risks of bent layers that dsfab does not check, for the last page of the book."""
@@ -136,11 +136,11 @@ def _key_figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
 
 
 PLANKS_UNCHECKED = (
-    "the statics of halved planks, splices and glue: dsfab judged one continuous sheet, not upright planks",
-    "the statics of unfinished stages; props and scaffolding",
+    "whether slotted planks, splices and glue hold: dsfab judged one continuous sheet, not upright planks",
+    "whether the unfinished structure stands at each stage, and which props and scaffolding it needs",
     "inner corners of slots: a round cutter leaves its radius there; cut the corners square by hand, or over-cut them",
-    "the twist of planks: its stress, and how planks spring back",
-    "moisture, grain and knots; edge and end distances of bolts by the material's standard",
+    "the stress in twisted planks, and how far they spring back",
+    "effects of moisture, grain and knots; distances of bolts from edges and ends (see the material's standard)",
     "bearings: the parts that hold the structure at its supports",
 )
 """Risks of upright planks that dsfab does not check, for the last page of the book."""

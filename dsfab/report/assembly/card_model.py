@@ -11,12 +11,12 @@ from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, DrawingTransform
 from dsfab.workshop import FlatPart, WorkshopPlan
 
 MODEL_UNCHECKED = (
-    "stability of the model without glue; dsfab judged the material of the structure, not card",
-    "width of your laser's cut: slots are 0.2 mm wider than tabs, so first cut one slot and one tab as a trial",
-    "grain of the model's card: long strips bend more evenly along the grain",
+    "whether the model stands without glue; dsfab judged the material of the structure, not card",
+    "how wide your laser cuts: slots are 0.2 mm wider than tabs, so first cut one slot and one tab as a trial",
+    "the direction of the card's grain: long strips bend more evenly along the grain",
     "members of one layer that overlap, as at a crown: trim them with a knife",
 )
-"""Risks of a card model that dsfab does not check, for the last page of the book."""
+"""Risks of a card model that dsfab does not check, for the last page of `assembly.pdf`."""
 PANEL_STEPS = (
     (
         "Sort",
@@ -40,7 +40,7 @@ PANEL_STEPS = (
 """Steps for a model of panels, after cutting: title and instruction."""
 
 TEXT_WIDTH = 150.0  # Width of the text, mm; the drawing of the base plate is beside it.
-FAMILY_WORDS = {"major": "A", "minor": "B", "rim": "rim", "keep": "kept material at supports and loads (ring, band)"}
+FAMILY_WORDS = {"major": "A", "minor": "B", "rim": "rim", "keep": "rings and bands around supports and loads"}
 
 
 def model_figures(plan: WorkshopPlan) -> list[tuple[str, str]]:

@@ -14,7 +14,7 @@ from dsfab.workshop import FlatPart, NestedSheet, WorkshopPlan, money, node_tabl
 
 ACROSS, DOWN = 4, 13  # Columns and rows of parts on a page.
 ROWS, COLUMNS = 62, 3  # Rows and columns of nodes on a page.
-LEGIBLE, LEGIBLE_MODEL = 40.0, 400.0  # least scales (mm per metre) of legible names, for structures and models
+LEGIBLE, LEGIBLE_MODEL = 40.0, 400.0  # smallest scales (mm per metre) of legible names: on structures, on models
 PartsPage = tuple[str, Callable[[Paper], None]]
 
 
@@ -38,7 +38,7 @@ def cut_list_pages(plan: WorkshopPlan) -> list[PartsPage]:
 
 def _part_count(plan: WorkshopPlan) -> str:
     mm = sorted({MM_PER_M * plan.part_thickness(part) for part in plan.parts}, reverse=True)
-    return f"{len(plan.parts)} parts of {' and '.join(f'{x:g}' for x in mm)} mm in {len(plan.equal_parts)} shapes"
+    return f"{len(plan.parts)} parts, {' and '.join(f'{x:g}' for x in mm)} mm thick, in {len(plan.equal_parts)} shapes"
 
 
 def _cut_list_page(plan: WorkshopPlan, groups: Sequence[tuple[int, ...]]) -> Callable[[Paper], None]:
@@ -170,7 +170,7 @@ def table_pages(
     return [(f"{title} {part[0][0]} to {part[-1][0]}", partial(draw, page_rows=part)) for part in parts]
 
 
-ROW = 24.0  # Height of a member's row on a page of its family, mm.
+ROW = 24.0  # Height of each member's row on a page of members, mm.
 NAMES = 44.0  # Width of a member's name to the left of the member, mm.
 APART = 2.1  # Least distance between the names of two nodes, mm.
 SPLICED_NOTE = (
@@ -186,8 +186,8 @@ PLANKS_NOTE = (
     "A slot open above receives the crossing plank. A plank with a slot open below is put onto the crossing plank."
 )
 PANELS_NOTE = (
-    "Above each line: the member that crosses. Below it: distance from the beginning in the model, mm. Red: where "
-    "panels begin, at the edge of an uninterrupted member or at a splice."
+    "Above each line: the member that crosses. Below it: distance from the member's beginning in the model, mm. Red: "
+    "where panels begin, at the edge of an uninterrupted member or at a splice."
 )
 FAMILY_TITLES = {"major": "Family A", "minor": "Family B", "rim": "Edges", "keep": "Around supports and loads"}
 PER_PAGE = int(PAGE.high // ROW)

@@ -69,7 +69,7 @@ def key_figures(design: Design, judged: bool) -> list[tuple[str, str]]:
     if judged:
         worst = design.member_utilisation.by_member
         name = max(worst, key=lambda member: worst[member])
-        figures.append(("most used", f"{name}: {worst[name]:.0%} of what it can bear"))
+        figures.append(("most used", f"{name}: {worst[name]:.0%} of its capacity"))
     return figures
 
 

@@ -120,7 +120,7 @@ def piece_length(faces: list[MemberFaces]) -> float:
 
 
 def strip_quads(strip: RefoldedStrip, piece: float, slotted: bool = False) -> Floats:
-    """Return a strip as quads (q, 4, 3), each about `piece` metres; quads of a slotted strip end at its corners."""
+    """Return a strip as quads (q, 4, 3), each about `piece` metres long; a slotted strip is divided at its corners."""
     if slotted:
         rows = simplified_line(strip.edges.reshape(-1, 6), 1e-3).reshape(-1, 2, 3)
     else:
@@ -169,7 +169,7 @@ class AssemblyStep:
 
 
 def assembly_steps(graph: MemberGraph, layering: Layering, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Return the steps in the order of `LAYER_RULE`; a member appears once for each layer. up : (3,) unit vector."""
+    """Return steps in the order of `LAYER_RULE`; a member appears once in each of its layers. up : (3,) unit vector."""
     return _ordered_steps(graph, up, partial(layer_numbers, layering))
 
 

@@ -64,7 +64,7 @@ class DrawingTransform:
 
 
 def usual_scale(largest: float) -> tuple[float, str]:
-    """Return the largest usual scale up to `largest`, millimetres of paper per metre, and its name such as "1:20"."""
+    """Return the largest of the usual scales that do not exceed `largest`, mm per metre, and its name, as "1:20"."""
     least = 1000 / largest
     power = 10.0 ** np.floor(np.log10(least) - 1)
     step = next(float(f"{k * power * 10**j:.6g}") for j in range(3) for k in SCALE_STEPS if k * power * 10**j >= least)
@@ -145,7 +145,7 @@ class Paper:
             self.canvas.circle(x, y, diameter / 2 * MM)
 
     def faces(self, faces: FaceList, fitted: DrawingTransform) -> None:
-        """Draw thousands of faces as one string of PDF operators; a call for each face takes ten times as long."""
+        """Draw faces, placed by `fitted`, as one string of PDF operators: a call for each is ten times as slow."""
         P = (fitted.to_paper(faces.corners) * MM).reshape(-1, 8)
         dark = 0.55 * faces.colours
         rows = np.concatenate([faces.colours, P, dark, P[:, :4], P[:, 4:]], axis=1)

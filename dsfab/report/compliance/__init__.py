@@ -61,7 +61,7 @@ def write_report(findings: Findings, rows: Sequence[Mapping[str, Any]], folder: 
 def write_results(
     preset: "Preset", comparisons: "Sequence[tuple[float | None, Comparison]]", command: str, folder: Path
 ) -> str:
-    """Write results.csv and results.json; return the text of results.json. Its key `verdict` is the full check."""
+    """Write results.csv and results.json; return the text of results.json. Key `verdict`: result of the full check."""
     from dsfab.preset.file import preset_toml
 
     rows = [{"volume": share, **row} for share, a in comparisons for row in a.record()["competitors"]]
@@ -104,7 +104,7 @@ def _cell(value: Any) -> Any:
 
 
 def summary_document(rows: Sequence[Mapping[str, Any]], against: Sequence[str], folder: Path) -> Document:
-    """Return the summary of several designs. rows : see `dsfab.app.compare.SummaryRow`. folder : folder of the page."""
+    """Return the summary of designs. rows : see `SummaryRow`. against : competitors' names. folder : of the summary."""
     compared = [row for row in rows if not row["error"]]
     blocks: list[Block] = [Paragraph(_verdict_counts(rows), "lead")]
     if compared:

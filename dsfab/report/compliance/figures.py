@@ -96,7 +96,7 @@ def _plot_lines(axes: "Axes", rows: Sequence[ResultRow], title: str, names: Mapp
         label = names[name] + ("" if any(value == value for value in ratio) else ": carries nothing")
         axes.plot(mass, ratio, color=colour, linestyle=line, marker=mark, markersize=5, linewidth=width, label=label)
         if name == "isotropic" and label == names[name]:
-            keys, label = ("variants_best", "variants_worst"), "isotropic stripes, best to worst mode pair"
+            keys, label = ("variants_best", "variants_worst"), "isotropic stripes: from the best to the worst mode pair"
             low, high = ([_ratio_to_full_sheet(row, key) for row in competitor_rows] for key in keys)
             axes.fill_between(mass, low, high, color=colour, alpha=0.13, linewidth=0, label=label)
     axes.set_yscale("log")
@@ -140,7 +140,7 @@ def chart_images(findings: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[
 
 @contextmanager
 def lettering(**settings_of_chart: Any) -> Iterator[None]:
-    """Draw charts in a `with` block with the fonts of a report. settings_of_chart : settings of matplotlib."""
+    """Use the fonts of a report for all charts in a `with` block. settings_of_chart : other settings of matplotlib."""
     import logging
 
     import matplotlib as mpl
@@ -239,7 +239,7 @@ class FindingsPictures:
         return self.band_figure(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
 
     def displacement(self, answered: AnsweredLoad, limit: float, caption: str) -> ReportFigure:
-        """Draw the deformed sheet, coloured by displacement; `{factor}` in the caption becomes the magnification."""
+        """Draw the deformed sheet; colours show displacements to `limit`, m. The magnification replaces `{factor}`."""
         sheet, u = self.findings.structure.sheet.surface, answered.equilibrium.u
         # the largest displacement is magnified to 7 % of the surface's size, or less
         factor = round_number_above(0.07 * self.findings.task.surface.size / float(np.linalg.norm(u, axis=1).max())) / 2

@@ -101,7 +101,7 @@ LABELS = {
     "isotropic": "Isotropic stripes",
     "rotated": "Stripes turned by 45°",
     "thinner": "Whole sheet, thinner",
-    "von_mises": "Stripes of von Mises stress",
+    "von_mises": "Stripes from the von Mises stress",
     "grid": "Straight grid",
     "simp": "Topology optimisation (SIMP)",
 }
@@ -120,7 +120,7 @@ class CheckLine:
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """A comparison at one mass, and further comparisons for other shares of material, if any.
+    """Comparison of a design with competitors of the same mass, and comparisons for other shares of material, if any.
     A design without equilibrium (`carries` is False) has no `judgement` and no `fields`.
     command : command line that repeats the comparison.
     share   : share of material of the design if its widths were scaled; else None."""
@@ -137,17 +137,17 @@ class Findings:
 
     @property
     def design(self) -> Competitor:
-        """The design among the competitors."""
+        """The design itself, which is one of the compared structures."""
         return self.compared.design
 
     @property
     def carries(self) -> bool:
-        """True if the design carries the loads that its pattern follows."""
+        """True if the design carries the loads on which its pattern is based."""
         return self.design.judgement is not None
 
     @property
     def has_structure(self) -> bool:
-        """True if the design has a structure for pictures."""
+        """True if the design has a cut sheet, which pictures can show."""
         return self.design.structure is not None
 
     @property
@@ -157,13 +157,13 @@ class Findings:
 
     @property
     def judgement(self) -> Judgement:
-        """The judgement of the design."""
+        """Compliance of the design, its response to each load, and the verdict on their accuracy."""
         assert self.design.judgement is not None
         return self.design.judgement
 
     @property
     def structure(self) -> Structure:
-        """The structure of the design."""
+        """Cut sheet of the design, with all cells of the cut."""
         assert self.design.structure is not None
         return self.design.structure
 
@@ -213,7 +213,7 @@ class Findings:
         )
 
     def cases_shown(self, names: Iterable[str]) -> list[str]:
-        """Return the cases and combinations with a figure; of a standard's combinations, only the decisive ones."""
+        """Return the cases and combinations to draw. Of a standard's combinations: only those that govern a result."""
         standard_names = {combination.name for combination in self.task.preset.surface.standard_sums}
         decisive_names = set[str]()
         if self.carries:
@@ -253,7 +253,7 @@ class Findings:
         status: Status = "pass"
         if self.judgement.verdict == "fail":
             status, words = "fail", self.judgement.reason
-        return CheckLine("Every load reaches a support", status, words, "loads on pieces that a support holds")
+        return CheckLine("Every load reaches a support", status, words, "all loads act on material with a support")
 
     def _compliance_check(self) -> CheckLine:
         check = self.judgement.check
@@ -277,7 +277,7 @@ class Findings:
         if self.judgement.check:
             residual = max(residual, *(level.residual for level in self.judgement.check.levels))
         status: Status = "pass" if imbalance <= BALANCE and residual <= RESIDUAL else "fail"
-        words = f"off by {imbalance:.0e} of the load; residual of the equations {residual:.0e}"
+        words = f"loads and reactions differ by {imbalance:.0e} of the load; residual of the equations {residual:.0e}"
         return CheckLine("Reactions balance the loads", status, words, f"{BALANCE:.0e}; {RESIDUAL:.0e}")
 
     def _member_check(self) -> CheckLine | None:
@@ -286,7 +286,7 @@ class Findings:
             return None
         least = estimates.LEAST_EDGES_PER_MEMBER
         mark: Mark = "pass"
-        words = f"{check.per_member:.2g} edges of the uncut mesh across a member"
+        words = f"members are {check.per_member:.2g} edges of the uncut mesh wide, on average"
         if check.per_member < least:
             mark, words = "note", words + "; the outline is coarse, and the checks are for this coarse outline"
         return CheckLine("Outline of the members", mark, words, f"{least:g} or more")
@@ -297,7 +297,7 @@ class Findings:
             return None
         mark: Mark = "pass" if check.facets <= FACETS else "note"
         words = f"L<sup>2</sup> / (R h) = {check.facets:.2g}"
-        return CheckLine("Flat faces for the curved surface", mark, words, f"{FACETS:g} or less")
+        return CheckLine("Mesh faces small enough for the curvature", mark, words, f"{FACETS:g} or less")
 
     def _strength_check(self) -> CheckLine | None:
         cases = self.task.preset.judged_in("ULS", self.judgement.cases)
@@ -336,7 +336,7 @@ class Findings:
 
     @cached_property
     def claims(self) -> list[CheckLine]:
-        """Check lines, one for each competing structure: whether the design is stiffer at equal mass."""
+        """One check for each competing structure: whether the design is stiffer at equal mass."""
         return [self._claim(rival) for rival in self.compared.rivals]
 
     def _claim(self, rival: Competitor) -> CheckLine:

@@ -1,4 +1,4 @@
-"""Sections of a compliance report, also for designs without equilibrium."""
+"""Sections of a compliance report, also of the report on a design that cannot carry its loads."""
 
 from collections.abc import Mapping, Sequence
 
@@ -37,7 +37,7 @@ from dsfab.report.html_pages import (
 from dsfab.statics import elements_of
 from dsfab.study.verdict import calibration, estimates
 
-PLANE = "The sheet is loaded in its own plane and does not bend, so both kinds of finite elements give equal results."
+PLANE = "The sheet is loaded in its own plane and does not bend, so the two kinds of elements give equal results."
 
 
 def summary_section(findings: Findings, pictures: FindingsPictures, number: CaptionNumbers) -> ReportSection:
@@ -73,7 +73,7 @@ def structure_section(findings: Findings, number: CaptionNumbers) -> ReportSecti
 
 
 def loads_section(findings: Findings, pictures: FindingsPictures, number: CaptionNumbers) -> ReportSection:
-    """Return tables of loads and supports, and a picture for each case."""
+    """Return tables of loads and supports, and a picture for each case. number : counter of captions."""
     names = findings.cases_shown(tables.ordered_cases(findings))
     several = len(names) > 1
     figures = []
@@ -91,7 +91,7 @@ def convergence_section(findings: Findings, number: CaptionNumbers) -> ReportSec
     levels = tables.levels_table(findings, number)
     if levels is None:
         words = "The compliance is from one solve on the mesh of the cut sheet; "
-        words += f"the error is at most {percent(estimates.QUICK_ERRORS[1])} for nine designs in ten. "
+        words += f"the compliance errs by at most {percent(estimates.QUICK_ERRORS[1])} for nine designs in ten. "
         words += "To see the convergence on finer meshes, use <code>--level full</code>."
         return ReportSection("Compliance", [Paragraph(words), tables.cases_table(findings, number)])
     check = findings.judgement.check
@@ -99,8 +99,8 @@ def convergence_section(findings: Findings, number: CaptionNumbers) -> ReportSec
     blocks: list[Block] = [
         Paragraph(
             "Compliance is the work of the loads; a smaller compliance means a stiffer structure. The structure was "
-            "solved on the mesh of the cut sheet and on finer ones, by two kinds of finite elements with mostly "
-            f"opposite errors. The value is extrapolated. It is reliable if its bound is at most {percent(CONVERGED)}."
+            "solved on the mesh of the cut sheet and on finer meshes, by two kinds of elements, whose errors mostly "
+            f"have opposite signs. The extrapolated value is reliable if its error bound is up to {percent(CONVERGED)}."
         ),
         levels,
         *([Paragraph(PLANE, "quiet")] if findings.is_plane else []),
@@ -167,8 +167,8 @@ def displacement_and_stress_section(
         ),
     )
     words = Paragraph(
-        f"Both pictures are of one solve on the mesh of the cut sheet, by {elements_of('displacement')} elements. "
-        "The table has the stress of the finest mesh.",
+        f"The two pictures below are of one solve on the mesh of the cut sheet, by {elements_of('displacement')} "
+        "elements. The table has the stress of the finest mesh.",
         "quiet",
     )
     blocks: list[Block] = [words, moved_figure, stress_figure, tables.stress_table(findings, number)]
@@ -182,35 +182,35 @@ def reactions_section(findings: Findings, number: CaptionNumbers) -> ReportSecti
 
 
 def scope_sections(findings: Findings) -> list[ReportSection]:
-    """Return the assumptions, and the questions that dsfab does not check."""
+    """Return two sections: the assumptions, and the effects that dsfab does not check."""
     preset = findings.task.preset
     statics = preset.statics
     assumed = [
         "Linear elastic, isotropic material; small displacements; loads that keep their direction.",
-        f"A thin sheet of constant thickness ({length_or_na(statics.thickness)}). Self-weight is that of the "
-        "material, for the design and for each competitor. The directions of the stripes follow from the weight of the "
+        f"A thin sheet of constant thickness ({length_or_na(statics.thickness)}). The self-weight of the design and "
+        "of each competitor is the weight of its material. The directions of the stripes follow from the weight of the "
         f"{'cut' if preset.pattern.rounds else 'uncut'} sheet.",
-        "Supports are rigid unless they are springs, and hold in both directions.",
+        "Supports are rigid unless they are springs. They resist pulling as well as pushing.",
         "Snow, wind, pressure and cladding on openings are transferred by a covering to the nearest material along the "
         "surface, with the same sum and moment. A load without a covering acts on the members alone. A concentrated "
         "load on an opening acts on the nearest material, and is distributed there.",
         "The middle surface is smooth: new points of finer meshes lie on a smooth surface through the vertices.",
-        "All competitors have the same mass to 0.1 %, and the same loads, supports and kept regions. But SIMP has its "
-        "own discs around loads and supports, and no rim. The thinner sheet alone has a different thickness.",
+        "All competitors have the same mass to 0.1 %, and the same loads, supports and kept regions. But SIMP has "
+        "other discs around loads and supports, and no rim. Only the thinner sheet has a different thickness.",
     ]
     if statics.law == "stvk":
         assumed[0] = "Material law of St. Venant and Kirchhoff, linearised; small displacements."
     cases = list(findings.judgement.cases.values()) if findings.carries else []
     missing = [
-        "Strength: the preset has none, so the stress has no verdict." if not statics.strength else "",
+        "Strength: the preset gives no strength, so dsfab does not judge the stress." if not statics.strength else "",
         ""
         if any(case.buckling for case in cases)
         else "Buckling: not requested (<code>--buckling</code>), but thin ribs in compression may buckle.",
         "" if any(case.frequency for case in cases) else "Vibration: not requested (<code>--frequency</code>).",
-        "Imperfections, cracks, fatigue, creep, temperature, shrinkage, moisture, fire and corrosion.",
+        "Effects of imperfections, cracks, fatigue, creep, temperature, shrinkage, moisture, fire and corrosion.",
         "Connections, joints between parts, bearings, foundations, assembly and erection.",
-        "Partial factors and load combinations of any code, except those of the preset.",
-        "Orthotropy of the material (timber, printed layers); the results hold for isotropic material.",
+        "Partial factors and load combinations of a building code, unless the preset has them.",
+        "Orthotropy, as of timber and of printed layers: the results hold only for isotropic material.",
         "The finished part, and the file for its production (<code>dsfab check</code> measures the file).",
     ]
     words = Paragraph(
@@ -237,13 +237,13 @@ def calibration_section() -> ReportSection:
         "calibrated, not proven. <code>dsfab verify --calibration</code> prints the table and computes it again; "
         "<code>dsfab verify</code> tests the elements on structures with published answers."
     )
-    return ReportSection("How reliable is the bound?", [Paragraph(text)])
+    return ReportSection("How reliable is the error bound?", [Paragraph(text)])
 
 
 def reproduction_section(
     command: str, versions: Mapping[str, str], preset: str, number: CaptionNumbers
 ) -> ReportSection:
-    """Return command, versions and preset of the report."""
+    """Return command, versions and preset of the report. number : counter of captions."""
     blocks: Sequence[Block] = [
         Paragraph("This command made the report, with the preset below and these versions:"),
         Code(command),
@@ -345,6 +345,6 @@ def _competitor_row(findings: Findings, name: str) -> tuple[str, str, str]:
     label = escaped_text(LABELS[name])
     if competitor.judgement is None:
         exists = competitor.structure or competitor.spread
-        return label, "none", "does not carry the loads" if exists else "was not found"
+        return label, "none", "this structure does not carry the loads" if exists else "no structure was found"
     ratio = f"{significant_digits(competitor.compliance / full.compliance)} times the compliance of the whole sheet"
     return label, mass(competitor.mass), "carries the loads" if name == "full" else f"carries the loads, with {ratio}"

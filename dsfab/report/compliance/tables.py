@@ -76,7 +76,7 @@ def structure_table(findings: Findings, number: CaptionNumbers) -> Table:
         *([("Material", statics.material_words)] if statics.material else []),
         ("Young's modulus; Poisson's ratio", f"{quantity(statics.young, 'Pa')}; {statics.poisson:g}"),
         ("Density", f"{statics.density:g} kg/m³"),
-        ("Strength", quantity(statics.strength, "Pa") if statics.strength else "not set, so stress is not judged"),
+        ("Strength", quantity(statics.strength, "Pa") if statics.strength else "the preset has none; no verdict"),
         (
             "Mesh of the surface",
             f"{_thousands(task.surface.n)} vertices, edges of {length_or_na(task.surface.mean_edge)}",
@@ -88,12 +88,12 @@ def structure_table(findings: Findings, number: CaptionNumbers) -> Table:
 
 
 def pattern_table(quality: PatternQuality, number: CaptionNumbers) -> Table:
-    """Return spacing, dead ends and directions of both families of members."""
+    """Return spacing, dead ends and directions of both families of members. number : counter of captions."""
     titled = zip(quality.titles, quality.families, strict=True)
     families = [(title, family) for title, (_, family) in titled if family.drawn]
     rows = [
         ("Distance between members, median", *(length_or_na(family.spacing[1]) for _, family in families)),
-        ("Clear opening, on 90 % of the area", *(_opening_range(family) for _, family in families)),
+        ("Clear opening, on 90 % of the open area", *(_opening_range(family) for _, family in families)),
         ("Widest / narrowest distance (P95 / P5)", *(f"{family.evenness:.2f}" for _, family in families)),
         ("Dead ends", *(str(family.dead) for _, family in families)),
         ("Openings narrower than the members beside them", *(str(family.slits) for _, family in families)),
@@ -159,7 +159,7 @@ def _uncut_note(sums: Mapping[str, Floats], uncut: Mapping[str, Floats]) -> str:
     ]
     if not larger:
         return ""
-    return f"The uncut sheet carries more self-weight, or more of the loads without a covering: {', '.join(larger)}."
+    return f"The uncut sheet has larger loads, from self-weight or from loads without a covering: {', '.join(larger)}."
 
 
 def ordered_cases(findings: Findings) -> list[str]:
@@ -168,7 +168,7 @@ def ordered_cases(findings: Findings) -> list[str]:
 
 
 def acting_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return the loads and supports of the preset."""
+    """Return the loads and supports of the preset. number : counter of captions."""
     surface = findings.task.preset.surface
     rows = [(x.name or "Load", x.case, x.kind.replace("_", " "), _settings_words(x)) for x in surface.load]
     rows += [
@@ -228,7 +228,7 @@ def _value_words(value: Any) -> str:
 
 
 def levels_table(findings: Findings, number: CaptionNumbers) -> Table | None:
-    """Return the meshes of the full check for the governing case; None after a quick check."""
+    """Return a table of meshes of the full check, with results of the governing case; None after a quick check."""
     check, name = findings.judgement.check, findings.cases[0]
     if check is None:
         return None
@@ -289,7 +289,7 @@ def cases_table(findings: Findings, number: CaptionNumbers) -> Table:
 
 
 def stress_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return the largest stresses and their places, in the case that decides the stress."""
+    """Return the largest stresses and their places, in the load case with the largest stress."""
     name, case = findings.decisive_case("stress")
     rows = []
     for label, extreme in (
@@ -301,9 +301,9 @@ def stress_table(findings: Findings, number: CaptionNumbers) -> Table:
         rows.append((label, *values, point_words(extreme.place)))
     head = ("Stress", "99 % of the area", "Away from corners", "Largest of this mesh", "At")
     note = (
-        "At inner corners and at ends of supports the exact stress is infinite, and the value of a mesh grows with "
-        "every finer mesh. So use the first two columns: the value that 99 % of the area does not exceed, and the "
-        "largest value further than a rib's width from all such corners."
+        "At inner corners and at ends of supports the exact stress is infinite, so finer meshes give larger values. "
+        "Use instead the value that 99 % of the area does not exceed, and the largest value away from corners: at more "
+        "than a rib's width from inner corners and ends of supports."
     )
     under = f" under {escaped_text(name)}" if len(findings.cases) > 1 else ""
     caption = f"Stress{under}, on a mesh of {_thousands(case.triangles)} triangles."
@@ -345,9 +345,9 @@ def rivals_table(findings: Findings, number: CaptionNumbers) -> Table:
     )  # fmt: skip
     names = [competitor.name for competitor in findings.compared.competitors]
     levels = {competitor.judgement.level for competitor in findings.compared.competitors if competitor.judgement}
-    note = "Columns with /: ratio of compliances; above 1, the row is softer. Level full: from two or three meshes. "
+    note = "Columns with /: ratio of compliances; above 1, the structure is softer. Level full: two or three meshes. "
     note += (
-        "Level quick: one solve on the cut mesh; its bound holds for nine designs in ten." if "quick" in levels else ""
+        "Level quick: one solve on the cut mesh; error bounds hold in nine cases of ten." if "quick" in levels else ""
     )
     return Table(
         number.table("The design and its competitors, with the same loads, supports and kept regions."),
@@ -387,9 +387,9 @@ def volumes_table(findings: Findings, number: CaptionNumbers) -> Table:
     levels = {competitor.judgement.level for competitor in competitors if competitor.judgement}
     level_note = {
         frozenset(("full",)): "Judged by full checks.",
-        frozenset(("quick",)): "Each value is from one solve; whole sheets were solved on their coarse meshes.",
-    }.get(frozenset(levels), "Whole sheets are judged on finer and finer meshes, cut sheets on one mesh.")
-    note = f"Compliance / compliance of the whole sheet; - : does not carry the loads at this mass. {level_note}"
+        frozenset(("quick",)): "Each value is from one solve. The mesh of a sheet without openings is coarser.",
+    }.get(frozenset(levels), "Sheets without openings were solved on finer and finer meshes, cut sheets on one mesh.")
+    note = f"Compliance divided by that of the whole sheet; - : the structure does not carry the loads. {level_note}"
     return Table(number.table("Compliance at other masses."), head, rows, 1, note)
 
 

@@ -33,7 +33,7 @@ def verdict_banner(findings: Findings) -> Banner:
         return Banner("fail", f"Fail: {enumeration([check.name.lower() for check in missed])}", text)
     words = f"Compliance {within(findings.judgement.compliance, findings.judgement.bound, 'J')}"
     if theory := findings.judgement.theory:
-        words += f" (thin-shell theory: a solid is up to {percent(theory)} softer)"
+        words += f" (thin-shell theory: a solid is up to {percent(theory)} softer than a thin sheet)"
     if findings.status == "unknown":
         text = f"{words}. " + " ".join(f"{check.name}: {check.result} (wanted: {check.limit})." for check in missed)
         return Banner("unknown", TITLES["unknown"], text)
@@ -83,7 +83,7 @@ def _rival_sentence(findings: Findings, rival: Competitor) -> str:
         return f"{opening_words} {range_words(low, middle, high)} times as stiff."
     if high < 1:
         return f"{opening_words} <b>softer</b>: {range_words(low, middle, high)} times as stiff."
-    return f"{opening_words} {range_words(low, middle, high)} times as stiff: the bounds do not show which is stiffer."
+    return f"{opening_words} {range_words(low, middle, high)} times as stiff; either may be stiffer, within the errors."
 
 
 def first_reason(error: str) -> str:
@@ -101,12 +101,12 @@ def _thinner_sentence(findings: Findings, rival: Competitor) -> str:
             f"({1 / high:.3g} to {1 / low:.3g}). Keeping only {kept_share} of the surface brings no stiffness here. "
             "Openings make sense only for other reasons, such as light, air, or a thin sheet that is not available."
         )
-    verdict = "concentrating the material helps" if low > 1 else "the bounds do not show which structure is stiffer"
+    verdict = "concentrating the material helps" if low > 1 else "within the error bounds, either may be stiffer"
     return f"The design is {range_words(low, middle, high)} times as stiff as {thinner_words}: {verdict}."
 
 
 def thinner_sheet_words(findings: Findings) -> str:
-    """Return sentences on the shares of material at which a thinner whole sheet is stiffer; '' without such a sheet."""
+    """Return sentences that compare a thinner whole sheet with the design, by share of material; '' without a sheet."""
     pairs = [
         (f"{share:.0%}", _compliance_range(compared.design), _compliance_range(compared["thinner"]))
         for share, compared in findings.volumes
@@ -120,11 +120,11 @@ def thinner_sheet_words(findings: Findings) -> str:
         shares = f"{enumeration(lost)} of the material"
         lines.append(f"<b>At {shares} a thinner whole sheet of the same mass is stiffer.</b>")
     if won:
-        where = "every share that was tried" if len(won) == len(pairs) else f"{enumeration(won)} of the material"
+        where = "every tried share of material" if len(won) == len(pairs) else f"{enumeration(won)} of the material"
         lines.append(f"At {where} the design is stiffer than a thinner whole sheet of the same mass.")
     if open_shares:
         shares = enumeration(open_shares)
-        lines.append(f"At {shares} the bounds of the design and the thinner sheet overlap.")
+        lines.append(f"At {shares} of the material the error bounds of the design and the thinner sheet overlap.")
     return " ".join(lines)
 
 

@@ -13,7 +13,7 @@ USUAL_SPAN_SHARE = 300  # a movement > 1/300 of the span is reported [EN 1990, a
 SHOWN_SUPPORTS = 6  # number of supports in a short table of reactions
 LEVEL = 1e-3  # a horizontal force below this share of the reaction is a rounding error
 OPPOSED = 0.1
-"""Horizontal forces at a support count as opposite (as along a ring) if their resultant / their sum is smaller.
+"""Horizontal forces at a support are opposite, as along a ring, if their resultant / sum of magnitudes is smaller.
 At a single foot this ratio is 0.4, because the forces at its vertices partly cancel."""
 
 
@@ -33,7 +33,7 @@ def cure_line(carrying: "Carrying", is_sized: bool = False) -> str:
         return ""
     if is_sized:
         return "no thickness of the stock suffices: add supports (--stand), make the surface higher, or reduce loads"
-    thicker = f"make it thicker (--set statics.thickness={1.25 * carrying.thickness:.2g})"
+    thicker = f"make the sheet thicker (--set statics.thickness={1.25 * carrying.thickness:.2g})"
     return f"{thicker}, keep more material (--set pattern.width.solid_fraction=...), or change the supports"
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 def answer_facts(design: Design, case: "CaseResult | StaticsResult") -> dict[str, Any]:
     """Return stress, energy and requested results of the uncut sheet under one load, in SI units.
-    `answered_by` names the elements. Elements that reports do not use give no stress and no energy.
+    `answered_by` names the finite elements. If reports do not use these elements, stress and energy are left out.
     Requested frequencies and buckling factors are lists, which are empty if the results are missing."""
     answers, questions, areas = case.answers, design.preset.statics.analyses, design.surface.areas
     stress, facts = answers.stress, dict[str, Any](answered_by=str(answers.elements))
@@ -64,7 +64,7 @@ def uncut_modes(design: Design) -> ModeIntervals:
 
 
 def mode_facts(design: Design) -> dict[str, Any]:
-    """Return the key `mode_intervals` of `design.json`, with relative error bounds; empty without a request."""
+    """Return the key `mode_intervals` of `design.json`, with relative error bounds; empty if no modes are requested."""
     if not design.preset.statics.analyses.modes:
         return {}
     intervals = uncut_modes(design)
@@ -77,7 +77,7 @@ def mode_facts(design: Design) -> dict[str, Any]:
 
 
 def mode_lines(design: Design) -> list[str]:
-    """Return a line on the lowest buckling factor and the lowest frequency, for the case that buckles first."""
+    """Return a line of text: the lowest buckling factor, with the case that buckles first, and the lowest frequency."""
     if not design.preset.statics.analyses.modes:
         return []
     intervals, words = uncut_modes(design), []
@@ -95,7 +95,7 @@ def mode_lines(design: Design) -> list[str]:
 
 def equilibrium_facts(design: Design, load: "LoadCase", answer: Equilibrium) -> dict[str, Any]:
     """Return compliance, largest displacement, residuals, and sums of loads and reactions of one equilibrium.
-    If reports do not use the elements of `answer`, compliance and displacement are left out."""
+    Compliance and displacement are left out if reports do not use the finite elements that solved `answer`."""
     moved = {"compliance_J": answer.compliance, "largest_displacement_m": answer.largest_displacement}
     return {
         **(moved if answer.elements.is_reported else {}),
@@ -207,21 +207,21 @@ def alternative_facts(alternatives: "Sequence[Alternative]") -> dict[str, Any]:
 
 
 def alternative_lines(facts: Mapping[str, Any]) -> list[str]:
-    """Return a line for each alternative of `design.json`."""
+    """Return a line for each structure in `design.json` with which the design is compared."""
     return [_alternative_line(alternative) for alternative in facts.get("alternatives", ())]
 
 
 def _alternative_line(alternative: Mapping[str, Any]) -> str:
     subject = f"{ALTERNATIVE_WORDS[alternative['name']]} of the same mass"
     if alternative.get("error"):
-        return f"compared with {subject}: no structure of this kind carries the loads"
+        return f"not compared with {subject}, because no structure of that kind carries the loads"
     over = alternative["over"]
     verdict = "does not carry its loads" if over is None else f"has {over:.3g} x its compliance"
     return f"compared with {subject}: the design {verdict} ({alternative['level']})"
 
 
 def choice_facts(choice: "Choice | None") -> dict[str, Any]:
-    """Return the key `candidates` of `design.json`, best first; a refused candidate has no numbers."""
+    """Return the key `candidates` of `design.json`, a list of trials, best first. A refused trial has no results."""
     return {} if choice is None else {"candidates": [_candidate_facts(candidate) for candidate in choice.candidates]}
 
 

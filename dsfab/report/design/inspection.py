@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def load_facts(design: "Design") -> dict[str, Any]:
     """Return `supports` and `loads` of `design.json`.
     Each load has its sum on the uncut surface (`force_N`) and, after slicing, on the cut sheet (`cut_force_N`).
-    Raises DsfabError for supports and loads that select nothing."""
+    Raises DsfabError for supports and loads whose place contains no part of the surface."""
     from dsfab.design import acting_on
     from dsfab.statics import load_entries, support_entries
 
@@ -41,7 +41,7 @@ def load_facts(design: "Design") -> dict[str, Any]:
                 "name": entry.name,
                 "kind": entry.kind,
                 "case": entry.case,
-                "force_N": entry.force.tolist(),  # on the uncut surface
+                "force_N": entry.force.tolist(),
                 **({"cut_force_N": _force_on_cut_sheet(design, load).tolist()} if design.has("slicing") else {}),
                 "sum_of_magnitudes_N": entry.total,
                 "area_m2": entry.area,
@@ -54,7 +54,7 @@ def load_facts(design: "Design") -> dict[str, Any]:
 
 
 def _force_on_cut_sheet(design: "Design", load: "Load") -> "Floats":
-    """Return the sum (3,) of a load on the cut sheet, newtons; only coverings carry loads over openings."""
+    """Return the sum (3,) of a load on the cut sheet, newtons. Spread loads over openings need a covering to count."""
     from dsfab.surface import load_parts
 
     surface, sheet = design.surface, design.sheet
@@ -65,7 +65,7 @@ def _force_on_cut_sheet(design: "Design", load: "Load") -> "Floats":
 
 
 def load_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a table of supports and a table of loads, if `facts` has them."""
+    """Yield a table of supports and a table of loads, if `facts`, the content of `design.json`, has them."""
     supports, loads = facts.get("supports", ()), facts.get("loads", ())
     if supports:
         yield from table(("support", "vertices", "along", "holds"), map(_support_row, supports)).split("\n")
@@ -137,7 +137,7 @@ def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
         yield f"{title}: {sizes}{ratio}"
 
 
-SHARES = (0.05, 0.5, 0.95)  # `design.json` lists these quantiles of the member widths along all walls.
+SHARES = (0.05, 0.5, 0.95)  # Quantiles in `design.json` of the widths of members, measured at all their edges.
 MEASURED_KEY = {"min_member": "smallest_member", "min_gap": "smallest_gap", "min_wall": "thinnest_wall"}
 """Measure in `design.json` that belongs to each limit of [fabrication]."""
 
@@ -203,7 +203,7 @@ def _check_facts(check: "Check") -> dict[str, Any]:
 
 def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
     """Yield lines on the smallest features and the pieces, and a table of limits.
-    The table has the limits of the preset, and those of dsfab's own limits that the design does not meet."""
+    The table has all limits of the preset, and dsfab's own limits if the design does not meet them."""
     sizes = {name: facts[name] for name in ("smallest_member", "smallest_gap", "thinnest_wall") if facts[name]}
     words = [f"{name.replace('_', ' ')} {length(value['m'])}" for name, value in sizes.items()]
     usual_width = facts["member_widths"]["at_share_of_walls"].get("50%")
@@ -229,7 +229,7 @@ def _narrow_line(facts: Mapping[str, Any]) -> Iterator[str]:
     if narrow:
         places = (f"{v['what']} of {length(v['m'])} at {point_words(v['at_m'])}" for v in narrow.values())
         missing_limits = " and ".join(f"fabrication.{key}" for key in narrow)
-        words = f"narrower than the sheet is thick ({length(thickness)}): {', '.join(places)}"
+        words = f"features narrower than the sheet's thickness ({length(thickness)}): {', '.join(places)}"
         yield f"{words}; if your workshop cannot make this, set {missing_limits} and build with --fix"
 
 

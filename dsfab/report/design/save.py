@@ -35,7 +35,7 @@ MAY_BE_REFUSED = ("step", "stpz", "brep")
 
 
 class SavedDesign(NamedTuple):
-    """Content of `design.json`, messages about the files, and the reasons for refused formats, or ''."""
+    """Content of `design.json`, messages about the files, and the reasons why formats were refused ('' if none was)."""
 
     facts: Mapping[str, Any]
     messages: tuple[str, ...]
@@ -69,8 +69,8 @@ def save(
     marked: bool = False,
     announce: Announcements = SILENT,
 ) -> SavedDesign:
-    """Write the files of a design into `folder`. Verdict, pictures and quick formats appear together, or not at all.
-    STEP and BREP follow later, because OCCT checks them for up to a minute.
+    """Write the files of a design into `folder`. Verdict, pictures and quick formats appear together, or none of them.
+    STEP and BREP follow later, because OCCT checks them for up to a minute. announce : see `Announcements`.
 
     picture : True to write preview.png for clients, and analysis.png with the loads and the utilisation.
     marked  : True to write fabrication.png, which marks the smallest member, gap and wall.
@@ -109,7 +109,7 @@ def _write_facts(
     spent: float,
     earlier: Mapping[str, Any] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """Write `design.json`, and return its content. earlier : manifest of files that are in the folder already."""
+    """Write `design.json`, return its content. measured : more facts. spent : seconds. earlier : manifest so far."""
     seconds = {**design.seconds, "export": spent}
     facts = design_facts(design, seconds, files.names, files.refused, files.notes) | dict(measured)
     facts |= {MANIFEST: {**earlier, **manifest(folder)}}

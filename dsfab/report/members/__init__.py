@@ -114,7 +114,7 @@ WORST_COUNT = 10  # Number of members that get a row, a diagram and a name.
 
 
 def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
-    """Draw the structure coloured by utilisation; without graphics the figure holds the reason."""
+    """Draw the structure coloured by utilisation. Without graphics, the figure has the reason instead of a picture."""
     from dsfab.render import band_colours, rated_members_picture
 
     utilisation = design.member_utilisation
@@ -139,8 +139,8 @@ def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
 
 
 def bay_values(design: Design) -> Floats:
-    """Return the utilisation (m,) of the bay nearest to each cell of the members' sheet; NaN without a bay.
-    At a crossing the larger value counts."""
+    """Return for each cell (m,) of the members' sheet the utilisation of the nearest bay (member between two nodes).
+    At a crossing the larger value counts. A cell without a bay has NaN."""
     graph, utilisation = design.members, design.member_utilisation
     value, samples = np.full(graph.sheet.surface.m, -np.inf), 8  # eight points along a bay
     for name in dict.fromkeys(utilisation.bays.member):
@@ -170,7 +170,7 @@ def summary_section(utilisation: Utilisation, picture: ReportFigure) -> ReportSe
     else:
         status = "pass" if utilisation.combined else "unknown"
         title = f"Each of {len(utilisation.by_member)} members is loaded below its resistance"
-        title += "" if utilisation.combined else ", under loads without partial factors"
+        title += "" if utilisation.combined else ". The loads have no partial factors"
     text = f"{utilisation.summary}. Checked by {utilisation.standard}. {utilisation.assumed[0]}"
     words = (
         "The forces are sums of the internal forces of the shell, section by section. Joints and the stability of the "
@@ -205,7 +205,7 @@ def _decisive_forces_table(utilisation: Utilisation, worst_bays: Sequence[int], 
         rows.append((bays.member[bay], section, length_or_na(float(bays.length[bay])), *numbers))
     heads = [f"{name}, {unit}" for name, (_, unit, _) in zip(COMPONENTS, scale, strict=True)]
     title = number.table("Bays of the table above: cross-section, length between nodes, forces at largest utilisation.")
-    note = "Positive N is tension. Positive My puts the normal's side in tension. Mz bends in the surface."
+    note = "Positive N is tension. Positive My stretches the side of the normal. Mz bends members within the surface."
     return Table(title, ("Member", "Section", "Bay", *heads), rows, 2, note, (0.9, 2.2, 1.1, *[1.3] * len(COMPONENTS)))
 
 
@@ -277,7 +277,7 @@ STRUCTURE_FILE = "structure.html"  # Name of the interactive page for clients.
 
 def member_report(design: Design, command: str) -> Document:
     """Return the report on the utilisation of members. command : command line that repeats the report.
-    Raises StaticsError for a material with neither a code nor a strength, or if nothing carries the loads."""
+    Raises StaticsError for a material with neither a building code nor a strength, or if nothing carries the loads."""
     utilisation, number, library_versions = design.member_utilisation, CaptionNumbers(), versions()
     facts = [
         ("Design", design.preset.name),

@@ -19,14 +19,14 @@ class Cells:
 
     start    : (c + 1,) index into `corner` of each polygon's first corner; the last entry is len(corner) = h.
     corner   : (h,) vertices. An index into `corner` is called a slot.
-    sides_on : (h,) row of `CutLines` for the side that begins at each slot; 0: no line; -1 - l: level l of a split."""
+    sides_on : (h,) line of the side from each slot: row of `CutLines`; 0 for no line; -1 - l for level l of a split."""
 
     start: Ints
     corner: Ints
     sides_on: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     def __post_init__(self) -> None:
-        if len(self.sides_on) != len(self.corner):  # without `sides_on`, no side has a line
+        if len(self.sides_on) != len(self.corner):  # `sides_on` was left out: no side lies on a line of `CutLines`
             object.__setattr__(self, "sides_on", np.zeros(len(self.corner), dtype=np.int64))
 
     @classmethod
@@ -54,7 +54,7 @@ class Cells:
         return slot
 
     def next_values(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return for each slot (index into `corner`) the value at its polygon's next corner; `values` (h,)."""
+        """Return for each polygon corner the value at the polygon's next corner; `values` (h,) at polygon corners."""
         result: NDArray[Any] = np.empty_like(values)
         result[:-1] = values[1:]
         result[self.start[1:] - 1] = values[self.start[:-1]]
@@ -87,8 +87,8 @@ class Cells:
         return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[slots], self.sides_on[slots])
 
     def with_new_lines(self, lines: Ints) -> "Cells":
-        """Replace each mark -1 - l in `sides_on`, which stands for level l, by the line number lines[l, polygon].
-        lines : (levels, c), or a length of 1 if all levels or all polygons have the same line."""
+        """Replace the marks -1 - l in `sides_on`, for sides on level l, by rows of `CutLines`: lines[l, polygon].
+        lines : (levels, c); a dimension may be 1 if all levels, or all polygons, have the same line."""
         side = np.flatnonzero(self.sides_on < 0)
         if not len(side):
             return self
@@ -97,7 +97,7 @@ class Cells:
         return Cells(self.start, self.corner, sides_on)
 
     def triangle_sides(self, F: Ints, polygon: Ints) -> Ints:
-        """Return `sides_on` (m, 3), the lines of triangles F (m, 3) that fill the polygons `polygon` (m,)."""
+        """Return `sides_on` (m, 3) for the sides of triangles F (m, 3); triangle i is part of polygon[i]."""
         slot = np.flatnonzero(self.sides_on)
         n, owner, end = int(self.corner.max()) + 1, self.owner[slot], self.next_values(self.corner)[slot]
         key = owner * n + self.corner[slot]
@@ -233,7 +233,7 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
 
 SNAP_FLOOR = 1e-9
 """Smallest snap fraction; it applies even at snap = 0."""
-TIP = 1e-3  # Largest snap fraction (see `cut`) for a move of only one edge of a stripe.
+TIP = 1e-3  # Largest snap fraction (see `cut`) if one edge of a stripe moves and the stripe's opposite edge stays.
 
 
 def nearest_levels(x: Floats, levels: Floats) -> Floats:
@@ -296,7 +296,7 @@ def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools,
 
 
 def largest_ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floats:
-    """Return for each of n vertices the largest `difference` of its sides; 0 for a vertex without sides."""
+    """Return for each of n vertices the largest `difference` on the sides at it; 0 for a vertex without sides."""
     reach = np.zeros(n)
     for end in sides:
         np.maximum.at(reach, end, difference)

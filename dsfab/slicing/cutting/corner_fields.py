@@ -1,4 +1,4 @@
-"""Cut polygons along the stripes of a `CornerField`: values with a sign and an offset in each face of a surface."""
+"""Cut polygons along the stripes of a `CornerField`, whose sign and offset may differ from face to face."""
 
 import dataclasses
 from dataclasses import dataclass, replace
@@ -23,10 +23,10 @@ from dsfab.surface.fields import CornerField
 
 @dataclass(frozen=True, eq=False)
 class PolygonField:
-    """A corner field on the vertices of a mesh of polygons.
+    """A `CornerField` on the vertices of a mesh of polygons.
 
-    lead   : (n',) one face at each vertex.    values : (n', 1 or 2) field values at the vertices, in the face `lead`.
-    sign, shift : (h,) for each polygon corner. In the polygon's face, the field value is sign * value + shift.
+    lead   : (n',) a face at each vertex.    values : (n', 1 or 2) values of the field in this face, at the vertices.
+    sign, shift : (h,) for polygon corners. In the parent face of the polygon, the field is sign * value + shift.
     blank  : (h,) True for polygon corners without a value."""
 
     mesh: PolygonMesh
@@ -61,7 +61,7 @@ class PolygonField:
         face, sign, shift = mesh.face, np.ones(len(mesh.face)), np.zeros(len(mesh.face))
         turned_slots = np.flatnonzero(
             field.changed_faces[face] | field.changed_faces[lead][mesh.cells.corner]
-        )  # at all other polygon corners, sign is 1 and shift is 0
+        )  # sign stays 1, and shift stays 0, at all polygon corners that are not in `turned_slots`
         if len(turned_slots):
             vertex, slot_face = mesh.cells.corner[turned_slots], face[turned_slots]
             lead_face, support_vertex = lead[vertex], mesh.support[vertex]
@@ -72,7 +72,7 @@ class PolygonField:
         return cls(mesh, field, values, lead, sign, shift, field.blank[face])
 
     def value_index(self, side: int) -> Ints:
-        """Return indices (h,) into values.ravel() for all polygon corners. side : 0 for z + d, 1 for z - d."""
+        """Return indices (h,) of corners' values in values.ravel(). side : 0 for z + d, 1 for z - d (half-width d)."""
         return self._lower if side else self._upper
 
     @cached_property
@@ -85,7 +85,7 @@ class PolygonField:
         return self._upper if self.values.shape[1] == 1 else self._upper ^ 1
 
     def slot_values(self, side: int) -> Floats:
-        """Return the field (h,) at each polygon corner. side : 0 for its values z + d, 1 for z - d (see `cut`)."""
+        """Return the field (h,) at all polygon corners. side : 0 for z + d, 1 for z - d (field z, half-width d)."""
         return self._slots[side]
 
     @cached_property
@@ -108,14 +108,13 @@ class PolygonField:
         return changed
 
     def side_values(self, side: int, foreign: Bools | None = None) -> SideValues:
-        """Return the field at both ends of every side. foreign : (h,) corners without a value, default `blank`."""
+        """Return the field at both ends of each polygon side. foreign : (h,) sides without a value; default `blank`."""
         return SideValues.from_slots(
             self.mesh.cells, self.slot_values(side), self.blank if foreign is None else foreign
         )
 
     def after_split(self, split: Split, side: int, lines: Ints) -> "PolygonField":
-        """Return the field after a split of the polygons at levels of z + d (side 0) or z - d (side 1), see `cut`.
-
+        """Return the field after a split at levels of z + d (side 0) or z - d (side 1), with half-width d of stripes.
         lines : (l, 1) row of `CutLines` for each level."""
         mesh, following = self.mesh.after_split(split, lines), self.mesh.cells.following
         cut = self.slot_values(side)
@@ -130,7 +129,7 @@ class PolygonField:
         return PolygonField._from_leads(mesh, self.field, np.concatenate([self.values, new_values]), lead)
 
     def turned_edges(self) -> tuple[Bools, Bools]:
-        """Find edges across which the field changes its sign; return masks (h,) of their first and second sides."""
+        """Find edges where the field changes sign; return masks (h,) of their sides in the first and second polygon."""
         cells = self.mesh.cells
         a, b = cells.corner, cells.next_values(cells.corner)
         leading, second = np.zeros((2, len(a)), dtype=bool)
@@ -157,8 +156,8 @@ def corner_band(
 ) -> tuple[PolygonMesh, Bools]:
     """Cut the void polygons along the stripes of a `CornerField`; return also a mask (c',) of the new material.
 
-    snaps : snap fraction of whole stripes (see `cut`) and of one stripe edge (see `TIP`).    size : of the surface, m.
-    edges : (l, 2) row of `CutLines` for each level of z + d and of z - d (see `cut`).
+    snaps : snap fractions (see `cut`): for moves of whole stripes, and of one edge of a stripe (see `TIP`).
+    size  : of the surface, m.    edges : (l, 2) row of `CutLines` for each level of z + d and of z - d (see `cut`).
 
     If the field changes its sign across a mesh edge, this edge first gets vertices at all levels."""
     void = (mesh.void | mesh.again) & ~field.blank[mesh.parent]
@@ -179,14 +178,14 @@ def corner_band(
 
 
 def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
-    """Return a mask (c,) of void polygons in faces without a field, with more than half of the outline on stripes."""
+    """Return a mask (c,) of void polygons where the field has no value, if stripes are on most of their outline."""
     inner = mesh.void & blank[mesh.parent]
     if not inner.any():
         return inner
     owner, corner, ahead = mesh.cells.owner, mesh.cells.corner, mesh.cells.next_values(mesh.cells.corner)
     touched = np.zeros(len(mesh.X), dtype=bool)
     touched[corner[inner[owner]]] = True
-    candidates = np.flatnonzero(touched[corner] & touched[ahead])  # all sides of `inner`, and a few other sides
+    candidates = np.flatnonzero(touched[corner] & touched[ahead])  # all sides of polygons in `inner`, and a few more
     p, q, polygon = corner[candidates], ahead[candidates], owner[candidates]
     length = np.linalg.norm(mesh.X[p] - mesh.X[q], axis=1)
     order, begins, edge = equal_key_groups(np.minimum(p, q) * len(touched) + np.maximum(p, q))
@@ -196,8 +195,8 @@ def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
 
 
 def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
-    """Return a mask (c,) of polygons to cut: openings, and material in `mesh.again`, where the field is to apply."""
-    least = 0.5  # the field applies in an opening or a face if the mean of `wanted_share` is above this
+    """Return a mask (c,) of openings, and of material in `mesh.again`, with a mean `wanted_share` above one half."""
+    least = 0.5  # an opening or a face is cut if the mean of `wanted_share` is larger
     crossed = mesh.again & (wanted_share > least)[mesh.parent]
     if not mesh.void.any():
         return crossed
@@ -211,9 +210,9 @@ def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
 
 @dataclass(frozen=True, eq=False)
 class StripeCut:
-    """A corner field during a cut.
+    """A cut along the stripes of a `CornerField`, in progress.
 
-    seen   : the field.    tip : see `TIP`.    size : of the surface, metres.
+    seen   : the field on the polygons.    tip : see `TIP`.    size : of the surface, metres.
     active : (c,) mask of polygons to cut.    solid : (c,) mask of polygons inside stripes.
     source : (c,) number of each polygon before the last split.    edges : (l, 2) see `corner_band`."""
 
@@ -248,7 +247,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved))
 
     def with_snapped_values(self, side: int) -> "StripeCut":
-        """Move one edge of the stripes, upper (0) or lower (1), onto vertices within the snap fraction `tip`."""
+        """Move the upper (side 0) or lower (side 1) edges of stripes onto near vertices: `tip` as `snap` in `cut`."""
         x = self.seen.values.ravel()
         a, b, difference = self._side_ends(side)
         free = np.ones(len(x), dtype=bool)
@@ -256,7 +255,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved.reshape(self.seen.values.shape)))
 
     def with_turned_edges(self, side: int) -> "StripeCut":
-        """Add vertices where levels cross edges with a change of sign; the edge's first side gives the values."""
+        """Add vertices where levels cross edges at which the field changes sign, by values in the first polygon."""
         leading, second = self.seen.turned_edges()
         owner = self.seen.mesh.cells.owner
         if not self.active[owner[leading | second]].any():
@@ -269,9 +268,9 @@ class StripeCut:
         return state._after_split(split, side)
 
     def cut_along_levels(self, side: int, above: bool) -> tuple["StripeCut", Ints]:
-        """Cut the polygons `active` along levels of z + d (side 0) or z - d (side 1); return the strip (c',) of each.
-
-        Strip j has j levels below it.    above : True puts a polygon that lies on a level into the strip above."""
+        """Cut the polygons `active` along levels of z + d (side 0) or z - d (side 1): field z, half-width d of stripes.
+        Return also the strip (c',) of each polygon; strip j has j levels below it.
+        above : True puts a polygon that lies on a level into the strip above."""
         state = self.with_snapped_values(side)
         for _ in range(ROUNDS):
             seen, mesh = state.seen, state.seen.mesh

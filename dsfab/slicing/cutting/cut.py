@@ -26,11 +26,11 @@ from dsfab.surface import Surface, corners_of, faces_at
 from dsfab.surface.fields import CornerField, DividedField, DividedSurface
 from dsfab.surface.mesh import ZERO_AREA
 
-LEVEL_GAP = 1e-6  # Levels nearer than this fraction of the field's range are equal.
+LEVEL_GAP = 1e-6  # Levels closer to each other than this fraction of the field's range are equal.
 
 Field = Floats | CornerField | DividedField
 DividedAgain = Callable[[PolygonMesh, int, Bools], Bools]
-"""Function that returns a mask (c,) of material polygons that the next fields of the cut divide again. Arguments: the
+"""Function that returns a mask (c,) of the material that later fields of the cut may divide as well. Arguments: the
 mesh of polygons; number k of the latest field; a mask (m,) of faces without field k, and of their neighbours."""
 
 
@@ -85,8 +85,7 @@ def polygons_along(
     mesh: PolygonMesh | None = None,
 ) -> PolygonMesh:
     """Cut a surface as `cut_polygons` does. values, levels : results of `checked_lines`.
-
-    divided_again : function that selects material for division by later fields; default: none."""
+    divided_again : function that selects the material that later fields may cut as well; default: no material."""
     if not 0 <= snap <= 0.4:
         raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
     divided, on_parts = _division(fields)
@@ -122,7 +121,7 @@ def _division(fields: Sequence[Field]) -> tuple[DividedSurface | None, dict[int,
         return None, {}
     divided = next(iter(on_parts.values())).divided
     if any(field.divided is not divided for field in on_parts.values()):
-        raise ValueError("all divided fields must share one division")
+        raise ValueError("all fields of type DividedField must have the same value of `divided`")
     if any(isinstance(field, CornerField) for field in fields[: max(on_parts)]):
         raise ValueError("each DividedField must come before every CornerField")
     return divided, {k: field.x for k, field in on_parts.items()}
@@ -135,9 +134,9 @@ def _tip_snap(snap: float) -> float:
 def _plain_splits(
     mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Split void polygons by a field x (n',) or (n', 2) along the levels `lines` (l,).
+    """Split polygons (void, or in `mesh.again`) along the levels `lines` (l,) of a field x (n',) or (n', 2).
     Return the splits, and a mask (c',) of the new polygons that lie inside stripes.
-    edges : (l, 1 or 2) row of `CutLines` for each level."""
+    snap : see `cut`.    size : of the surface, m.    edges : (l, 1 or 2) row of `CutLines` for each level."""
     if x.ndim == 2:
         return _band(mesh, x, lines, snap, size, edges)
     split = clean_split(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, Snapping(snap, size))
@@ -149,9 +148,9 @@ def _band(
 ) -> tuple[list[Split], Bools]:
     """Split the void cells by x[:, 0], then by x[:, 1]; return the two splits, and a mask (c',) of the material cells.
 
-        x[:, 0] = level . ' material
-    . '        ' .                       The second split uses the vertices of the first split.
-      void         x[:, 1] = level       So both edges of a stripe meet at its tip."""
+        x[:, 0] = level . ' material         The levels of x[:, 0] and x[:, 1] are the two edges of a stripe.
+    . '        ' .                           The second split uses the vertices of the first split.
+      void         x[:, 1] = level           So the two edges meet in a vertex where the stripe ends."""
     cells, X, void = mesh.cells, mesh.X, mesh.void | mesh.again
     if not len(levels):
         return [], np.zeros(len(void), dtype=bool)
@@ -181,7 +180,7 @@ def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Int
         bad = np.flatnonzero(areas <= ZERO_AREA * np.sum(np.ptp(X, axis=0) ** 2))
         raise PatternError(
             f"{len(bad)} of {len(F)} cells have no area (in faces {first_few(np.unique(parent[cell[bad]]))}); "
-            "raise snap or the pinch radius, or remesh these faces if they are very thin"
+            "raise slicing.snap or the radius of discs at point contacts, or remesh these faces if they are very thin"
         ) from refused
 
 
@@ -264,7 +263,7 @@ def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
 
 
 def divided_field_values(sheet: Sheet, uncut: Surface, field: DividedField) -> Floats:
-    """Return values (n',) or (n', 2) of `field` at a sheet's vertices. `field` is linear on parts of uncut faces."""
+    """Return values (n',) or (n', 2) of `field` at a sheet's vertices. It is linear on the parts of divided faces."""
     divided, F = field.divided, sheet.surface.F
     values = sheet.carry(field.at_vertices)
     parts = divided.cut_parts()

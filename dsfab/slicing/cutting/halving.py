@@ -1,7 +1,7 @@
 """Halving: where lines of a family lie too close together, only each second or fourth line remains.
 
 At halving level h, line k remains if k is a multiple of 2^h. A line may end only on a line of the other family.
-So the level is constant in each opening. The second family is halved in the openings that the first family leaves."""
+So the level is constant in each opening. The second family is halved after the first, between its remaining lines."""
 
 from dataclasses import dataclass, replace
 
@@ -15,8 +15,8 @@ from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import link_components
 
 GAIN = 0.45
-"""Halving goes beyond its limits if this lowers log2(P95 / P5) of the spacings by more than GAIN (P: percentiles).
-The removal of these additional lines makes structures up to a tenth softer."""
+"""`halve_lines` uses `uncapped_target` if this lowers log2(P95 / P5) of spacings by more than GAIN. P : percentile.
+The additional removal of lines makes structures up to a tenth softer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class LineHalving:
     first: int = 0
 
     def drawn_share(self, surface: Surface, family: int, level: int) -> Floats:
-        """Return the fraction (m,) of each face's area in which at most `level` halvings removed lines of a family."""
+        """Return the fraction (m,) of each face's area where a family's lines were halved at most `level` times."""
         area = self.mesh.cells.areas(self.mesh.X)[0]
         drawn_area = area * (self.level[:, family] <= level)
         return np.asarray(np.bincount(self.mesh.parent, drawn_area, surface.m) / surface.areas)
@@ -54,7 +54,7 @@ def halve_lines(
 ) -> LineHalving:
     """Halve two families of lines: remove every second line, once or more. Lines lie where the phase (n, 1) is whole.
 
-    target          : (m,) ideal number of halvings, for each family. An opening takes its mean target (`split_value`).
+    target          : (m,) ideal number of halvings, for each family. An opening gets the rounded mean (`split_value`).
     level_limits    : largest number of halvings of each family.
     uncapped_target : (m,) targets without limits, used if they make spacings more even by `GAIN`."""
     mesh, uncapped_target = PolygonMesh.from_surface(surface), uncapped_target or target
@@ -113,8 +113,8 @@ def _with_lines(
 def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
     """Return a mask (p,) of the inner edges on lines that are not removed, or beside faces without a field.
 
-    period : (c,) in a polygon, every period-th line remains. Between two polygons, the smaller period counts.
-    The function compares the middles of strips, because rounding errors do not change them."""
+    period : (c,) in a polygon, every period-th line remains. On an edge, the smaller of two polygons' periods counts.
+    An edge is on a line if the middles of its polygons are in different strips. Rounding errors do not change this."""
     slot_a, slot_b, slot_at_start = mesh.neighbours
     seen, owner = PolygonField.from_field(mesh, field), mesh.cells.owner
     y = seen.slot_values(0)
@@ -129,9 +129,8 @@ def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
 
 def _levels(mesh: PolygonMesh, walls: Bools, target: Floats, uncapped_target: Floats, level_limit: int) -> Ints:
     """Return the number of halvings (c,) of each polygon, up to `level_limit`.
-
-    It is the mean of `target` over the polygon's opening, rounded down with `split_value`. The function uses
-    `uncapped_target` instead if this reduces the spread of spacings by more than `GAIN`."""
+    The number is the mean of `target` over the polygon's opening, rounded by the limits from `split_value`. Means of
+    `uncapped_target` are used instead if they reduce the spread of spacings by more than `GAIN`."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, open_ = mesh.cells.owner, ~walls
     count, opening = link_components(len(mesh.parent), owner[slot_a[open_]], owner[slot_b[open_]])

@@ -24,8 +24,8 @@ class PolygonMesh:
     F       : (m, 3) faces of the uncut surface.
     weights : (n', n) barycentric weights of the vertices on the uncut vertices.
     parent  : (c,) uncut face of each polygon.    family : (c,) number of the field with material here, or `VOID`.
-    again   : (c,) mask of the material polygons that later fields also divide.
-    also    : (c,) number of the second field with material here, at a crossing; else `VOID`.
+    again   : (c,) mask of material that is cut again by the next fields.
+    also    : (c,) at a crossing, number of the second field with material in the polygon; else `VOID`.
     stubs   : number of removed and straightened stripes.
     lines   : lines of the polygons' sides, see `Cells.sides_on`."""
 
@@ -42,7 +42,7 @@ class PolygonMesh:
 
     @classmethod
     def from_surface(cls, surface: Surface, divided: DividedSurface | None = None) -> Self:
-        """Return the faces of a surface, or the parts of faces in `divided`, as void polygons."""
+        """Return the faces of a surface, or the parts of faces in `divided`, as polygons without material."""
         if divided:
             parts = divided.surface
             cells, family = Cells.triangles(parts.F, _rim(parts)), np.full(parts.m, VOID)
@@ -68,7 +68,7 @@ class PolygonMesh:
         return cls(F, cells, X, weights, parent, family, np.zeros(count, dtype=bool), np.full(count, VOID))
 
     def with_material(self, k: int, material: Bools, blank: Bools) -> Self:
-        """Return the mesh after field k made polygons (c,) material; in faces `blank` (m,), they become nodes."""
+        """Return the mesh with the material (c,) of field k. New material in faces `blank` (m,) is a crossing."""
         new_material = material & self.void
         joint = (material & ~new_material & self.again) | (new_material & blank[self.parent])
         family, also = np.where(new_material, k, self.family), np.where(joint, k, self.also)
@@ -95,7 +95,7 @@ class PolygonMesh:
         return np.asarray(self.weights.indices[self.weights.indptr[:-1]])
 
     def after_split(self, split: Split, lines: Ints | None = None) -> "PolygonMesh":
-        """Return the mesh divided by a split. lines : (l or 1, c' or 1) line number by level and polygon, or None."""
+        """Return the mesh after a split. lines : (l or 1, c' or 1) row of `CutLines` by level and polygon; None: 0."""
         weights = weights_after_split(self.weights, split)
         cells = split.cells.with_new_lines(np.zeros((1, 1), dtype=np.int64) if lines is None else lines)
         names, source = ("parent", "family", "again", "also"), split.source
@@ -104,10 +104,9 @@ class PolygonMesh:
 
     @cached_property
     def neighbours(self) -> tuple[Ints, Ints, Ints]:
-        """Slots (p,), (p,), (p,) of the inner edges.
-
-        The first two arrays: the slot of the edge in its first, and in its second polygon. The third array: the slot in
-        the second polygon that has the same vertex as the slot in the first polygon."""
+        """Slots (indices into `Cells.corner`) of inner edges: three arrays (p,).
+        First and second array: slot of the edge in its first, and in its second polygon. Third array: slot of the
+        second polygon at the vertex of the first array's slot."""
         a, b = self.cells.corner, self.cells.next_values(self.cells.corner)
         order, _, edge = equal_key_groups(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
         pair = np.flatnonzero(np.diff(edge[order]) == 0)
@@ -155,7 +154,7 @@ def corner_places(F: Ints, vertex: Ints) -> Ints:
 
 
 def weights_after_split(weights: csr_array, split: Split) -> csr_array:
-    """Append the weights (k, n) of a split's new vertices; a row has at most three entries, at corners of one face."""
+    """Append barycentric weights (k, n) of a split's new vertices; up to three in a row, at corners of a face."""
     new_weights = split.new_weights(weights.shape[0]) @ weights
     data, indices = (
         np.concatenate([getattr(part, name) for part in (weights, new_weights)]) for name in ("data", "indices")
@@ -169,8 +168,8 @@ class Contacts:
     """Stretches (k,) of outline along which two parts (p,) touch.
 
     parts  : (k, 2) both parts; the second is -1 at an edge of the surface or at an anchor.    length : (k,) metres.
-    links  : (l, 2) adjacent stretches around a part. Stretch i has number i for parts[i, 0], i + k for parts[i, 1].
-    around : (p,) length of each part's outline, metres."""
+    links  : (l, 2) adjacent stretches around a part. Stretch i is number i for parts[i, 0], and i + k for parts[i, 1].
+    around : (p,) length of each part's outline, metres. Anchor: vertex at which stripes may end."""
 
     parts: Ints
     length: Floats
@@ -179,8 +178,7 @@ class Contacts:
 
     @classmethod
     def from_parts(cls, mesh: PolygonMesh, part: Ints, anchor: Bools) -> "Contacts":
-        """Return the contacts of parts of the mesh; adjacent sides between the same two parts form one stretch.
-
+        """Return where parts of the mesh touch. Adjacent sides between the same two parts form one stretch of outline.
         part : (c,) the part of each polygon.    anchor : (n,) mask of uncut vertices at which stripes may end."""
         slot_a, slot_b, _ = mesh.neighbours
         owner, cells = mesh.cells.owner, mesh.cells
@@ -220,8 +218,7 @@ class Contacts:
         return cls(pairs, length, np.unique(np.stack([stretch[i], stretch[j]], axis=1), axis=0), around)
 
     def dead_ends(self, gone: Bools) -> Bools:
-        """Return a mask (p,) of the parts with one contact only, which is shorter than half of the part's outline.
-
+        """Return a mask (p,) of the parts with only one contact, if this contact is shorter than half of the outline.
         Adjacent stretches (see `Contacts`) are one contact.    gone : (p,) mask of removed parts."""
         part, _, length, row = self._remaining(gone)
         live = np.zeros(2 * len(self.parts), dtype=bool)
@@ -233,14 +230,13 @@ class Contacts:
         return np.asarray((places == 1) & (np.bincount(part, length, len(gone)) < self.around / 2))
 
     def single_contacts(self, gone: Bools) -> tuple[Ints, Ints]:
-        """Return the parts (k,) that touch only one part, along one stretch of outline, and the touched parts (k,)."""
+        """Return the parts (k,) that touch a single neighbour, along one stretch, and these neighbours (k,)."""
         part, neighbour, _, _ = self._remaining(gone)
         is_single = (np.bincount(part, minlength=len(gone))[part] == 1) & (neighbour >= 0)
         return part[is_single], neighbour[is_single]
 
     def islands(self, before: Bools, gone: Bools, stays: Bools) -> Bools:
-        """Return a mask (p,) of the remaining parts that lose their last connection by a removal of parts.
-
+        """Return a mask (p,) of the remaining parts that lose their last connection when further parts are removed.
         A connection leads to an edge of the surface, to an anchor, or to a part in `stays` (p,).
         before : (p,) mask of the parts removed earlier.    gone : (p,) mask of all removed parts."""
         return self._has_ground(before, stays) & ~self._has_ground(gone, stays) & ~gone

@@ -65,11 +65,11 @@ class LineKind(IntEnum):
 
     NONE = 0  # no line: the side lies inside the material or inside the void
     RIM = 1  # the boundary of the uncut surface
-    END = 2  # edges of the uncut mesh at which stripes end, because the face beyond the edge has no field
+    END = 2  # edges of the uncut mesh at which stripes end, because the stripes have no field in the next face
     LEVEL = 3  # an edge of a stripe, or the outline of a kept region
-    FILLET = 4  # the arc of a round corner, made of chords
+    FILLET = 4  # the arc of a round corner; straight chords replace the arc
     STRIP = 5  # the outline of added material: a bridge, a straight bar, or a strip that widens a member
-    DISC = 6  # the outline of a disc of material that covers a point contact
+    DISC = 6  # the outline of a disc of material, added where material touched only in a point
     CHORD = 7  # straight lines along which spikes were cut off
 
 
@@ -90,7 +90,7 @@ class CutLines:
 
     @classmethod
     def first_three(cls) -> "CutLines":
-        """Return the lines `NONE`, `RIM` and `END`, which exist in every sheet."""
+        """Return the three lines that every sheet has: `NONE`, `RIM` and `END` (see `LineKind`)."""
         return cls(np.arange(3), np.full(3, -1), np.zeros(3, dtype=np.int64), np.zeros((3, 7)))
 
     @property
@@ -115,11 +115,11 @@ class Sheet:
     family   : (m',) index of the field that made a cell material; `VOID` (-1) for void cells.
     weights  : (n', n) barycentric weights of the vertices on the uncut vertices, up to three in each row.
     stubs    : number of places where stripes were removed or straightened.
-    sides_on : (m', 3) for each half-edge, the index of its line in `lines`. Without void, only the outline has lines:
+    sides_on : (m', 3) for each half-edge, the index of its line in `lines`. An example without void, of one stripe:
 
                    3
-               +-------+.  5               1    : the rim, where a stripe ends at the boundary of the surface
-             1 |0   0 / 0 `+               3, 4 : the two edges of the stripe, `LineKind.LEVEL`
+               +-------+.  5               1    : the rim, where the stripe ends at the boundary of the surface
+             1 |0   0 / 0 `+               3, 4 : the two edges of the stripe, of kind `LineKind.LEVEL`
                |  / 0   0  | 4             5    : a fillet, with its circle
                +-----------+               0    : inside the material
                      4"""
@@ -198,8 +198,7 @@ class Sheet:
 
     def carry_corners(self, x: Floats, F: Ints) -> Floats:
         """Interpolate values x (m, 3, k) at the corners of uncut faces F (m, 3); return (n', k) at the vertices.
-
-        Each vertex takes the values of one face, the parent of its first cell. Faces may disagree (Moebius strip)."""
+        A vertex takes the values of its first cell's parent face. In other faces they may differ (Moebius strip)."""
         corner = np.full(self.surface.n, -1)
         corner[self.surface.F[::-1, ::-1].ravel()] = np.arange(3 * self.surface.m)[::-1]
         parent = self.parent[corner // 3]
@@ -213,9 +212,8 @@ class Sheet:
 
     def vertices_between(self, surface: Surface, marks: Bools, edges: Bools | None = None) -> Bools:
         """Return a mask (n', ...) of the vertices that lie on or between marked vertices (n, ...) of the uncut surface.
-
         edges : (e, ...) marked edges of the uncut surface; default: the edges that the marks span (`spanned_edges`).
-        A vertex inside a face counts if all three edges of the face are marked. At least one must be an inner edge."""
+        A vertex inside a face counts if all three edges of the face are marked, and not all are on the boundary."""
         result: Bools = np.asarray(self.carry(marks.astype(np.float64)) >= ON_SIMPLEX)
         table = surface.edges
         edges = spanned_edges(surface.F, table, marks) if edges is None else edges

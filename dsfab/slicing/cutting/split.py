@@ -15,11 +15,11 @@ from dsfab.surface.mesh import ZERO_AREA
 class Split:
     """Polygons after a split. The old vertices come first, then the new vertices (k,).
 
-    cells  : the new polygons. New sides on level l have -1 - l in `sides_on`. Old sides keep their line, if any.
+    cells  : the new polygons. In `sides_on`, -1 - l marks new sides on level l. Old sides keep their line, if any.
     source : (c',) the old polygon that contains each new polygon.
     strip  : (c',) number of levels below each new polygon; -1 for polygons that were not to be split.
-    low, high, t : (k,) a new vertex lies at (1 - t) low + t high of two old vertices, 0 < t < 1.
-    side, level  : (k,) the old side that each new vertex lies on (a slot, see `Cells`), and the field's value there."""
+    low, high, t : (k,) old vertices `low` and `high`: a new vertex lies at (1 - t) low + t high, 0 < t < 1.
+    side, level  : (k,) for each new vertex, its old side as a slot (see `Cells`), and the field's value there."""
 
     cells: Cells
     source: Ints
@@ -32,7 +32,7 @@ class Split:
 
     @classmethod
     def unchanged(cls, cells: Cells, active: Bools) -> "Split":
-        """Return polygons that no level cuts; `strip` is 0 for the polygons `active` (c,), and -1 for all others."""
+        """Return a split in which no level cuts a polygon: `strip` is 0 for the polygons `active` (c,), else -1."""
         no_index, no_value = np.empty(0, dtype=np.int64), np.empty(0)
         new_vertices = _NewVertices(no_index, no_index, no_value, no_index, no_value)
         return cls(cells, np.arange(len(cells.sizes)), np.where(active, 0, -1), *new_vertices)
@@ -52,9 +52,8 @@ class Split:
 
 @dataclass(frozen=True, eq=False)
 class SideValues:
-    """Values (h,) of a field at the start and the end of every side, with the field's sign in the side's own polygon.
-
-    foreign : (k,) sides of polygons without a value. They take the values of the polygon on their other side.
+    """Values (h,) of a field at the start and the end of every side, as the polygon of the side sees them.
+    foreign : (k,) sides whose polygon has no value; they take the values of the polygon across the side.
     own     : (h,) the field at the polygon corners."""
 
     start: Floats
@@ -69,7 +68,7 @@ class SideValues:
 
     @classmethod
     def from_slots(cls, cells: Cells, y: Floats, foreign: Bools | None = None) -> "SideValues":
-        """Return the side values of a field y (h,) at polygon corners. foreign : (h,) sides without a value."""
+        """Return the values at both ends of sides, from a field y (h,) at corners. foreign : (h,) without a value."""
         if foreign is None or not foreign.any():
             return cls(y, cells.next_values(y), np.empty(0, dtype=np.int64), y)
         start, end = y.copy(), cells.next_values(y)
@@ -78,7 +77,7 @@ class SideValues:
         which = np.flatnonzero(foreign)
         touched = np.zeros(int(a.max()) + 1, dtype=bool)
         touched[a[which]] = touched[b[which]] = True
-        candidates = np.flatnonzero(touched[a] & touched[b])  # only these sides can share an edge with `which`
+        candidates = np.flatnonzero(touched[a] & touched[b])  # only these sides can lie on an edge of a side in `which`
         p, q = a[candidates], b[candidates]
         order, begins, edge = equal_key_groups(np.minimum(p, q) * len(touched) + np.maximum(p, q))
         first_slot = np.minimum.reduceat(np.where(foreign[candidates], len(a), candidates)[order], begins)[edge]
@@ -92,8 +91,7 @@ class SideValues:
         return cls(start, end, which, y)
 
     def places(self, cells: Cells, levels: Floats, only: Ints | None = None) -> tuple[Ints, Ints]:
-        """Return places (h,) of starts and ends of sides: twice the number of levels below, plus 1 on a level.
-
+        """Return the places (h,) of starts and ends of sides: 2 j above j levels, or 2 j + 1 on the next level.
         only : sides (k,) to evaluate, as slots (see `Cells`); all other sides get 0."""
         if only is not None:
             start, end = np.zeros((2, len(self.start)), dtype=np.int64)
@@ -154,7 +152,7 @@ def split_cells(
 
     Two polygons get the same vertices on their common edge, even if sign or shift of the field differ between them.
 
-    levels : (l,) strictly ascending. A side that lies on a level has the strip of the previous side.    n : vertices.
+    levels : (l,) strictly ascending. A side on a level is in the strip of the side before it.    n : of vertices.
     active : (c,) mask of polygons. Inactive polygons only get new vertices on sides that they share with active ones.
     above  : (l,) True puts a polygon on this level into the strip above; default: into the even strip, which is void.
     live   : (h,) sides that get new vertices even without an active polygon."""
@@ -167,7 +165,7 @@ def split_cells(
     if len(x.foreign):
         lowest = np.minimum(lowest, (cells.per_polygon(np.minimum, ends[1]) + 1) // 2)
         highest = np.maximum(highest, cells.per_polygon(np.maximum, ends[1]) // 2)
-    # the strip of each polygon that no level cuts; other polygons get strips after the split
+    # strip (number of levels below) of each polygon that no level cuts; cut polygons get their strips later
     strip = np.where(highest < lowest, highest + above[np.minimum(highest, len(levels) - 1)], lowest)
     strip[~active] = -1
     sides_on, which = _sides_on_levels(cells, ends, active), np.flatnonzero(highest > lowest)
@@ -205,9 +203,8 @@ def _sides(
     places: tuple[Ints, Ints],
     live: Bools | None,
 ) -> tuple[_Sides, _NewVertices]:
-    """Return the crossings of all sides with levels, and the new vertices. Polygons share vertices on common edges.
-
-    slots : (h,) for each side in `cells`, its index in x, `places` and `live`, which have values for all polygons."""
+    """Return where sides cross levels, and the new vertices there. Polygons share new vertices on common edges.
+    slots : (h,) index of each side of `cells` in x, `places` and `live`, which have values for all polygons."""
     a, b = cells.corner, cells.next_values(cells.corner)
     start, end, start_place, end_place = x.start[slots], x.end[slots], places[0][slots], places[1][slots]
     up = start < end
@@ -219,7 +216,7 @@ def _sides(
     gets_vertices = active[cells.owner[crossed]]
     if live is not None:
         gets_vertices = gets_vertices | live[slots[crossed]]
-    if len(x.foreign) and len(first_sides):  # an edge takes the values of its first polygon with values
+    if len(x.foreign) and len(first_sides):  # an edge takes the field values of its first polygon that has values
         foreign = np.zeros(len(x.start), dtype=bool)
         foreign[x.foreign] = True
         rank = np.where(foreign[slots[crossed]], len(a), 0) + np.arange(len(crossed))
@@ -244,12 +241,11 @@ def _sides(
 
 def _with_new_corners(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
     """Return the polygons with the new vertices as corners, and the strip (number of levels below) of each side.
-
-    A flat side lies on a level. It gets the strip of the last side before it that is not flat; one must exist."""
+    A flat side lies on a level, and gets the strip of the last side before it that is not flat. Not all may be flat."""
     count = sides.count + 1
     offset = np.concatenate([[0], np.cumsum(count)])
     side = np.repeat(np.arange(len(count)), count)
-    step = np.arange(offset[-1]) - offset[side]  # 0 at an old corner, then 1, 2, ... at new corners
+    step = np.arange(offset[-1]) - offset[side]  # 0 at a corner of the old polygon, then 1, 2, ... at new vertices
     climbed = np.where(sides.up[side], step, sides.count[side] - step)
     corner = sides.first[side] + np.where(sides.along[side], step - 1, sides.count[side] - step)
     corner[offset[:-1]] = cells.corner
@@ -262,7 +258,7 @@ def _flat_sides_relabelled(cells: Cells, strip: Ints, flat: Bools) -> Ints:
         return strip
     slot = np.where(flat, -1, np.arange(len(strip)))
     source = np.maximum.accumulate(slot)
-    before = source < cells.start[:-1][cells.owner]  # flat sides at the start: take the polygon's last strip
+    before = source < cells.start[:-1][cells.owner]  # flat first sides of a polygon take the polygon's last strip
     source[before] = cells.per_polygon(np.maximum, slot)[cells.owner[before]]
     return np.asarray(strip[source])
 
@@ -322,7 +318,7 @@ def _with_pieces(
 
 CELL_AREA = 1e3 * ZERO_AREA
 """Minimum area of a cell, divided by the squared size of the surface; 1000 times the limit of `Surface`."""
-ROUNDS = 12  # Maximum number of tries to split without cells of zero area.
+ROUNDS = 12  # Largest number of attempts to split polygons so that no cell has zero area.
 
 
 class Snapping(NamedTuple):
@@ -362,12 +358,12 @@ def clean_split(
 
 
 def collapsed_corners(split: Split, X: Floats, size: float) -> Ints:
-    """Return the vertices (k,) of those new cells that have no area; X : (n, 3) positions of all vertices."""
+    """Return vertices (k,) of new cells that have no area. X : (n, 3) positions. size : size of the surface, m."""
     divided = np.flatnonzero(np.bincount(split.source)[split.source] > 1)
     if not len(divided):
         return divided
     cells = split.cells.subset(divided)
     area, squared_reach = cells.areas(X)
-    flat = 1e-12 * squared_reach  # with less area, the corners of a cell lie on one line
+    flat = 1e-12 * squared_reach  # a cell with a smaller area is flat: its corners lie on one line
     bad = area <= np.maximum(CELL_AREA * size**2, flat)
     return np.unique(cells.corner[bad[cells.owner]])

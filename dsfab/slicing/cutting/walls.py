@@ -56,7 +56,7 @@ class Walls:
 
     @cached_property
     def void_cells(self) -> Ints:
-        """(w,) the void cell at each wall."""
+        """(w,) the void cell beside each wall (an edge between void and material)."""
         return self.inside // 3
 
     @cached_property
@@ -74,7 +74,7 @@ class Walls:
         return cell.reshape(-1, 3)
 
     def walls_ahead(self, wall: Ints, steps: Ints) -> tuple[Ints, Bools]:
-        """Return the walls `steps` (k,) further along the chains of walls (k,), and a mask of those that exist."""
+        """Return for each wall (k,) the wall `steps` (k,) walls later in its chain, and a mask of walls that exist."""
         chain = self.chain[wall]
         begin, size = self.begin[chain], self.begin[chain + 1] - self.begin[chain]
         position = wall - begin + steps
@@ -87,7 +87,7 @@ class Walls:
         return np.asarray(np.cumsum(self.total) - self.total)
 
     def walls_at(self, chain: Ints, place: Floats) -> Ints:
-        """Return the walls (k,) at distances `place` (k,), metres, along the chains of walls `chain` (k,)."""
+        """Return the walls (k,) at distances `place` (k,), metres, from the starts of their chains `chain` (k,)."""
         before = self.chain_offsets
         wall = np.searchsorted(before[self.chain] + self.place, before[chain] + place, side="right") - 1
         return np.clip(wall, self.begin[chain], self.begin[chain + 1] - 1)
@@ -104,9 +104,8 @@ class Walls:
 
     @cached_property
     def turns(self) -> Floats:
-        """(w,) turn to the left at the start of each wall, radians: pi minus the angle of the void.
-
-        It is -inf at the start of an open chain. Angles are measured in the surface, so a crease causes no turn."""
+        """(w,) turn to the left at the start of each wall, radians: pi minus the angle of the void cells there.
+        The turn is -inf at the start of a chain with ends. Angles lie in the surface, so a crease causes no turn."""
         F, angle = self.surface.F[self.void], np.zeros(self.surface.n)
         for corner, angles in zip(F.T, face_angles(self.surface.V, F).T, strict=True):
             angle += np.bincount(corner, angles, self.surface.n)
@@ -161,10 +160,10 @@ def _chains(onward: Ints) -> tuple[Ints, Ints, Bools]:
 
 @dataclass(frozen=True, eq=False)
 class Stretches:
-    """Parts (p,) of chains. A part that contains the start of a closed chain has two entries.
+    """Parts (p,) of chains of walls. A part over the start of a closed chain has two entries, every other part one.
 
-    low, high : (q,) start and end of each entry, metres, if all chains lie end to end.    part : (q,) of each entry.
-    before    : (c,) start of each chain, metres, if all chains lie end to end."""
+    low, high : (q,) start and end of each entry, metres, with all chains laid end to end.    part : (q,) its part.
+    before    : (c,) start of each chain, metres, with all chains laid end to end."""
 
     low: Floats
     high: Floats
@@ -173,7 +172,7 @@ class Stretches:
 
     @classmethod
     def from_chains(cls, walls: Walls, chain: Ints, begin: Floats, length: Floats) -> "Stretches":
-        """Return parts (p,) of chains (p,); begin : (p,) metres along the chain; length : (p,) metres."""
+        """Return parts of chains of walls: chain (p,) of each part, begin (p,) in the chain, length (p,), m."""
         before, total = walls.chain_offsets, walls.total[chain]
         begin = begin % total
         over = np.flatnonzero(begin + length > total)
@@ -184,7 +183,7 @@ class Stretches:
         return cls(low, high, np.append(np.arange(len(chain)), over), before)
 
     def covers(self, chain: Ints, place: Floats) -> Bools:
-        """Return a mask (k,) of places that lie in a part. place : metres along the chain. Parts must be disjoint."""
+        """Return a mask (k,) of places on chains that parts cover. place : m along `chain`. Parts must be disjoint."""
         if not len(self.low):
             return np.zeros(len(place), dtype=bool)
         order = np.argsort(self.low)
@@ -193,7 +192,7 @@ class Stretches:
         return np.asarray((index >= 0) & (x <= self.high[order][np.maximum(index, 0)]))
 
     def overlaps(self, stretches: "Stretches", count: int) -> Bools:
-        """Return a mask (count,) of this object's parts that overlap `stretches`, which must be disjoint."""
+        """Return a mask (count,) of parts that overlap parts of `stretches`. Parts of `stretches` must be disjoint."""
         if not len(stretches.low):
             return np.zeros(count, dtype=bool)
         order = np.argsort(stretches.low)

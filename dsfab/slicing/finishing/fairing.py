@@ -17,14 +17,14 @@ from dsfab.surface.topology import next_half_edge
 
 CORNER = float(np.radians(25))  # Smallest turn of a wall at a corner, radians.
 REACH = 2.0  # Length a in `faired_walls`, in wall segments: waves shorter than 2 pi a disappear.
-BEND = 0.4  # Length b in `faired_walls`, in wall segments; it makes sharp bends weaker.
+BEND = 0.4  # Length b in `faired_walls`, in wall segments; a larger length makes bends less sharp.
 
 
 class Freedom(NamedTuple):
     """Directions in which wall vertices (k,) may move without leaving their uncut edge or face.
 
     along : (k, 2, 3) up to two unit vectors; 0 for a missing direction.
-    share : (k, 2, 3) change of a vertex's weights on the uncut vertices `column` (k, 3), per metre in each direction.
+    share : (k, 2, 3) for a move in each direction, change per metre of weights on the uncut vertices `column` (k, 3).
     most  : (k,) largest move, metres: a tenth of the mesh edge."""
 
     vertex: Ints
@@ -55,8 +55,7 @@ def faired_walls(sheet: Sheet) -> Sheet:
 
 def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
     """Return the possible moves of vertices (k,). weights : (k, n) their barycentric weights on the uncut vertices.
-
-    A vertex on a mesh edge can move along this edge, a vertex in a face anywhere in the face. Uncut vertices stay."""
+    A vertex on a mesh edge can move along this edge, a vertex in a face anywhere in the face. No uncut vertex moves."""
     column, weight = weight_entries(weights)
     has_weight = weight > 0
     count = has_weight.sum(axis=1)
@@ -124,7 +123,7 @@ def _lateral(sheet: Sheet, p: Ints) -> Floats:
 
 
 def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
-    """Return weights of points P (k, order + 1, 3) for a derivative along a line, and lengths (k,) for its integral."""
+    """Return weights of points P (k, order + 1, 3) for a derivative along a line, and lengths (k,) to integrate it."""
     length = np.maximum(np.linalg.norm(np.diff(P, axis=1), axis=2), least[:, None])
     u = np.concatenate([np.zeros((len(P), 1)), np.cumsum(length, axis=1)], axis=1)
     gap = u[:, :, None] - u[:, None, :] + np.eye(order + 1)
@@ -133,7 +132,7 @@ def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
 
 
 def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array, Floats]:
-    """Return the matrix A with (A step)_k = sum over j of value[k, j] . (step of q[k, j]). Return also `value`."""
+    """Return A with (A step)_k = sum over j of value[k, j] . (move of vertex q[k, j]); and `value`. step : moves."""
     k, j = np.nonzero(place[q] >= 0)
     free_vertex = place[q[k, j]]
     data = np.einsum("pi,pci->pc", value[k, j], free.along[free_vertex])
@@ -151,7 +150,7 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
     F, normals = surface.F[touched], surface.normals[touched]
     before = least_angles(surface.V[F], normals)
     slimmest, halvings = 0.5, 7  # smallest angle of a cell, degrees; how often a step may be halved
-    for attempt in itertools.count():  # repeat, because a shortened step may make the next cell slim
+    for attempt in itertools.count():  # repeat: a vertex that moves less may make another cell beside it slim
         V = surface.V + share[:, None] * move
         bad = least_angles(V[F], normals) < np.minimum(before, slimmest)
         if not bad.any():
@@ -165,23 +164,22 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
 
 @dataclass(frozen=True, eq=False)
 class Division:
-    """Walls (k,) to divide, at most one per cell; positions V (k, 3) and weights (k, n) of the new vertices."""
+    """Walls (k,) to divide, at most one per cell; positions V (k, 3) and barycentric weights (k, n) of new vertices."""
 
     wall: Ints
     V: Floats
     weights: csr_array
 
     def subset(self, chosen: Bools) -> "Division":
-        """Return the chosen (k,) walls, with their new vertices."""
+        """Return the division of the chosen (k,) walls alone."""
         rows = np.flatnonzero(chosen)
         return Division(self.wall[rows], self.V[rows], self.weights[rows])
 
 
 def divided_walls(sheet: Sheet) -> Sheet:
-    """Divide bent walls of a faired sheet, so that outlines look round.
-
-    A wall must lie inside one uncut face, and the angles of its cells must stay large. Corners stay sharp."""
-    for _ in range(3):  # each time, the angles between walls are about halved
+    """Divide bent walls of a sheet after fairing, so that outlines look round.
+    A wall must lie inside one uncut face, and the angles of the cells beside it must stay large. Corners stay sharp."""
+    for _ in range(3):  # each division about halves the angles between consecutive walls
         division = _division(sheet)
         if not len(division.wall):
             break
@@ -190,7 +188,7 @@ def divided_walls(sheet: Sheet) -> Sheet:
 
 
 def _bows(walls: Walls) -> Floats:
-    """Return metres (w,) from each wall's middle to its curve, positive to the right; 0 for bends under 3 degrees."""
+    """Return the height (w,) of the arc over each wall, m, positive to the right; 0 for bends under 3 degrees."""
     if not len(walls.start):
         return np.empty(0)
     turn, all_walls = walls.turns, np.arange(len(walls.start))
@@ -205,7 +203,7 @@ def _bows(walls: Walls) -> Floats:
 
 
 def _division(sheet: Sheet) -> Division:
-    """Return the walls to divide next. A cell has at most one of them: the most bent of its walls."""
+    """Return the walls to divide next, at most one per cell. A wall that bends more takes precedence."""
     walls = sheet.walls
     bow = _bows(walls)
     wall = np.flatnonzero((bow != 0) & (sheet.parent[walls.void_cells] == sheet.parent[walls.material_cells]))

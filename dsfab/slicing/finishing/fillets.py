@@ -42,7 +42,7 @@ class DiscStops:
 def rolled_arcs(sheet: Sheet, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
     """Yield corners (p,) where discs of `radius` metres, rolled along walls, touch two walls, and arcs (p,) for them.
 
-    The function yields two sets of arcs: at the wall vertices nearest to the discs, then at the farthest vertices.
+    The function yields two sets. In the first, corners are wall vertices close to the discs; in the second, far away.
     On a curved surface, an arc may fit at one of these vertices only.
     taken : stretches of walls; corners on these stretches are left out."""
     flat, walls = flat_openings_of(sheet), sheet.walls
@@ -104,7 +104,7 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 
 
 def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
-    """Return the disc stops where a narrow tip begins, and the nearest and farthest wall (p,) of each tip."""
+    """Return the discs that stop before narrow tips of openings, and the nearest and farthest wall (p,) in each tip."""
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
     chain_start, chain_size = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
@@ -136,15 +136,15 @@ COLUMNS = ("wall", "circle", "normal", "distance", "ray", "ray_distance")
 
 @dataclass(frozen=True, eq=False)
 class Fillets:
-    """Chords of the arcs at corners (k,), and rays beside some arcs, as planes in space.
+    """Round corners of openings: at each corner (k,) an arc, which fills the void beyond its chords.
 
-    normal, distance : (k, c, 3), (k, c) outward normals of the chords' planes, and metres from the origin.
-    ray, ray_distance : (k, 2, 3), (k, 2) normals of the rays' planes, and metres from the origin.
+    normal, distance : (k, c, 3), (k, c) outward normals of planes through the chords, and metres from the origin.
+    ray, ray_distance : (k, 2, 3), (k, 2) normals of planes through the rays, and metres from the origin.
     wall : (k,) the walls that begin at the corners.    circle : (k, 7) see `CutLines`.
-    pair : (p, 2) an arc, and a void cell that lies partly beyond the arc's chords and is connected to its corner.
+    pair : (p, 2) number of an arc, and of a void cell that the arc fills at least in part.
 
-    An arc fills the region beyond a chord and between two rays. A ray leads from the arc's centre through an end of
-    the arc. Only arcs with distant void beyond their chords need rays. Unused planes have a normal of 0."""
+    Two rays lead from an arc's centre through its ends. Void outside of them stays. Arcs have rays only where they
+    could also fill distant void beyond their chords. Unused planes have a normal of 0."""
 
     wall: Ints
     circle: Floats
@@ -164,11 +164,11 @@ class Fillets:
         return np.asarray(self.circle[:, 6])
 
     def beyond_chords(self, arc: Ints, X: Floats) -> Floats:
-        """Return the largest signed distance (p,), m, of each point X (p, 3) from the planes of its arc's chords."""
+        """Return the signed distance (p,), m, of each point X (p, 3) from its arc: largest over the chords' planes."""
         return np.asarray((np.einsum("pci,pi->pc", self.normal[arc], X) - self.distance[arc]).max(axis=1))
 
     def outside_rays(self, arc: Ints, X: Floats) -> Floats:
-        """Return the larger signed distance (p,), m, of each point X (p, 3) from its arc's two ray planes."""
+        """Return the signed distance (p,), m, of each point X (p, 3) from its arc's rays: larger of both planes."""
         return np.asarray((np.einsum("pci,pi->pc", self.ray[arc], X) - self.ray_distance[arc]).max(axis=1))
 
     def subset(self, chosen: Bools) -> "Fillets":
@@ -188,7 +188,7 @@ class Fillets:
 
 
 def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
-    """Return arcs at corners of openings: of `radius` metres where a rolling disc stops at two walls, else smaller.
+    """Return arcs at corners of openings: of `radius` metres, or smaller where this radius does not fit.
 
     Corners stay sharp if no arc fits."""
     corners, accepted, taken = Corners.from_walls(sheet.walls), list[Fillets](), list[Stretches]()
@@ -261,9 +261,8 @@ def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: boo
 
 
 def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
-    """Mark arcs (k,) that fill only void near their corner: within 1.1 times the longer wall from corner to arc.
-
-    At a fold, an arc could also fill distant void beyond its chords. Distances are measured in the corner's plane."""
+    """Mark arcs (k,) that fill no void far from their corner, as they could at a fold of the surface.
+    Far: over 1.1 times the longer way along a wall from corner to arc; measured in the corner's plane."""
     surface, (arc, cell) = corners.walls.surface, fillets.pair.T
     reach = 1.1 * np.maximum(arcs.way_a, arcs.way_b)
 
@@ -339,9 +338,8 @@ def _with_fillets(sheet: Sheet, fillets: Fillets) -> Sheet:
 
 def _colours(arc: Ints, corner: Ints) -> Ints:
     """Return the group (k,) of each arc. Cells of two arcs in a group have no common vertex.
-
     arc : (p,) arc of each cell.    corner : (p, 3) vertices of each cell.
-    Each group takes the remaining arcs with the lowest rank at all their vertices. Scattered ranks give few groups."""
+    A group takes each remaining arc that has the lowest rank at all its vertices. Mixed ranks give few groups."""
     vertex, arc = corner.ravel(), np.repeat(arc, 3)
     count = int(arc.max()) + 1
     rank = np.argsort(np.argsort(np.arange(count) * GOLDEN % 1))
@@ -360,9 +358,8 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
 def _filled_corners(
     mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
 ) -> tuple[PolygonMesh, Ints, Bools]:
-    """Cut polygons along the chords of arcs; return the mesh, each polygon's old polygon, and the polygons to fill.
-
-    arc : (c,) arc of each polygon, or -1.    corner : (k,) vertex that each arc rounds.    size : surface size, m."""
+    """Cut polygons along the chords of arcs. Return the mesh, the old number of each polygon, and a mask to fill.
+    arc : (c,) arc that cuts each polygon, or -1.    corner : (k,) vertex of each arc.    size : surface size, m."""
     arc = np.where(mesh.void, arc, -1)
     source, beyond = np.arange(len(arc)), np.zeros(len(arc), dtype=bool)
     planes = [(fillets.ray[:, k], fillets.ray_distance[:, k], True) for k in range(fillets.ray.shape[1])]
@@ -388,7 +385,7 @@ def _filled_corners(
 
 
 def _heights(mesh: PolygonMesh, arc: Ints, active: Bools, normal: Floats, distance: Floats, snap: Floats) -> Floats:
-    """Return the distance (n',), metres, of vertices in polygons `active` beyond their arc's plane; 0 within `snap`."""
+    """Return metres (n',) by which vertices of polygons `active` lie beyond the plane of their arc; 0 under `snap`."""
     slots = mesh.cells.slots(np.flatnonzero(active))
     vertex, arc_of_slot = mesh.cells.corner[slots], arc[mesh.cells.owner[slots]]
     height = np.einsum("ki,ki->k", normal[arc_of_slot], mesh.X[vertex]) - distance[arc_of_slot]

@@ -2,9 +2,9 @@
 
 polygons                                cells
 --------                                -----
-ends        join stripes at a node      pinches   join or split point contacts of material
-closed      close marked openings       filled    fill small openings
-loose_ends  cut stripes back            merged    fill slits, also after fairing
+ends        join stripes at a node      pinches   join or split material that touches in a point
+closed      fill chosen openings        filled    fill small openings
+loose_ends  cut stripes back            merged    fill slits; again after walls are smoothed or rounded
 stubs       remove ends near a node     bridged   bridge narrow places of openings
 bars        straighten bent bars        spikes    cut off spikes of material
                                         rounded   round corners; then bridge and widen narrow places
@@ -79,7 +79,7 @@ def tidied_polygons(
 def polygon_passes(
     surface: Surface, fields: Sequence[Field], lines: Sequence[Floats], tidy: Tidy
 ) -> Iterator[tuple[str, PolygonPass]]:
-    """Yield the steps that tidy the polygons, in order, each with a name for counts. lines : levels of each field."""
+    """Yield the steps that tidy the polygons, in order, each after its name. lines : levels of each field."""
     yield "ends", partial(with_meeting_ends, fields=fields, levels=lines)
     yield "closed", partial(with_closed_openings, closed=tidy.closed)
     yield "loose_ends", partial(without_loose_ends, tidy=tidy)
@@ -118,7 +118,7 @@ class FinishingOptions(NamedTuple):
 
     @property
     def of_trial(self) -> "FinishingOptions":
-        """The options on which a trial cut depends."""
+        """These options without `member`, `least` and `tolerance`, which do not matter for reuse of a `TrialCut`."""
         return self._replace(member=0.0, least=(0.0, 0.0), tolerance=None)
 
 
@@ -139,7 +139,7 @@ class FinishedSheet:
     shape: str = ""
 
     def with_cells(self, cells: Sheet, **counts: int) -> "FinishedSheet":
-        """Return this object with the cells after a pass; the numbers `counts` are added to its counts."""
+        """Return this sheet with new cells after a pass. The numbers `counts`, by name of the pass, are added."""
         return replace(self, cells=cells, counts=self.counts + Counter(counts))
 
 
@@ -223,7 +223,7 @@ def _with_round_corners(
         if attempt == ROUNDING_ROUNDS:
             break
         better, bridges, places = _bridged_or_widened(sheet.cells, rounded.cells, options)
-        if not (bridges or places) or places > previous_count:  # nothing to change, or more narrow places than before
+        if not (bridges or places) or places > previous_count:  # nothing changed, or more widened places than before
             break
         sheet, previous_count = sheet.with_cells(better, bridged=bridges, widened=places), places or previous_count
     return rounded
@@ -237,7 +237,7 @@ def _rounded_once(sheet: FinishedSheet, options: FinishingOptions) -> FinishedSh
 
 
 def _bridged_or_widened(cells: Sheet, rounded: Sheet, options: FinishingOptions) -> tuple[Sheet, int, int]:
-    """Add bridges to `cells` where openings of `rounded` are too narrow. If there are none, widen narrow members.
+    """Add bridges to `cells` where openings of `rounded` are too narrow. If no bridge is added, widen narrow members.
     Return the cells, the number of bridges, and the number of widened places."""
     if options.merge == "none":
         return cells, 0, 0
@@ -290,7 +290,7 @@ class TrialCut:
 
     @classmethod
     def from_cells(cls, inputs: tuple[object, object, object], cells: Sheet, options: FinishingOptions) -> "TrialCut":
-        """Run the passes before rounding over the cells of a cut, then round the corners once."""
+        """Make a trial cut: run `passes_before_rounding` on the cells, then round the corners once."""
         unrounded = unrounded_sheet(cells, options)
         rounded = _rounded_once(unrounded, options) if options.fillet else None
         return cls(inputs, options, cells, unrounded, rounded)
@@ -305,7 +305,7 @@ class TrialCut:
 
     @property
     def latest(self) -> FinishedSheet:
-        """The sheet after the latest pass, without minimum widths."""
+        """The sheet after the latest pass. The pass for minimum widths does not count."""
         return self.bridged or self.rounded or self.unrounded
 
     @property
@@ -326,11 +326,11 @@ class TrialCut:
         return self.least[1].cells.material_area - self.latest.cells.material_area if self.least else 0.0
 
     def with_bridges(self) -> "TrialCut":
-        """Return the trial cut with bridges where rounded openings are too narrow."""
+        """Return this cut with bridges where openings are too narrow after their corners are rounded."""
         return replace(self, bridged=_with_round_corners(self.unrounded, self.options, self)) if self.rounded else self
 
     def with_least_widths(self, gap: float, member: float) -> "TrialCut":
-        """Return the trial cut with minimum widths of openings and members, metres."""
+        """Return this cut after the pass for minimum widths of openings (`gap`) and members, metres."""
         options = self.options
         widened = with_least_widths(self.latest.cells, gap, member, options.merge, options.rounded_neck)
         return replace(self, least=((gap, member), widened))

@@ -87,7 +87,7 @@ def flat_openings_of(sheet: Sheet) -> FlatOpenings:
 
 
 def nearest_in_plane(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
-    """Find for points (k, 2) the nearest places on edges (m, 2) or at vertices (m, 1), whose positions are V (n, 2)."""
+    """Find the nearest places to points (k, 2) on edges (m, 2), or at vertices (m, 1). V : (n, 2) their positions."""
     return nearest_places(np.pad(points, ((0, 0), (0, 1))), np.pad(V, ((0, 0), (0, 1))), simplices)
 
 
@@ -105,7 +105,7 @@ def _mean_planes(normal: Floats, label: Ints, count: int) -> Floats:
 
 
 LONG, BULKY = 4.0, 0.7
-"""A long dead end of an opening has length > LONG x disc radius, and area > BULKY x length x width of its entrance."""
+"""Limits of a long dead end: length > LONG x `radius` of `narrow_parts`; area > BULKY x length x entrance width."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,21 +113,21 @@ class NarrowPart:
     """A narrow part of an opening.
 
     outline : (k, 2) metres.
-    runs    : (r, 2) outline stretches on walls, between arcs of the disc of `narrow_parts`; empty without arcs."""
+    runs    : (r, 2) stretches of the outline along walls; empty if the part is a whole opening."""
 
     outline: Floats
     runs: tuple[Floats, ...]
 
     def narrowest(self) -> Floats:
-        """Return the two nearest points (2, 2) that lie on different `runs`."""
+        """Return the two nearest points (2, 2) on different stretches of wall (`runs`)."""
         pairs = [_nearest_points(a, b) for a, b in combinations(self.runs, 2)]
         return min(pairs, key=lambda points: float(np.linalg.norm(points[1] - points[0])))
 
 
 def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
-    """Yield parts too narrow for a disc of `radius` metres: necks, whole openings, and long dead ends.
+    """Yield parts of openings too narrow for a disc of `radius` metres: necks, long dead ends, or a whole opening.
 
-    `runs` of a dead end are the walls beside its entrance. Pointed tips and rings of equal width are left out."""
+    A dead end's `runs` are the walls beside its entrance. Pointed tips and rings of equal width are left out."""
     if not len(flat.wall):
         return
     parts = (flat.shape - offset_shape(flat.room(radius), (1 + 4 * SMOOTH) * radius)).decompose()
@@ -160,10 +160,10 @@ def _outlines_to_check(points: Floats, on_wall: Bools, start: Ints, least_length
 
 
 def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
-    """Return stretches of the outline on walls. Each lies between two arcs that are over `wide` metres wide."""
+    """Return stretches of the outline along walls. A gap of at most `wide` metres does not divide a stretch."""
     count = len(outline)
     begin = np.flatnonzero(~on_wall & np.roll(on_wall, 1))
-    end = np.flatnonzero(on_wall & ~np.roll(on_wall, 1))  # an arc ends here
+    end = np.flatnonzero(on_wall & ~np.roll(on_wall, 1))  # the outline returns to a wall
     if not len(begin):
         return ()
     end = end[np.searchsorted(end, begin) % len(end)]
@@ -175,7 +175,7 @@ def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
 
 
 def _is_alley(run: Floats, radius: float) -> bool:
-    """Return whether a dead end of an opening is long and does not narrow to a point; run : (r, 2) wall around it."""
+    """Return whether a dead end is long and does not narrow to a point. run : (r, 2) wall around the dead end."""
     mouth, middle = float(np.linalg.norm(run[-1] - run[0])), (run[0] + run[-1]) / 2
     length = float(np.linalg.norm(run - middle, axis=1).max())
     x, y = (run - middle).T
@@ -184,9 +184,9 @@ def _is_alley(run: Floats, radius: float) -> bool:
 
 
 def _mouth_sides(run: Floats, radius: float) -> tuple[Floats, Floats]:
-    """Return the walls (s, 2) on both sides of the entrance to an opening's dead end; run : (r, 2) wall around it."""
+    """Return the walls (s, 2) on both sides of a dead end's entrance. run : (r, 2) wall around the dead end."""
     place = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
-    low, high = 1.2 * radius, 3.2 * radius  # each side wall runs between these distances (m) from the entrance
+    low, high = 1.2 * radius, 3.2 * radius  # a side lies between these distances (m) from an end of `run`
     sides = []
     for begin, end in ((low, high), (place[-1] - high, place[-1] - low)):
         stations = np.concatenate([[begin], place[(place > begin) & (place < end)], [end]])

@@ -33,7 +33,7 @@ def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, wi
 
 
 def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
-    """Return points (k, 2, 3) on both sides of members narrower than `least` metres and `LOCAL` x the median width."""
+    """Return points (k, 2, 3) on both sides of members under `least` metres and also under `LOCAL` x median width."""
     if not cells.has_openings:
         return NOWHERE
     material = cells.material_part
@@ -111,9 +111,9 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
 
 
 def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tuple[Sheet, int]:
-    """Add bridges of `width` metres where openings of `rounded` are under `least` metres; return also the bridge count.
+    """Add bridges, `width` or `width` / 2 metres wide, where openings of `rounded` are narrower than `least` metres.
 
-    The function measures in space. So it also finds necks at folds of the surface, which `bridged_necks` misses."""
+    Return also their number. Widths are measured in space, so also at folds, where `bridged_necks` misses necks."""
     for slim in (1.0 * width, 0.5 * width):  # a narrower bridge may fit where a broad one does not
         better, count = bridged_at(cells, narrow_gaps(rounded, least, 2 * slim), slim)
         if count:
@@ -134,7 +134,7 @@ def bridged_at(cells: Sheet, places: Floats, width: float, snap: float = OPENING
 
 
 def _necks_and_lost_openings(cells: Sheet, width: float) -> tuple[list[Neck], Bools]:
-    """Return the necks of openings, and a mask (o,) of openings that are too narrow everywhere."""
+    """Return places where openings are narrower than `width` metres, and a mask (o,) of openings narrow everywhere."""
     flat, walls, openings = flat_openings_of(cells), cells.walls, openings_of(cells)
     assert openings is not None
     necks, lost = [], np.zeros(openings.count, dtype=bool)
@@ -146,7 +146,7 @@ def _necks_and_lost_openings(cells: Sheet, width: float) -> tuple[list[Neck], Bo
         number, share = flat.nearest_walls(part.narrowest())
         wall = flat.wall[number]
         ends = walls.points(wall, share)
-        if np.linalg.norm(ends[1] - ends[0]) < width:  # projected openings can look narrower than they are
+        if np.linalg.norm(ends[1] - ends[0]) < width:  # an opening can look narrower in its plane than in space
             necks.append(Neck(ends, (int(wall[0]), int(wall[1]))))
     return necks, lost
 
@@ -180,20 +180,20 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
 
 
 def _way_around(walls: Walls, wall: Ints) -> Floats:
-    """Return distances (k,), m, between two walls (k, 2) along their opening's outline; inf on different outlines."""
+    """Return distances (k,), m, along outlines between the walls of each pair (k, 2); inf for two outlines."""
     chain, place = walls.chain[wall], walls.place[wall]
     direct = np.abs(place[:, 1] - place[:, 0])
     around = np.where(walls.closed[chain[:, 0]], np.minimum(direct, walls.total[chain[:, 0]] - direct), direct)
     return np.where(chain[:, 0] == chain[:, 1], around, np.inf)
 
 
-MOST_ROUNDS = 40  # Maximum number of rounds; a round adds only strips that do not touch.
+MOST_ROUNDS = 40  # Maximum number of rounds. Bridges or strips that one round adds do not touch each other.
 TURNS = 6  # Maximum number of repetitions of both steps: bridges in openings, then strips beside members.
-SNAP = 0.05  # Largest snap onto a strip's side, in half widths of the strip.
+SNAP = 0.05  # Vertices at most this far from a strip's side move onto the side; in half widths of the strip.
 
 
 class LeastWidths(NamedTuple):
-    """Cells, and numbers of filled openings, bridges, strips beside members, filled slits, and bridges added last."""
+    """The cells, and numbers of filled openings, bridges, widening strips, filled slits, and bridges after widening."""
 
     cells: Sheet
     filled: int
@@ -208,7 +208,7 @@ def with_least_widths(
 ) -> LeastWidths:
     """Add material where openings are narrower than `gap` metres, or members narrower than `member` metres.
 
-    A limit of 0 has no effect. Members over `LOCAL` x `usual_width`, or between two edges of the surface, stay.
+    A limit of 0 has no effect. Members wider than `LOCAL` x `usual_width`, or between two edges of the surface, stay.
 
     merge : slits to fill after widening, because wider members make openings narrower.
     neck  : metres; openings that are still narrower after widening get bridges."""
@@ -255,7 +255,7 @@ def _with_bridged_gaps(cells: Sheet, gap: float) -> tuple[Sheet, int]:
         places = narrow_gaps(cells, gap, 2.0 * gap, tips=True, widest=attempt % 2 == 0)
         cells, count = bridged_at(cells, places, gap, SNAP)
         total, idle = total + count, 0 if count else idle + 1
-        if not len(places) or idle == 2:  # two rounds without bridges: both orders of the places were tried
+        if not len(places) or idle == 2:  # idle 2: neither order of the places gave a new bridge
             break
     return cells, total
 

@@ -1,4 +1,4 @@
-"""Loose ends of stripes are removed, joined at a node, or lie in openings that become material."""
+"""Remove loose ends of stripes, join them at nodes, or keep them where openings are filled with material."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ class Tidy:
     def divided_again(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
         """Return a mask (c,) of stripes of field k that touch faces in the mask `blank` or in `astray[k]`.
 
-        Finishing may remove these stripes, so later fields also cut their polygons.
+        Finishing may remove these stripes. So later fields also cut the polygons of these stripes.
         blank : (m,) faces without values of field k, and the faces beside them."""
         own_polygons = (mesh.family == k) | (mesh.also == k)
         if not self.striped[k] or not own_polygons.any():
@@ -48,14 +48,14 @@ class Tidy:
         return np.asarray(own_polygons & np.isin(part, part[touched]))
 
 
-CLOSED = -2  # Value of `PolygonMesh.also` in openings that became material. Stripes may end in this material.
+CLOSED = -2  # Value of `PolygonMesh.also` for polygons of filled openings. Stripes may end at these polygons.
 
 
 def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> tuple[PolygonMesh, int]:
     """Fill openings where the mean value of a field is positive; return also the number of filled openings.
 
     closed : for each field, (n,) values at the uncut vertices, or None. The first field with a positive mean counts.
-             Of openings with nearly equal means, all or none become material."""
+             Openings with nearly equal means are all filled, or all stay open."""
     close_values = {k: x for k, x in enumerate(closed) if x is not None}
     if not close_values or not mesh.void.any():
         return mesh, 0
@@ -87,7 +87,7 @@ def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]
 
 
 def dependent_polygons(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Bools:
-    """Return a mask (c,) of `nodes`, and of stripes that become dead ends without `nodes`; nodes : (c,) mask."""
+    """Return a mask (c,) of the nodes in the mask `nodes` (c,), and of stripes that are dead ends without the nodes."""
     part, gone, stays = _parts(mesh, tidy, nodes)
     gone[part[nodes]] = True
     return _loose_polygons(mesh, tidy.anchor, part, gone, stays)[0] & ~mesh.void
@@ -96,7 +96,7 @@ def dependent_polygons(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Bools:
 def between_crossings(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Ints:
     """Return the number (c,) of the stripe part in which each polygon lies; -1 at crossings and outside stripes.
 
-    A part lies between two crossings or nodes. Connected polygons of `nodes` (c,) also form a part."""
+    A part is a piece of a stripe between two crossings or nodes, or a connected piece of the mask `nodes` (c,)."""
     part, _, stays = _parts(mesh, tidy, nodes)
     single_stripe = ~mesh.void & ~stays[part] & ((mesh.also == VOID) | nodes)
     return np.where(single_stripe, part, -1)
@@ -120,10 +120,9 @@ def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bo
 
 
 def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, stays: Bools) -> tuple[Bools, Bools]:
-    """Return two masks (c,) of polygons to remove: first parts in `gone` (p,) and dead ends, then islands.
-
+    """Return two masks (c,) of polygons to remove: parts in `gone` (p,) with all dead ends; and islands.
     Islands are pieces that this removal cuts off from supports and from the edges of the surface. When no dead ends
-    remain, a part with a single neighbour joins this neighbour, and the search repeats.
+    remain, a part with a single neighbour joins this neighbour, and the search for dead ends repeats.
     stays : (p,) parts that always stay."""
     before = gone
     while True:
@@ -139,7 +138,7 @@ def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, s
 
 
 def _astray(mesh: PolygonMesh, tidy: Tidy, part: Ints, count: int) -> Bools:
-    """Return a mask (p,) of parts whose stripes run across the field's direction on more than 30 % of their area."""
+    """Return a mask (p,) of parts whose stripes have a wrong direction (`Tidy.astray`) on over 30 % of their area."""
     area, strays = mesh.cells.areas(mesh.X)[0], np.zeros(len(part), dtype=bool)
     for k, astray in enumerate(tidy.astray):
         if astray is not None:
@@ -172,22 +171,21 @@ def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[Field], levels: Sequen
 
 
 def nodes_of(mesh: PolygonMesh) -> Bools:
-    """Return a mask (c,) of nodes. A node is material at the ends of stripes, in faces without field values."""
+    """Return a mask (c,) of nodes: material polygons that join ends of stripes where the field has no values."""
     return np.asarray((mesh.also == mesh.family) & ~mesh.void)
 
 
 def _old_nodes(mesh: PolygonMesh, corner_fields: dict[int, CornerField]) -> Bools:
-    """Return a mask (c,) of nodes that the cut made: undivided material faces without values of the family's field."""
+    """Return a mask (c,) of nodes: material faces that the cut left whole, and where their field has no values."""
     alone = np.bincount(mesh.parent, minlength=len(mesh.F))[mesh.parent] == 1
     blank = [(mesh.family == k) & field.blank[mesh.parent] for k, field in corner_fields.items()]
     return np.asarray(alone & np.any(blank, axis=0))
 
 
 def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: Floats) -> tuple[Ints, Ints]:
-    """Return polygons (q,) in `blank` at which middle lines of field k end, and the vertex (q,) of each end.
-
-    An end between two vertices gets a unique negative number. If two polygons find the same end at a vertex, both
-    return this vertex."""
+    """Return polygons (q,) at which middle lines of stripes of field k end, and the vertex (q,) of each end.
+    blank : (c,) mask of polygons to search. An end between two vertices gets a unique negative number. Two polygons
+    can return the same end at a vertex."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, following, corner = mesh.cells.owner, mesh.cells.following, mesh.cells.corner
     inner, outer = np.concatenate([slot_a, slot_b]), np.concatenate([slot_b, slot_a])
@@ -220,7 +218,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
         slots = slice(cells.start[node], cells.start[node + 1])
         parts = _without_free_corners(mesh.X[cells.corner[slots]], has_neighbour[slots])
         polygons += [cells.corner[slots][part] for part in parts]
-        ends = [(part, (part + 1) % cells.sizes[node]) for part in parts]  # a polygon's new sides lie on no cut line
+        ends = [(part, (part + 1) % cells.sizes[node]) for part in parts]  # sides at cut-off corners get line 0
         sides_on += [cells.sides_on[slots][part] * (np.roll(part, -1) == end) for part, end in ends]
         source += [node] * len(parts)
         void += [k > 0 for k in range(len(parts))]
@@ -236,7 +234,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
 
 
 def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:
-    """Cut corners without neighbours off a convex polygon X (s, 3). Return the remaining polygon, then the corners."""
+    """Cut corners whose sides have no neighbours off a convex polygon X (s, 3). Return the rest, then these corners."""
     count, every = len(X), np.arange(len(X))
     least = 1e-3 * _area(X)  # smaller corners are not cut off
     marked = has_neighbour | np.roll(has_neighbour, 1)

@@ -114,7 +114,7 @@ class CellMesh:
 
     @cached_property
     def line_ends(self) -> Ints:
-        """(n',) sum of the indices of a vertex's neighbours along lines. For two neighbours u, w: u is the sum - w."""
+        """(n',) sum of the numbers of a vertex's neighbours along `lines`. With two neighbours u, w: u = sum - w."""
         total = np.zeros(len(self.surface.V), dtype=np.int64)
         a, b = self.surface.edges.ends[self.lines].T
         np.add.at(total, a, b)
@@ -132,7 +132,7 @@ class CellMesh:
         return equal_key_groups(self.surface.F.ravel())[0] // 3, start
 
     def star_cells(self, vertex: Ints) -> tuple[Ints, Ints]:
-        """Return all cells at vertices (k,), and for each cell the index of its vertex in `vertex`, ascending."""
+        """Return for all cells at vertices (k,) the index of the vertex in `vertex`, ascending; and the cells."""
         faces, start = self.stars
         count = start[vertex + 1] - start[vertex]
         row = np.repeat(np.arange(len(vertex)), count)
@@ -158,7 +158,7 @@ def _cell_angles(P: Floats, normals: Floats, least_area: float) -> Floats:
 
 
 def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
-    """Return a mask (k,) of mesh changes (flips or collapses) that have the lowest rank on each of their faces.
+    """Return a mask (k,) of mesh changes (flips or collapses) that share no face with a change of lower rank.
 
     row, face : change row[i] affects face[i].    m : number of faces."""
     lowest_rank = np.full(m, len(rank))
@@ -169,7 +169,7 @@ def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
 
 
 class CollapseMoves(NamedTuple):
-    """Moves of vertices v (k,) onto neighbours w (k,); strayed : (k,) resulting shift of stripe edges, metres."""
+    """Moves of vertices v (k,) onto neighbours w (k,). strayed : (k,) total move of edges of stripes, metres."""
 
     v: Ints
     w: Ints
@@ -181,7 +181,7 @@ class CollapseMoves(NamedTuple):
 
 
 class Change(NamedTuple):
-    """A mesh after a round of collapses or flips, and their number. Elsewhere the next round finds nothing.
+    """A mesh after a round of changes (collapses or flips), and their number. The next round searches `zone` only.
     zone : (n',) mask of vertices at a cell that the round changed, or may change in the next round."""
 
     mesh: CellMesh
@@ -192,8 +192,8 @@ class Change(NamedTuple):
 def collapse_edges(cut: CellMesh, tolerance: float, zone: Bools) -> Change:
     """Collapse edges where this increases the smallest angle around a vertex.
 
-    tolerance : largest move of an edge of a stripe, a family or the surface, metres.
-    zone      : (n',) mask of vertices; each collapsed edge has such an end."""
+    tolerance : largest move of stripe edges, of edges between two families and of the surface's boundary, metres.
+    zone      : (n',) mask of vertices; at least one end of each collapsed edge is marked."""
     moves = _within_faces(cut, _along_lines(cut, _candidates(cut, zone), tolerance))
     moves, gain = _improving_moves(cut, moves)
     zone = np.zeros(len(zone), dtype=bool)
@@ -236,7 +236,7 @@ def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
 
 
 def _candidates(cut: CellMesh, zone: Bools) -> CollapseMoves:
-    """Return moves of new vertices along edges with an end in `zone` (n',), of material triangles under 25 degrees."""
+    """Return moves of new vertices along edges that touch `zone` (n',), on material triangles under 25 degrees."""
     poor = (cut.smallest_angle < 25) & cut.sheet.material
     edge = distinct(cut.surface.edges.of[poor])
     edge = edge[zone[cut.surface.edges.ends[edge]].any(axis=1)]
@@ -246,7 +246,7 @@ def _candidates(cut: CellMesh, zone: Bools) -> CollapseMoves:
 
 
 def _within_faces(cut: CellMesh, moves: CollapseMoves) -> CollapseMoves:
-    """Select the moves that take no triangle out of its uncut face."""
+    """Select the moves after which every triangle still lies in its uncut face."""
     row, face = cut.star_cells(moves.v)
     corner, support = cut.uncut.F[cut.sheet.parent[face]], cut.support[moves.w[row]]
     outside = ((support >= 0) & (support[:, :, None] != corner[:, None]).all(axis=2)).any(axis=1)
@@ -297,10 +297,9 @@ def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves
 
 
 def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F: Ints) -> Bools:
-    """Return a mask (k,) of moves v -> w that keep the mesh a surface, and that never merge two lines x-v and x-w.
-
+    """Return a mask (k,) of moves v -> w that keep the mesh a surface, and that never merge two lines into one.
     Only the vertices opposite to edge v-w may be neighbours of v and w [Dey et al. 1999].
-    row, F : cells around each v."""
+    row, F : number of the move, and corners, of each cell around a vertex v."""
     star_vertices = np.repeat(row, 3), F.ravel()
     is_neighbour = (star_vertices[1] != moves.v[star_vertices[0]]) & (star_vertices[1] != moves.w[star_vertices[0]])
     pair = distinct(star_vertices[0][is_neighbour] * len(cut.surface.V) + star_vertices[1][is_neighbour])
@@ -321,7 +320,7 @@ def flip_edges(cut: CellMesh, zone: Bools) -> Change:
      \|/          \ /
       d            d
 
-    zone : (n',) mask of vertices; one of the two cells has three such vertices."""
+    zone : (n',) mask of vertices. It marks all corners of at least one of the two cells."""
     h, g = cut.surface.edges.pairs.T
     f, e = h // 3, g // 3
     parent, family = cut.sheet.parent, cut.sheet.family
@@ -334,7 +333,7 @@ def flip_edges(cut: CellMesh, zone: Bools) -> Change:
     parent = parent[f]
     new_angle = np.minimum(cut.angles(first_cell, parent), cut.angles(second_cell, parent))
     old_angle = np.minimum(cut.smallest_angle[f], cut.smallest_angle[e])
-    better = np.flatnonzero(new_angle > GAIN * old_angle)  # a-b cannot exist yet: it would cross c-d in the flat face
+    better = np.flatnonzero(new_angle > GAIN * old_angle)  # a and b share no edge yet: it would cross the edge c-d
     better = better[np.argsort(-(new_angle - old_angle)[better], kind="stable")]
     zone = np.zeros(len(zone), dtype=bool)
     zone[first_cell[better]] = zone[second_cell[better]] = True
@@ -388,7 +387,7 @@ def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Impro
     surface keeps its topology."""
     cut, zone = CellMesh.from_sheet(sheet, uncut), np.ones(sheet.surface.n, dtype=bool)
     flips = collapses = 0
-    for _ in range(40):  # usually under ten are needed
+    for _ in range(40):  # usually the loop ends after fewer than ten rounds
         cut, fewer, collapse_zone = collapse_edges(cut, tolerance, zone)
         cut, turned, flip_zone = flip_edges(cut, zone | collapse_zone)
         flips, collapses, zone = flips + turned, collapses + fewer, collapse_zone | flip_zone

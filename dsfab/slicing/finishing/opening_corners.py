@@ -9,7 +9,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 from dsfab.slicing.cutting.walls import SHARPEST, Stretches, Walls, next_in_chains
 
 CHORD = float(np.radians(34))
-"""Largest angle of a chord's arc, radians. A chord is at most 1 - cos(17 degrees) = 1/23 of the radius from its arc."""
+"""Largest angle of the arc over a chord, radians. The arc is up to 1 - cos(17 degrees) = 1/23 radius from the chord."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class Arcs:
     def chords(self) -> tuple[Floats, Floats]:
         """Return outward unit normals (k, c, 2) of each arc's equal chords, and distances (k, c) from the origin.
 
-        Missing chords have a normal of 0 and a distance of 1. So every point lies on their inside."""
+        Unused rows have normals of 0 and distances of 1, so that every point lies on their inner side."""
         number = np.arange(6)  # six chords are enough for half a circle
         count = np.maximum(np.ceil(self.angle / CHORD), 1)
         step = self.angle / count
@@ -68,10 +68,10 @@ class Arcs:
 
 
 def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | None = None) -> Arcs:
-    """Return arcs of radii (k,) that touch polylines a (k, p, 2) and b (k, q, 2), which begin at the corners.
+    """Return arcs of radii (k,) that touch polylines a (k, p, 2) and b (k, q, 2), which begin at a common corner.
 
-    The void is on the right of a and on the left of b. The iteration is similar to Newton's method: the next circle
-    touches the tangents at the nearest points of both polylines.
+    The void is on the right of a and on the left of b. Each arc is improved step by step, similar to Newton's method:
+    its next circle touches the tangents at the nearest points of both polylines.
 
     first_centre : (k, 2) first guess; default: the circles that touch the walls beside the corners."""
     if first_centre is None:
@@ -125,7 +125,7 @@ def _nearest(line: Floats, point: Floats) -> tuple[Floats, Floats]:
     return foot[row, pick], before + (np.clip(t, 0, 1) * length)[row, pick]
 
 
-SMALLER = 0.7  # Smallest factor for the next radius of an arc that does not fit.
+SMALLER = 0.7  # If an arc does not fit, its next radius is at least this fraction of the last radius.
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,12 +151,12 @@ class Corners:
         return replace(self, first=self.first[chosen], turn=self.turn[chosen], place=self.place[chosen])
 
     def stretches(self, arcs: Arcs) -> Stretches:
-        """Return the walls between the two contact points of each corner's arc."""
+        """Return for each corner the stretch of wall that its arc cuts off, between the points of contact."""
         chain = self.walls.chain[self.first]
         return Stretches.from_chains(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
 
     def with_arc_feet(self, tips: "Corners", arcs: Arcs) -> "Corners":
-        """Return the corners outside of all arcs (p,) at `tips`, and the ends of arcs as corners with a turn of 0."""
+        """Return the corners that no arc (p,) at `tips` cuts off. Add both ends of each arc as corners with turn 0."""
         walls, chain = self.walls, self.walls.chain[tips.first]
         free = ~tips.stretches(arcs).covers(walls.chain[self.first], self.place)
         feet = np.concatenate([tips.place - arcs.way_a, tips.place + arcs.way_b]) % np.tile(walls.total[chain], 2)
@@ -195,9 +195,9 @@ class Corners:
 
     @cached_property
     def tangents(self) -> Floats:
-        """(k,) distance from a corner between straight walls to the foot of an arc of radius 1, without unit.
+        """(k,) distance from a corner between straight walls to the ends of its arc / radius of the arc.
 
-        Turns over 170 degrees count as 170 degrees."""
+        A `turn` over 170 degrees counts as 170 degrees."""
         return np.asarray(np.tan(np.minimum(self.turn, np.radians(170)) / 2))
 
     @cached_property
@@ -216,7 +216,7 @@ class Corners:
 
     @cached_property
     def frames(self) -> Floats:
-        """(k, 2, 3) two unit vectors of each arc's plane, perpendicular to the void's normal."""
+        """(k, 2, 3) two unit vectors in the plane of each corner, perpendicular to the normal of the void there."""
         normal = self.walls.void_normals[self.walls.start[self.first]]
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         along = self.walls.surface.V[self.walls.end[self.first]] - self.origin
@@ -226,19 +226,19 @@ class Corners:
 
     @cached_property
     def origin(self) -> Floats:
-        """(k, 3) the vertices of the corners."""
+        """(k, 3) position of each corner, the origin of its frame, metres."""
         return np.asarray(self.walls.surface.V[self.walls.start[self.first]])
 
     def circles(self, rows: Ints, arcs: Arcs) -> Floats:
-        """Return centres, unit axes and radii (p, 7), metres, of arcs in the frames of corners (p,)."""
+        """Return circles (p, 7) in space of arcs at corners `rows` (p,): centre, unit axis and radius, metres."""
         frames = self.frames[rows]
         centre = self.origin[rows] + np.einsum("pj,pji->pi", arcs.centre, frames)
         return np.hstack([centre, np.cross(frames[:, 0], frames[:, 1]), arcs.radius[:, None]])
 
     def arcs(self, rows: Ints, radius: Floats) -> tuple[Arcs, Floats]:
-        """Return arcs of radii (p,), metres, in the `frames` of corners (p,), and factors (p,) for the next attempt.
+        """Return arcs of radii (p,), metres, at corners `rows` (p,), and factors (p,) for the radii of a next attempt.
 
-        The next attempt multiplies the radius by the factor: 1 if the arc fits, `SMALLER` if it misses a wall."""
+        A factor is 1 if the arc fits, `SMALLER` if the arc does not touch both walls, and between them otherwise."""
         reach = 2 * radius * self.tangents[rows] + radius
         ahead, behind = (np.minimum(length[rows], reach) for length in self.wall_lengths)
         arcs = tangent_arcs(self.wall_line(rows, ahead, back=True), self.wall_line(rows, behind, back=False), radius)
@@ -250,7 +250,7 @@ class Corners:
         return arcs, np.where(arcs.touching, factor, SMALLER)
 
     def wall_line(self, rows: Ints, reach: Floats, back: bool) -> Floats:
-        """Return polylines (p, q, 2) along the walls before (`back`) or behind corners (p,), in the corners' `frames`.
+        """Return polylines (p, q, 2) from corners (p,) along the walls, or backwards (`back`), in the `frames`.
 
         A polyline covers `reach` (p,) metres, but at most 256 walls. Its last point repeats up to q points."""
         walls, V, count = self.walls, self.walls.surface.V, 8
@@ -268,7 +268,7 @@ class Corners:
         return np.asarray(np.einsum("pqi,pji->pqj", points, self.frames[rows]))
 
     def between_feet(self, rows: Ints, arcs: Arcs, vertex: Ints) -> Bools:
-        """Return a mask (p,) of vertices (p,) on walls between both ends of an arc; margin: 2 % of the radius."""
+        """Return a mask (p,) of vertices (p,) on the wall that an arc cuts off, plus 2 % of the radius at both ends."""
         walls = self.walls
         wall = np.full(walls.surface.n, -1)
         wall[walls.start] = np.arange(len(walls.start))

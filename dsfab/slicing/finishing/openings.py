@@ -20,9 +20,9 @@ Merging = Literal["none", "slits", "crowded"]
 
 NARROWER = 0.9
 """Largest width of a slit, as a fraction of the width of the members beside it.
-It is under 1, so that openings as wide as their members are not slits, in spite of small errors of the widths."""
+Openings with the same width as the members must not become slits by small errors, so the limit is under 1."""
 CRUMB, SEVERAL = 0.35, 8
-"""A crumb is an opening smaller than CRUMB times the median opening. Fewer than SEVERAL openings have no crumbs."""
+"""A crumb is an opening smaller than CRUMB times the median opening, in a sheet with at least SEVERAL openings."""
 ALIKE = 0.03
 """Openings with a smaller relative difference in size count as equal, because the mesh may cause such a difference."""
 
@@ -40,7 +40,7 @@ class Openings:
     count: int
 
     def subset(self, chosen: Bools) -> "Openings":
-        """Return the marked openings (o,), numbered from 0."""
+        """Return only the openings that the mask `chosen` (o,) marks, with new numbers from 0."""
         mask = np.zeros(self.void.cut_surface.m, dtype=bool)
         mask[self.void.cells[chosen[self.label]]] = True
         label = (np.cumsum(chosen) - 1)[self.label[chosen[self.label]]]
@@ -62,8 +62,8 @@ class Openings:
         """(o,) width of each opening / width of the narrower member beside it: the median along the opening's walls.
 
         Only walls with an opposite wall count. If they are under 5 % of the walls, as in a triangle, the width is the
-        side of the square of equal area. From 5 to 25 %, the result is a weighted harmonic mean of the ratios for the
-        median width and for the square. The width is at least 2 area / perimeter. The ratio is infinite without
+        side of the square of equal area. From 5 to 25 %, the ratio with the median width and the ratio with the square
+        are averaged (weighted harmonic mean). The width is at least 2 area / perimeter. The ratio is infinite without
         members, and for openings at the edge of the surface with few opposite walls."""
         across, wall, member = self._crossings, np.flatnonzero(self.void.walls), self._member_widths
         label, has_ratio = self.label[across.face], ~np.isnan(self._width_ratio)
@@ -78,27 +78,27 @@ class Openings:
         opposite_share = np.clip((opposite / np.where(total > 0, total, 1.0) - 0.05) / (0.25 - 0.05), 0, 1)
         opposite_share = np.where(enclosed, opposite_share, opposite_share == 1)
         result = _harmonic(between, square, opposite_share)
-        around[~enclosed] = 1.0  # not used; any number but 0 prevents a division by 0
+        around[~enclosed] = 1.0  # not used below; avoids a division by 0
         return np.where(enclosed, np.maximum(result, self.hydraulic_diameters / (2 * around)), result)
 
     @cached_property
     def slits(self) -> Bools:
-        """(o,) mask of the slits; of nearly equal openings, all or none are slits."""
+        """(o,) mask of the slits. Openings of nearly equal `narrowness` are all slits, or all not."""
         return self.narrowness < split_value(self.narrowness, NARROWER, ALIKE)
 
     @cached_property
     def crowded_slits(self) -> Bools:
         """(o,) mask of slits in places where members are denser than usual.
 
-        A slit is marked if its `narrowness` is under a limit. A smaller median of `narrowness` makes the limit smaller
-        (see `CROWDING`). Otherwise all openings of a dense pattern would be filled."""
+        A slit is marked if its `narrowness` is under a limit. In a dense pattern (small median of `narrowness`), the
+        limit is smaller (see `CROWDING`), so that not all openings are filled."""
         area = np.where(np.isfinite(self.narrowness), np.bincount(self.label, self.void.surface.areas, self.count), 0.0)
         usual = float(weighted_medians(self.narrowness, area, np.zeros(self.count, dtype=np.int64), 1)[0])
         least = NARROWER * min(1.0, max(0.0, (1 + usual) / CROWDING - 1))
         return self.slits & (self.narrowness < split_value(self.narrowness, least, ALIKE))
 
     def slits_between(self, family: Bools) -> tuple[int, float]:
-        """Return the number of slits beside cells `family` (m',), and the fraction of these cells' walls at slits."""
+        """Return the number of slits at cells of mask `family` (m',), and the share of these cells' walls at slits."""
         own_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         own_edges[self.void.cut_surface.edges.of[family]] = True
         wall = self._crossings.walls[:, 0]
@@ -127,9 +127,8 @@ class Openings:
 
     @cached_property
     def _member_widths(self) -> Floats:
-        """(e',) widths of the members behind the walls, on the edges of the whole sheet; NaN on other edges.
-
-        Where material is over 2.5 times the median width, several members meet. The median replaces its width."""
+        """(e',) for each edge of the whole sheet that is a wall, the width of the member beside it; else NaN.
+        Where material is over 2.5 times the median width, several members meet. There, the median counts as width."""
         wall_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         wall_edges[self.void.parent_edges[self.void.walls]] = True
         surface, sheet_edges = self.material.surface, self.material.parent_edges
@@ -150,7 +149,7 @@ def openings_of(sheet: Sheet) -> Openings | None:
 
 
 def with_filled(sheet: Sheet, chosen: Bools) -> Sheet:
-    """Fill the marked openings (o,) of a sheet. New material takes the largest family number of the material around."""
+    """Fill the openings (o,) that `chosen` marks. An opening takes the largest family number of the material around."""
     openings = openings_of(sheet)
     if openings is None or not chosen.any():
         return sheet
@@ -167,7 +166,7 @@ def with_filled(sheet: Sheet, chosen: Bools) -> Sheet:
 
 
 def _harmonic(x: Floats, y: Floats, share: Floats) -> Floats:
-    """Return the weighted harmonic mean (o,) of x and y, which may be infinite; share : (o,) weight of x."""
+    """Return the weighted harmonic mean (o,) of x and y. x, y : (o,), may be infinite.    share : (o,) weight of x."""
     tiny = np.finfo(float).tiny
     inverse = share / np.maximum(x, tiny) + (1 - share) / np.maximum(y, tiny)
     return np.asarray(np.divide(1, inverse, out=np.full(len(x), np.inf), where=inverse > 0))
@@ -176,7 +175,7 @@ def _harmonic(x: Floats, y: Floats, share: Floats) -> Floats:
 def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[Sheet, int]:
     """Fill each opening that is smaller than `size` metres with material; return also the number of filled openings.
 
-    alike : True if all or none of the openings with nearly this size become material.
+    alike : True to treat nearly equal openings alike near the limit `size`: to fill all of them, or none.
 
     The size of an opening is its median width along the walls, but at least 2 and at most 4 area / perimeter. The lower
     limit is for triangular openings, whose widths can be measured only near their corners."""
@@ -225,7 +224,7 @@ def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
 
 
 SIDES = np.array([-1.0, 1.0])
-SNAP = 2e-3  # Largest snap onto a cut, as a fraction of a fillet's radius or a strip's half width.
+SNAP = 2e-3  # A vertex this near to a cut moves onto the cut; in radii of the fillet or half widths of the strip.
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,7 +241,7 @@ class Strip:
 
     @classmethod
     def from_wall(cls, sheet: Sheet, wall: int, ends: Floats, half: Floats) -> "Strip | None":
-        """Return a strip from wall `wall` across an opening, along the points `ends` (2, 3); None for equal points."""
+        """Return a strip from a wall across an opening, along points `ends` (2, 3); None if the points are equal."""
         surface, first_cell = sheet.surface, int(sheet.walls.void_cells[wall])
         direction = ends[1] - ends[0]
         gap = float(np.linalg.norm(direction))
@@ -266,7 +265,7 @@ class Strip:
         return replace(strip, cells=np.array(seen))
 
     def local_coordinates(self, X: Floats) -> Floats:
-        """Return coordinates (2, k) of points X (k, 3), along and across; they are -1 and 1 at the strip's sides."""
+        """Return coordinates (2, k) of points X (k, 3) along and across the strip. Inside, both are -1 to 1."""
         return np.asarray(self.axes @ (X - self.middle).T / self.half[:, None])
 
 
@@ -316,7 +315,7 @@ def _fill_strips(cells: Sheet, strips: list[Strip], snap: float) -> Sheet:
 
 
 def _without_pockets(cells: Sheet, before: int, width: float) -> Sheet:
-    """Fill small openings beside strips; vertices from number `before` on belong to strips."""
+    """Fill small openings beside strips. A vertex with the number `before` or a larger number belongs to a strip."""
     openings = openings_of(cells)
     if openings is None:
         return cells

@@ -21,7 +21,7 @@ from dsfab.surface.topology import edge_table
 Rule = Literal["join", "split"]
 
 DISC_ROUNDS = 3  # Maximum number of rounds that put discs around point contacts. A disc can create a new contact.
-CORNER_ROUNDS = 2  # Maximum number of rounds that cut corners. Cut corners create no new point contact.
+CORNER_ROUNDS = 2  # Maximum number of rounds that change only corners of cells, which creates no new contact.
 
 
 class PinchResult(NamedTuple):
@@ -62,7 +62,7 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
 def _resolve_once(sheet: Sheet, pinches: Ints, radius: float, rule: Rule, corners: bool) -> tuple[Sheet, int]:
     count = 0
     for turn, group in enumerate(_groups_without_edges(pinches, _links(sheet, pinches))):
-        if turn:  # discs of earlier groups may have removed point contacts
+        if turn:  # discs around earlier groups may have removed point contacts of this group
             group = np.intersect1d(group, pinched_vertices(sheet))
         if len(group):
             V = sheet.surface.V
@@ -110,7 +110,7 @@ def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
 
 
 def _corner_distance(sheet: Sheet, pinches: Ints, radius: float) -> Floats:
-    """Return a field (n',): 0 at point contacts, and `radius` at min(radius, 0.4 length) along each edge from there."""
+    """Return a field (n',): 0 at point contacts, `radius` on their edges at a distance of min(radius, 0.4 length)."""
     V, ends = sheet.surface.V, sheet.surface.edges.ends
     x = np.full(len(V), radius / 0.4)
     for p, q in (ends.T, ends[:, ::-1].T):

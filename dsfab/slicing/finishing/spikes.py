@@ -18,15 +18,15 @@ from dsfab.slicing.cutting.walls import SHARPEST, Walls
 from dsfab.slicing.finishing.openings import disjoint_groups
 
 SHARP = float(np.radians(60))
-"""Minimum change of direction of the outline at a tip, radians; at bends and crossings of members it is smaller."""
+"""Minimum turn of the outline at a tooth's tip, radians. At bends and crossings of members, the turn is smaller."""
 LONG, THIN, FAR = 1.5, 0.5, 4.0
-"""Longest outline of a tooth (spike of material), in member widths: `FAR` if its base is under `THIN`, else `LONG`."""
+"""Longest outline of a tooth (spike of material), in member widths: `LONG`; or `FAR` for a base under `THIN` widths."""
 
 
 class Spike(NamedTuple):
-    """A tooth of material. Its chord is the straight line between two re-entrant corners of the outline.
+    """A tooth: material that sticks out of a member. Its chord joins the two re-entrant corners at its base.
 
-    outline : (k,) vertices of the tooth.    cells : (c,) cells beyond the chord.    origin : (3,) the first corner.
+    outline : (k,) vertices.    cells : (c,) cells at least partly beyond the chord.    origin : (3,) first corner.
     outward : (3,) unit normal of the chord, out of the member.    snap : metres; smaller heights count as 0."""
 
     outline: Ints
@@ -36,7 +36,7 @@ class Spike(NamedTuple):
     snap: float
 
     def heights(self, X: Floats) -> Floats:
-        """Return distances (k,) of points X (k, 3) beyond the chord, metres; 0 within `snap`."""
+        """Return metres (k,) by which points X (k, 3) lie beyond the tooth's chord. Distances under `snap` become 0."""
         height = (X - self.origin) @ self.outward
         return np.asarray(np.where(np.abs(height) < self.snap, 0.0, height))
 
@@ -44,7 +44,7 @@ class Spike(NamedTuple):
 def without_spikes(cells: Sheet) -> tuple[Sheet, int]:
     """Cut teeth (spikes) off the material of a sheet without point contacts; return also the number of teeth.
 
-    A tooth stays if a second wall or an edge of the surface lies beyond its base. So parts stay connected."""
+    A tooth stays if another wall or an edge of the surface lies beyond its chord: the cut could divide the material."""
     count = 0
     for _ in range(4):  # repeat, because a round cuts only spikes that do not touch each other
         all_spikes = _spikes(cells) if cells.has_openings else []
@@ -81,9 +81,8 @@ def _member_width(cells: Sheet) -> float:
 
 
 def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
-    """Return re-entrant corners before (step -1) or behind (1) the start of wall `tip`, up to `longest` metres.
-
-    For each corner: the number of outline edges (walls) up to this start, and their total length, metres."""
+    """Return the re-entrant corners before (step -1) or behind (1) a tip of the outline, up to `longest` metres away.
+    tip : the wall that starts at the tip. Each corner has the number and total length (m) of walls up to the tip."""
     corners, length, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
         (previous_wall, wall), exists = walls.walls_ahead(np.array([tip, tip]), step * np.array([k - 1, k]))
@@ -96,7 +95,7 @@ def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[t
 
 
 def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
-    """Return the spike with the walls `stretch` (k,); None if they bound no spike. width : mean member width, m."""
+    """Return the tooth (spike of material) with the walls `stretch` (k,), or None. width : mean member width, m."""
     V, walls = cells.surface.V, cells.walls
     outline, member_cells = np.append(walls.start[stretch], walls.end[stretch[-1]]), walls.material_cells[stretch]
     X, step = V[outline], walls.length[stretch]
@@ -106,7 +105,7 @@ def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
         return None
     spike = Spike(outline, member_cells, X[0], outward / np.linalg.norm(outward), 2e-3 * length)
     height = spike.heights(X)
-    lowest = max(0.04 * width, 0.25 * length)  # minimum height of a spike; a lower shape is a bend, or tiny
+    lowest = max(0.04 * width, 0.25 * length)  # minimum height of a tooth; lower shapes are bends, or tiny
     if height.min() < 0 or height.max() < lowest:
         return None
     reached = _cells_beyond_chord(cells, spike)
@@ -114,7 +113,7 @@ def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
 
 
 def _cells_beyond_chord(cells: Sheet, spike: Spike) -> Ints | None:
-    """Return material cells (c,) partly beyond the spike's base; None if they touch another wall or a surface edge."""
+    """Return material cells (c,) that reach beyond a tooth's chord; None if another wall or surface edge is there."""
     surface, material, twins = cells.surface, cells.material, cells.surface.edges.twins
     outline_vertices, seen, waiting = set(spike.outline.tolist()), set[int](), set(spike.cells.tolist())
     while waiting:

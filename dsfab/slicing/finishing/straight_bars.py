@@ -1,4 +1,4 @@
-"""Fair bars: straight or evenly bent between two crossings, in place of stripes that do not meet well at a node."""
+"""Replace uneven bars at nodes and near singular points by fair bars, which are straight or evenly bent."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -34,9 +34,9 @@ class FairBar:
 
     @classmethod
     def straight(cls, mesh: PolygonMesh, cells: Bools) -> Self | None:
-        """Return a straight bar in place of polygons (c,), as wide as their narrower contact with other members.
+        """Return a straight bar that replaces polygons (c,). It is as wide as the narrower of their two contacts.
 
-        Return None if the number of contacts is not two, or if a contact is oblique to the bar."""
+        Return None if the polygons do not have two contacts with other members, or if a contact is oblique."""
         contacts = _contacts(mesh, cells)
         if len(contacts) != 2:
             return None
@@ -56,11 +56,11 @@ class FairBar:
     def with_bow(self, mesh: PolygonMesh) -> Self | None:
         """Return the bar with a curved middle line and half widths that fit the old outline by least squares.
 
-        Return None if the new bar is too steep, or has no width at an end."""
+        Return None if the slope of the middle line reaches 1, or if the new bar has no width at an end."""
         start, end = _walls(mesh, self.cells)
         t, y = self._places((start + end) / 2)
         ahead = (end - start) @ np.cross(self.across, self.normal)
-        side = np.where(ahead > 0, -1, 1)  # -1: right side, whose walls run from the bar's start to its end
+        side = np.where(ahead > 0, -1, 1)  # -1: right of the axis, where the old bar's sides run towards its end
         between_ends, weight = (t > 0) & (t < 1), np.sqrt(np.abs(ahead))
         basis = np.stack([t * (1 - t), t**2 * (1 - t), side * (1 - t), side * t], axis=1)
         equations = (basis * weight[:, None])[between_ends], (y * weight)[between_ends]
@@ -137,9 +137,9 @@ def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
 
 
 ASKEW = 0.25  # A straight bar replaces an old bar only if its `deviation` is larger than this.
-UNEVEN = 0.12  # An evenly bent bar replaces an old bar only if its `deviation` is larger than this.
-FAR = 1.5  # A new bar replaces an old bar only if its `deviation` is smaller than this.
-SNAP = 0.02  # Largest distance of a vertex that moves onto a bar's side / width of the bar.
+UNEVEN = 0.12  # An evenly bent bar replaces an old bar only if the `deviation` of the new bar is larger than this.
+FAR = 1.5  # A new bar replaces an old bar only if the `deviation` of the new bar is smaller than this.
+SNAP = 0.02  # A vertex this near to a bar's side moves onto the side; as a fraction of the bar's width.
 LARGER = 2.5  # A bar is replaced only if its area changes by less than this factor.
 
 
@@ -167,7 +167,7 @@ def with_straight_bars(
 
 
 def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field]) -> Bools:
-    """Return a mask (c,) of material beside singular faces. There, the field that made the material has no values."""
+    """Return a mask (c,) of material beside singular faces, where the field of the material's family has no values."""
     blank = [x.blank if isinstance(x, CornerField) else np.zeros(surface.m, dtype=bool) for x in fields]
     near_blank = np.array([adjacent_faces(surface, faces) for faces in blank])
     return np.asarray(near_blank[mesh.family, mesh.parent] & ~mesh.void)
@@ -202,9 +202,8 @@ def _with_touching_stretches(mesh: PolygonMesh, seeds: Bools, part: Ints) -> Boo
 
 
 def _with_fair_bar(mesh: PolygonMesh, bar: Bools, fair_bar: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
-    """Replace the polygons `bar` (c,) by `fair_bar`; return also the old polygon (c',) of each new polygon.
-
-    The mesh is None if the area of the bar would change by the factor `LARGER` or more."""
+    """Replace an old bar, the polygons `bar` (c,), by `fair_bar`. Return also the old polygon (c',) of each polygon.
+    The mesh is None if the bar's area would change by the factor `LARGER` or more.    size : of the surface, metres."""
     opening = mesh.part_labels(mesh.void | bar)
     inside, source = np.isin(opening, opening[bar]) & (opening >= 0), np.arange(len(bar))
     line = mesh.lines.count + np.arange(2)

@@ -24,9 +24,9 @@ from dsfab.slicing.finishing.loose_ends import Tidy, dependent_polygons, nodes_o
 from dsfab.surface import link_components
 
 LARGE = 1.6
-"""Stubs stay if the opening without them would be larger than this size; 5 % of openings are larger."""
+"""Stubs are removed only if the opening that forms is smaller than this size. 5 % of openings are larger."""
 EYELET, LARGER = 0.5, 2.5
-"""An eyelet is an opening smaller than EYELET times a neighbouring opening. At an eyelet, LARGER replaces `LARGE`."""
+"""An eyelet is an opening smaller than EYELET times a neighbouring opening. There, LARGER is the limit, not `LARGE`."""
 GOOD = 1.1  # Stubs (ends of stripes) stay if all openings beside them are larger than GOOD x the median size.
 SMALL = 0.6  # Stubs (ends of stripes) stay if the opening without them would be smaller than this size.
 TURN = float(np.radians(110))
@@ -51,7 +51,7 @@ def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
 
 
 def with_crossings(mesh: PolygonMesh, nodes: Bools) -> Bools:
-    """Return a mask (c,) of `nodes` (c,), and of the crossings that touch a node."""
+    """Return a mask (c,) of polygons of nodes (`nodes`, (c,)), and of polygons of crossings that touch a node."""
     crossing = mesh.part_labels(~mesh.void & ((mesh.also != VOID) | nodes))
     return np.asarray(np.isin(crossing, crossing[nodes]) & (crossing >= 0))
 
@@ -143,14 +143,14 @@ class _Bars:
 
     @cached_property
     def lumps(self) -> Bools:
-        """(b,) mask of bars that lie inside a single opening and make its size (4 area / perimeter) smaller."""
+        """(b,) mask of bars inside a single opening, whose size (4 area / perimeter) would grow without the bar."""
         return np.asarray(
             (self.opening_count == 1) & (self.sizes_without_each > np.maximum(1.02 * self.extremes[1], SMALL))
         )
 
     @cached_property
     def eyelets(self) -> Bools:
-        """(b,) mask of bars between several openings, which merge into an opening of suitable size without the bar.
+        """(b,) mask of bars between several openings. Without the bar, these openings form one of suitable size.
 
         If several of these bars touch the same opening, either all of them are marked or none."""
         smallest, limits = self.extremes
@@ -170,7 +170,7 @@ class _Bars:
         return np.asarray(accepted[group])
 
     def _groups(self, chosen: Bools) -> tuple[Ints, int]:
-        """Return groups (b,) of the chosen bars, -1 for others, and their number. Bars at one opening are grouped."""
+        """Return the group (b,) of each chosen bar, else -1, and the group count. Bars at one opening share a group."""
         count = len(self.area)
         bar, opening = self.pair[chosen[self.pair[:, 0]]].T
         label = link_components(count + len(self.opening), bar, count + opening)[1][:count]
@@ -190,9 +190,8 @@ def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyon
 
 
 def _turns(mesh: PolygonMesh, label: Ints, side: Ints) -> Floats:
-    """Return how sharply the outline turns where each bar was removed: largest change of direction (b,), radians.
-
-    side : (s,) the sides of bars that touch other material."""
+    """Return how sharply the outline turns if each bar is removed: largest change of direction (b,), radians.
+    side : (s,) the sides of bars at which a bar touches other material."""
     cells, count = mesh.cells, len(mesh.X)
     bar, ends = label[cells.owner[side]], np.stack([cells.corner[side], cells.next_values(cells.corner)[side]], axis=1)
     place = link_components(len(side), *adjacent_sides(bar, ends, count))[1]
@@ -217,7 +216,7 @@ def _angles(mesh: PolygonMesh) -> Floats:
 
 
 def _below_limits(x: Floats, limit_of_each: float | Floats) -> Bools:
-    """Return a mask (k,) of values x (k,) below their limits. Nearly equal values get the same result."""
+    """Return a mask (k,) of values x (k,) below their limits. Nearly equal values are all below, or all above."""
     limits = np.broadcast_to(limit_of_each, x.shape)
     result = np.zeros(len(x), dtype=bool)
     for threshold in np.unique(limits):

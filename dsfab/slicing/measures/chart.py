@@ -24,8 +24,8 @@ class Chart:
 
     surface : the surface with cuts; n' vertices, m' faces.    parent : (m',) face of the uncut surface (n, m).
     weights : (n', n) barycentric weights on the uncut vertices.
-    z       : (n', 2) phases of both families. After halving, only the remaining lines have whole numbers.
-    scale   : (n', 2) fraction of the lines that halving leaves, such as 1/2 for every second line; 0: no phase."""
+    z       : (n', 2) phases of the major and the minor family; no whole numbers on lines that halving removes.
+    scale   : (n', 2) fraction of the lines that remain after halving, such as 1/2 after one halving; 0: no phase."""
 
     surface: Surface
     parent: Ints
@@ -44,7 +44,7 @@ class Chart:
 def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None = None) -> Chart:
     """Return the chart of a surface that `halve_lines` divided.
 
-    phases : fields of both families; default: the phases in `halved`, whole numbers on the remaining lines."""
+    phases : fields of the major and the minor family, with whole numbers before halving; default: `halved.phases`."""
     mesh, phases = halved.mesh, phases or halved.phases
     surface, cell, _ = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     slot = _corner_slots(mesh, surface.F, cell)
@@ -64,7 +64,7 @@ def equal_row_groups(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
     """Group rows with equal keys (k,) and equal numbers (k, r); return each group's first row, and each row's group."""
     order, begins, group_of = equal_key_groups(key)
     lead = order[begins][group_of]
-    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # only these rows are sorted
+    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # sort only rows unlike the first row of their key
     lead = lead.copy()
     if len(different):
         table = np.column_stack([key[different], rows[different]])
@@ -113,7 +113,7 @@ class StripeChart:
 
     @classmethod
     def from_chart(cls, chart: Chart, d: Floats, kept_values: Floats) -> Self:
-        """Return the stripes of a chart, from half widths d (n, 2) and values (n,) for `kept` on the uncut surface."""
+        """Return stripes with chart phases. d : (n, 2) half widths, kept_values : (n,) `kept`; at uncut vertices."""
         has_phase = np.asarray((chart.scale[chart.surface.F] > 0).all(axis=1))
         nearest_whole = np.rint(chart.z)
         z = np.where(np.abs(chart.z - nearest_whole) < ON, nearest_whole, chart.z)
@@ -250,9 +250,9 @@ class StripeMiddles:
 
 
 class _Pieces(NamedTuple):
-    """Pieces (s,) of middle lines: face, number of the line (its value of the phase), and slots (s, 2) of both ends.
+    """Pieces (s,) of stripes' middle lines: face, number of the line (its phase), and slots (s, 2) of both ends.
 
-    Slots are places on the face's outline: 0 to 2 are its corners; 3 + c lies on the side that begins at corner c."""
+    Slots are places on the face's outline: 0 to 2 for its corners; 3 + c for a point between corners c and c + 1."""
 
     face: Ints
     line: Ints

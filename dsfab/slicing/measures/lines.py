@@ -1,4 +1,4 @@
-"""Lines of a cut sheet: edges by the family that they bound, corners of the outline, and middle lines of members."""
+"""Lines of a cut sheet: edges of each family's members, corners of the outline, and middle lines of members."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ class Labels(NamedTuple):
     """Outline edges (k,) of a material sheet.
 
     half_edge, start, end : the half-edge, and its first and its last vertex.
-    curve  : the number of the edge's line in the sheet; -1 - k for all level lines of field k.
+    curve  : number of the edge's line in `Sheet.lines`; but -1 - k for all edges of stripes of field k.
     family : the family of the edge's cell, or `VOID` (-1) on the boundary of the uncut surface."""
 
     half_edge: Ints
@@ -34,7 +34,7 @@ class Labels(NamedTuple):
 
 
 def outline_labels(sheet: Sheet) -> Labels:
-    """Return the edges of the outline of a material sheet with their curves and families."""
+    """Return the outline edges of a material sheet, each with its line and its family (see `Labels`)."""
     h = sheet.surface.edges.outline
     a, b = (ends[h] for ends in half_edges(sheet.surface.F))
     line = sheet.sides_on.ravel()[h]
@@ -43,7 +43,7 @@ def outline_labels(sheet: Sheet) -> Labels:
 
 
 def outline_corners(sheet: Sheet) -> Floats:
-    """Return the vertices (k, 3), metres, at which two curves of a material sheet's outline meet, even smoothly.
+    """Return the vertices (k, 3), metres, where two curves of a material sheet's outline meet, with or without a bend.
 
     A fillet is a single curve, so only its two ends are such vertices."""
     _, a, b, *names = outline_labels(sheet)
@@ -62,7 +62,7 @@ class Spans(NamedTuple):
     """Parts (p,) of segments that lie on a sheet.
 
     segment : (p,) segment of each part.    begin, end : (p,) positions on the segment, 0 to 1.
-    of_pair, cell : (q,) number of a part, and a cell of the sheet that it crosses."""
+    of_pair, cell : (q,) pairs: the number of a part, and a cell of the sheet that this part crosses."""
 
     segment: Ints
     begin: Floats
@@ -132,7 +132,7 @@ def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans
 
 
 class Middle(NamedTuple):
-    """A middle line of a member: points (k, 3), metres, and the line number with the largest share of its length."""
+    """A middle line of a member: points (k, 3), metres, and the line number on the largest part of its length."""
 
     number: int
     points: Floats
@@ -140,11 +140,11 @@ class Middle(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Chords:
-    """Segments of middle lines. Each face with a segment has its own view of it: two views for a segment on an edge.
+    """Segments of middle lines. A view is a segment in the coordinates of a face; a segment on an edge has two views.
 
     link   : (l, 2) nodes at the ends of the segments.    point : (nodes, 3) metres.
     of     : (v,) the segment of a view.      face  : (v,) the chart's face of a view.
-    number : (v,) number of the line among the finest lines.
+    number : (v,) number of the line, if lines that halving removed are counted, too.
     at     : (v, 2, 3) ends of the segment in barycentric coordinates of the face."""
 
     link: Ints
@@ -192,9 +192,8 @@ class Chords:
 
 def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
     """Return the node numbers (v, 2) at the ends of segments, and the positions (nodes, 3) of all nodes, metres.
-
-    An end is a corner of the face (`at_corner`), or a point of the side that begins at the corner.
-    share : (v, 2) position of this point on the side, 0 to 1."""
+    An end lies at a corner of a face (`at_corner`), or on the side of the face that begins at this corner.
+    share : (v, 2) position of the end on the side, 0 to 1."""
     V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # joins both sides of each cut
     F = vertex.ravel()[chart.surface.F]
     edges: EdgeTable = edge_table(F)
@@ -215,9 +214,9 @@ def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share:
 def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, F: Ints, passing: Ints) -> list[Middle]:
     """Return the middle lines of one family's members, as far as the sheet has material.
 
-    half_width : (n,) d in periods: material is |z - k| < d; d = 0 means no member.
+    half_width : (n,) d in periods: material is |z - k| < d for whole numbers k; d = 0 means no member.
     sheet      : the material.    F : (m, 3) the uncut faces.
-    passing    : numbers of the other family's fields. A line that lies only in cells of these fields is left out."""
+    passing    : field numbers of the other family. A line is left out if all its cells belong to these fields."""
     chords = Chords.from_chart(chart, family, half_width)
     spans = clip_segments(chart, chords.face, chords.at, chords.of, sheet, F)
     through = np.isin(sheet.family[spans.cell], passing, invert=True)
@@ -238,8 +237,7 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
 def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
     """Return the nodes (p, 2) at the ends of each part of a segment, and the points of all nodes, metres.
-
-    At most two parts share a node. A part has its own node at a cut end, or where more than two segments meet."""
+    Two parts share a node only where exactly two segments meet. Elsewhere, and at cut ends, a part has its own node."""
     link = chords.link[spans.segment]
     a, b = (chords.point[link[:, k]] for k in (0, 1))
     crowded = np.bincount(link.ravel(), minlength=len(chords.point))[link] > 2
@@ -325,7 +323,7 @@ class _Stripes:
                 same_field = np.flatnonzero((self.family[edges] == k) & (self.family[before] == k))
                 f, g = self.parent[edges[same_field]], self.parent[before[same_field]]
                 rows = self.weights[loop[same_field]]
-                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a vertex of both uncut faces f and g
+                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a vertex of the uncut faces of both edges
                 place, place_before = (f, corner_places(self.F[f], base)), (g, corner_places(self.F[g], base))
                 sign = phase.field.sign[place] * phase.field.sign[place_before]
                 shift = phase.field.shift[place] - sign * phase.field.shift[place_before]
@@ -351,8 +349,8 @@ def chart_lines(
 ) -> list[StructureLine]:
     """Return `centre_lines` of evenly spaced members, each extended to the middle of the member that it meets.
 
-    names      : names of the fields of the cut.    name : "major" or "minor".
-    half_width : (n,) on the uncut surface, divided by the distance between neighbouring members."""
+    names      : names of all fields of the cut.    name : "major" or "minor", the family to return.
+    half_width : (n,) at the uncut vertices: half width of a member / distance between neighbouring members."""
     family = STRIPES.index(name)
     passing = np.array([k for k, field_name in enumerate(names) if field_name == STRIPES[1 - family]], dtype=np.int64)
     lines = member_middles(chart, family, half_width, sheet, uncut.F, passing)

@@ -36,7 +36,7 @@ class DrawnBand:
     field  : two values at corners of the uncut surface; or values (n', 2) at the vertices of the material sheet.
     levels : (k,) ascending.
     centre : mean of both values on a stripe's middle line, minus the stripe's level.
-    hides  : False if all other families may cover the stripe; True if only earlier fields with `hides` may."""
+    hides  : False: all other families may cover this stripe. True: only earlier fields with `hides` = True may."""
 
     family: str
     field: CornerField | Floats
@@ -52,8 +52,8 @@ class Overlay:
     sheet  : m cells, all of them material. `family` is the field that made each cell.
     source : (m,) the undivided cell that contains each cell.
     part   : (m, f) for each field, the number of the stripe that contains the cell; -1 for none.
-    of     : (count,) the field of each stripe.    level : (count,) its level, on most of its area.
-    own    : (m,) True if the cell lies in a stripe of the field `family` of the cell.
+    of     : (count,) number of each stripe's field.    level : (count,) its level, on most of its area.
+    own    : (m,) True if the cell lies in a stripe of the field that made the cell.
     offset : (m, 3, f) field at the corners, minus its value on the stripe's middle line; never 0. Two cells have the
              same offsets at their common edge, up to a sign."""
 
@@ -116,7 +116,7 @@ def _on_sheet(sheet: Sheet, uncut: Surface, field: CornerField | Floats) -> Corn
 
 
 def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
-    """Return a mask (m,) of cells made by a field whose stripes may cover stripes of band k."""
+    """Return a mask (m,) of cells under which stripes of band k can be hidden. family : (m,) field of each cell."""
     covers = np.array([band.family != bands[k].family and (band.hides or not bands[k].hides) for band in bands])
     covers &= ~np.array([bands[k].hides]) | (np.arange(len(bands)) < k)
     return np.asarray(covers[family])
@@ -124,10 +124,10 @@ def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
 
 @dataclass(frozen=True, eq=False)
 class _BandOnCells:
-    """Values of a band on triangles.
+    """Stripes of a field on triangles. The field has two values, z + d and z - d (see `DrawnBand`).
 
-    z : (m, 3) mean of z + d and z - d at the corners, with `sign` and `shift`.    d : (m,) half width of the stripe.
-    number : (m,) the level nearest to z at the centroid.    off : (m,) distance of z from this level.
+    z : (m, 3) mean of both values at the corners, minus `centre`.    d : (m,) half their difference at the centroid.
+    number : (m,) the level nearest to the mean at the centroid.    off : (m,) distance of the mean from this level.
     sign, shift : (m, 3) value at a corner = sign x value at its vertex + shift.
     blank : (m,) mask of triangles without values."""
 
@@ -153,23 +153,23 @@ class _BandOnCells:
         return cls(F, z - band.centre, half, number, distance, sign, shift, blank)
 
     def inside(self, slack: Floats) -> Bools:
-        """Return a mask (m,) of triangles whose centroid lies in a stripe widened by `slack` (m,), in units of z."""
+        """Return a mask (m,) of triangles with the centroid in a stripe. slack : (m,) added to half widths `d`."""
         return np.asarray((self.off < self.d + slack) & ~self.blank & np.isfinite(self.number))
 
     def links(self, pairs: Ints) -> Bools:
-        """Return a mask (p,) of pairs of half-edges (p, 2) whose cells are nearest to the same level of the field."""
+        """Return a mask (p,) of pairs of half-edges (p, 2) whose two cells have the same nearest level."""
         h, g = pairs.T
         flat = self.F.ravel()
-        g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # corner of g's cell where h begins
+        g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # corner of g's cell at the first vertex of h
         sign = self.sign.ravel()[h] * self.sign.ravel()[g]
         shift = self.shift.ravel()[h] - sign * self.shift.ravel()[g]
         return np.asarray(np.abs(self.number[h // 3] - (sign * self.number[g // 3] + shift)) < SAME_PHASE)
 
     def offsets(self, in_stripe: Bools) -> Floats:
-        """Return z minus the nearest level, (m, 3), at the corners of triangles in `in_stripe` (m,); NaN elsewhere.
+        """Return z minus the nearest level of the field, (m, 3), at the corners of triangles in the mask `in_stripe`.
 
-        A difference of 0 becomes a tiny number, with the same sign in all triangles at its vertex. So lines miss all
-        vertices."""
+        Other triangles get NaN. A difference of 0 becomes a tiny number, with the same sign in all triangles at its
+        vertex. So middle lines of stripes miss all vertices."""
         offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
         zero = np.abs(offset) < SAME_PHASE
         offset[zero] = 0.0
@@ -190,7 +190,7 @@ def _labelled_overlay(sheet: Sheet, source: Ints, stripes: list[_BandOnCells], b
     reach = [_value_ranges(stripe_values.z, source) for stripe_values in stripes]
     for k, stripe_values in enumerate(stripes):
         own_cells = sheet.family == k
-        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # allows for edges moved by `slicing.snap`
+        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # margin: `slicing.snap` moves edges
     taken = {band.family: np.zeros(m, dtype=bool) for band in bands}
     for k, band in enumerate(bands):
         taken[band.family] |= in_own_band & (sheet.family == k)
@@ -215,7 +215,7 @@ def _labelled_overlay(sheet: Sheet, source: Ints, stripes: list[_BandOnCells], b
 
 
 def _value_ranges(z: Floats, source: Ints) -> Floats:
-    """Return for each triangle the range (m,) of z (m, 3) in the undivided cell that contains it."""
+    """Return the range (m,) of z (m, 3) over all triangles with the same `source` (m,), the cell before division."""
     top, bottom = np.full(int(source.max()) + 1, -np.inf), np.full(int(source.max()) + 1, np.inf)
     np.maximum.at(top, source, z.max(axis=1))
     np.minimum.at(bottom, source, z.min(axis=1))

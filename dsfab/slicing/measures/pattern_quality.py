@@ -27,9 +27,9 @@ from dsfab.surface.topology import link_components
 class Bays:
     """Middle lines of a family, divided into b parts. A bay lies between two crossings with the other family.
 
-    piece  : (b,) the piece of `middles` that each part lies on.    at : (b, 3) barycentric coordinates of its middle.
+    piece  : (b,) number of each part's piece in `middles`.    at : (b, 3) barycentric coordinates of a part's middle.
     length : (b,) length of each part, metres.    bay : (b,) number of its bay.    count : number of bays.
-    angle  : (c,) angle between members at crossings, degrees, except in material other than stripes."""
+    angle  : (c,) angle between members at crossings, degrees; not in material other than stripes."""
 
     middles: StripeMiddles
     piece: Ints
@@ -41,7 +41,7 @@ class Bays:
 
     @cached_property
     def free(self) -> Floats:
-        """(b,) length of each line part, metres; 0 inside members of the other family, a rim, or a kept region."""
+        """(b,) length of each part, metres; 0 for a part in a member of the other family, a rim, or a kept region."""
         chart, face = self.middles.drawn, self.middles.face[self.piece]
         met = chart.inside(1 - self.middles.k, face, self.at) | chart.is_kept(face, self.at)
         return np.where(met, 0.0, self.length)
@@ -56,14 +56,14 @@ class Bays:
 
     @property
     def slits(self) -> int:
-        """Number of slits: bays whose opening is narrower than the member beside it, over half of the open length."""
+        """Number of slits: bays with an opening narrower than the member beside it, on over half of the open length."""
         free = np.bincount(self.bay, self.free, self.count)
         slit = np.bincount(self.bay, self.free * self.narrow, self.count)
         return int((slit > free / 2).sum())
 
     @property
     def slit_share(self) -> float:
-        """Fraction of the length of members, outside crossings, at which the opening beside the member is narrower."""
+        """Fraction of the members' open length at which the opening is narrower than the member beside it."""
         total = float(self.free.sum())
         return float(self.free @ self.narrow) / total if total > 0 else 0.0
 
@@ -103,7 +103,7 @@ def bays(middles: StripeMiddles) -> Bays:
 def _bay_labels(
     middles: StripeMiddles, piece: Ints, end: Ints, number: Ints, inner: Ints, barrier: Bools
 ) -> tuple[int, Ints]:
-    """Return the number of bays, and the bay of each part. Bays end only at nodes in `barrier` (j,)."""
+    """Return the number of bays, and the bay of each part. Parts join at a node unless `barrier` (j,) marks it."""
     parts, links = len(piece), []
     for at_node, side in ((number == 0, end), (number == inner[piece], 1 - end)):
         node = middles.node[piece, side]
@@ -141,7 +141,7 @@ def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confiden
     confidence : (m,) clarity of the direction, 0 to 1."""
     met = middles.at_nodes(middles.ends_in_material)
     loose = (middles.degree == 1) & ~middles.edge & ~met
-    clear = confidence[middles.face] > 0.25  # principal stresses differ by over 10 % of their RMS
+    clear = confidence[middles.face] > 0.25  # means: principal stresses differ by over 10 % of their RMS
     turns_back = _turning_nodes(middles, along[middles.face], clear)
     deviates = clear & (deviation[middles.face] > OFF)
     count, label = link_components(len(turns_back), middles.node[deviates, 0], middles.node[deviates, 1])
@@ -152,7 +152,7 @@ def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confiden
 
 
 def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools:
-    """Return a mask (j,) of nodes at which a member turns back although the stress has a clear direction."""
+    """Return a mask (j,) of nodes where a member turns back between two pieces with a clear direction of the stress."""
     pieces = np.flatnonzero(~middles.copy)
     step = middles.points[pieces, 1] - middles.points[pieces, 0]
     ahead = np.where(np.einsum("px,px->p", step, along[pieces]) < 0, -1, 1)  # -1: opposite to `along`
@@ -180,13 +180,13 @@ class Arms(NamedTuple):
     width: Floats
 
     def is_tip(self, width: float) -> bool:
-        """Return True if a member of `width` metres ends here: no strip, or a single strip narrower than 3 widths."""
+        """Return True if a member of `width` metres ends here: there is no arm, or one arm narrower than 3 widths."""
         return len(self.width) == 0 or (len(self.width) == 1 and float(self.width[0]) < 3 * width)
 
     def is_hairpin(self, width: float) -> bool:
-        """Return True if a member of this width, metres, ends or turns back here.
+        """Return True if a member of this width, metres, ends or turns back between these arms.
 
-        Both arms are first unfolded into one plane. So a member across a sharp edge of the surface is straight."""
+        Two arms are first unfolded into one plane. So a member across a sharp edge of the surface is straight."""
         if len(self.width) != 2 or not self.direction.any():
             return self.is_tip(width)
         unfolded = transported_vectors(self.normal[:1], self.normal[1:], self.direction[1:])[0]
@@ -227,7 +227,7 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
 
 
 def _faces_near(sheet: Surface, place: Floats, radius: float) -> Surface:
-    """Return the faces near a ball at `place`, divided to edges of at most radius / 2; all faces if none is near."""
+    """Return the faces near a ball at `place`, refined to edges of at most radius / 2; all faces if no face is near."""
     corners = sheet.V[sheet.F]
     away = np.linalg.norm(corners - place, axis=2).min(axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)

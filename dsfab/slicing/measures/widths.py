@@ -28,7 +28,7 @@ class FarEnds(NamedTuple):
 
 
 class _Lines(NamedTuple):
-    """Unfinished lines: number, half-edge of entry into a triangle, metres along it, direction (x, y), and length."""
+    """Unfinished lines: line number, half-edge of entry into a triangle, metres along it, direction (x, y), length."""
 
     number: Ints
     edge: Ints
@@ -43,14 +43,13 @@ class _Lines(NamedTuple):
 
 def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
     """Trace lines (k,) from points on the half-edges `start` (k,) to the boundary, perpendicular to the half-edges.
-
-    place : (k,) metres along each half-edge.    reach : metres; a longer line may have no end."""
+    place : (k,) metres along each half-edge.    reach : metres; a line longer than `reach` may be without an end."""
     frames, twin, start_vertex = _frames(surface), surface.edges.twins, surface.F.ravel()
-    against = start_vertex != start_vertex[twin]  # the twin has the opposite direction
+    against = start_vertex != start_vertex[twin]  # the twin of the half-edge has the opposite direction
     count = len(start)
     result = FarEnds(np.full(count, -1), np.zeros(count), np.ones(count), np.full(count, np.inf))
     lines = _Lines(np.arange(count), start, place, np.zeros(count), np.ones(count), np.zeros(count))
-    for _ in range(2000):  # a line that crosses more triangles runs along a member and gets no end
+    for _ in range(2000):  # a line across over 2000 triangles runs along a member; it is left without an end
         if not len(lines.number):
             break
         lines = _at_exit(lines, frames[lines.edge])
@@ -68,7 +67,7 @@ def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf
 
 
 def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
-    """Return the lines at the exits from their triangles, in the frame of the exit's half-edge; y points outwards."""
+    """Return the lines at the exits from their triangles, relative to the exit's half-edge: x along it, y outwards."""
     length, ax, ay, bx, by, cx, cy = frame.T
     s, x, y = lines.s, lines.x, lines.y
     # components of the direction (x, y) along the outward normals of the triangle's other two sides
@@ -98,10 +97,10 @@ def _frames(surface: Surface) -> Floats:
 
 MIDDLE = 0.5
 AT = (1e-3, MIDDLE, 1 - 1e-3)
-"""Starts of lines on a wall: its middle, and near its ends. The shortest lines between polylines start near an end."""
+"""Places on each wall, 0 to 1, where lines across the sheet start. The shortest lines start near an end of a wall."""
 OPPOSED = float(np.sin(np.radians(20)))
 """Two walls at an angle over 20 degrees are not opposite: they form a corner, so their distance is not a width."""
-TAPER = float(np.radians(1.5))  # Smallest angle between the walls of a tip, radians.
+TAPER = float(np.radians(1.5))  # Smallest angle between two walls that form a tip, radians.
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +109,7 @@ class Crossings:
 
     width  : (k,) shortest distance from a line's start to the edge at which the line ends, metres.
     place  : (k, 3) the start, metres.    face : (k,) the triangle at the start.
-    weight : (k,) length of the edge at the start, metres, if the line starts at its middle; 0 for other lines.
+    weight : (k,) length of the edge at the start, metres, if the line starts in the edge's middle; else 0.
     walls  : (k, 2) the edges of the surface at both ends of the line."""
 
     width: Floats
@@ -184,8 +183,8 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
 
     slope : (k,) cosine between a line and the half-edge at its end; negative if walls converge along this half-edge.
 
-    Straight walls at an angle a meet at a distance of D = w / (2 tan(a / 2)) from a line of length w. The wall runs
-    from one end of the line around the tip to the other end. In a tip, this wall is 0.4 to 1.7 times 2 D long."""
+    Straight walls at an angle a meet at a distance of D = w / (2 tan(a / 2)) from a line of length w. So the outline
+    from the line's start around the tip to its end is about 2 D long. Lines with 0.4 to 1.7 times 2 D are marked."""
     loop, middle, ahead, total = _loop_positions(surface)
 
     def position(spot: _EdgePoints) -> Floats:
@@ -203,7 +202,7 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
 
 
 def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
-    """Return for all half-edges (3 m,) boundary loops or -1, places and directions; return also the loops' lengths (m).
+    """Return the boundary loop (or -1), place and direction of all half-edges (3 m,); and the loops' lengths, metres.
 
     A place is the distance along the loop to a half-edge's middle. Directions are True for half-edges along the loop.
     The faces need no common orientation."""
@@ -224,7 +223,7 @@ def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
 
 def _loop_chains(ends: Ints) -> tuple[Ints, Ints, int]:
     """Return the loop (e,) of each edge, all edges in order along the loops, and the loop count; ends : (e, 2)."""
-    slot = sorted_order(ends.ravel())  # by vertex; 2 i + s is end s of edge i
+    slot = sorted_order(ends.ravel())  # ends of edges, sorted by vertex; end s of edge i has the number 2 i + s
     onward = np.empty_like(slot)
     onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # the far end of the next edge at the same vertex
     after, leaving = onward.tolist(), (2 * np.arange(len(ends)) + (ends[:, 0] > ends[:, 1])).tolist()
@@ -280,10 +279,10 @@ class Features:
         return weighted_quantiles(self.widths, self.weight, shares) if self.weight.sum() else np.empty(0)
 
     def histogram(self, limit: float = 0.0) -> tuple[Floats, Floats]:
-        """Return limits (b + 1,) of bins of width, from 0, metres, and the fraction (b,) of wall length in each bin.
+        """Return limits (b + 1,) of bins of member widths, metres, and the fraction (b,) of wall length in each bin.
 
         limit : a width, metres, at which a bin ends; 0 for none. Widths over 3 times the median, and the widest 1 %,
-        count in the last bin. Both results may be empty."""
+        count in the last bin. The first limit is 0. Both results may be empty."""
         if not self.weight.sum():
             return np.empty(0), np.empty(0)
         usual, widest = self.quantiles([0.5, 0.99]).tolist()
@@ -298,9 +297,8 @@ def below_limit(sizes: float | Floats, limit: float) -> Bools:
 
 
 def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) -> Floats:
-    """Return limits (b + 1,) of about `count` equal bins from 0 to `end`; one bin ends at `limit` if `limit` < `end`.
-
-    If this needs over `largest_count` bins, the first bin ends at the limit, and is narrower than the others."""
+    """Return limits (b + 1,) of about `count` equal bins from 0 to `end`. A bin ends at `limit` if 0 < `limit` < `end`.
+    If over `largest_count` equal bins were necessary, the first bin ends at `limit` and is narrower than the others."""
     if not 0 < limit < end:
         return np.linspace(0, end, count + 1)
     step = limit / max(1, round(limit / end * count))
@@ -312,12 +310,12 @@ def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) ->
 def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = False) -> Features:
     """Measure the smallest sizes of a cut sheet.
 
-    cells : all cells, material and void.    built : (m',) cells of the structure.    names : names of the fields.
+    cells : all cells, material and void.    built : (m',) mask of the structure's cells.    names : of the fields.
     tips  : True to measure gaps also in the tips of openings, where walls converge.
 
     Widths and gaps are lengths of the lines in `crossings`. They are exact between straight walls. If walls bend by an
-    angle a from edge to edge, the error is up to 1 - cos a. Two walls at an angle over 20 degrees have no width.
-    Pieces and openings without lines in `crossings` have the size 4 area / perimeter."""
+    angle a from edge to edge, the error is up to 1 - cos a. Walls at an angle over 20 degrees form a corner: between
+    these, no width is measured. Pieces and openings without lines in `crossings` have the size 4 area / perimeter."""
     part, mesh = SheetPart.from_cells(cells.surface, built), _mesh_width(cells)
     material, from_material = part.surface, part.cells
     across = crossings(material, material.edges.boundary)
@@ -336,8 +334,7 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
 
 
 def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
-    """Return a mask (m',) of the material cells that are also in `sheet`, which consists of whole pieces of the
-    material."""
+    """Return a mask (m',) of material cells in the connected pieces of the material that `sheet` consists of."""
     material = cells.material
     if material.sum() == sheet.surface.m:
         return np.asarray(material)

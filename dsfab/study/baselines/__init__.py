@@ -30,12 +30,12 @@ BASELINES: Mapping[str, Baseline] = {
     "simp": simp,
 }
 """Functions that make the competitors, by name. A competitor has the design's mass, loads, supports, kept regions and
-thickness, with two exceptions. `thinner` is thinner. `simp` replaces the preset's rim and discs by its own discs."""
+thickness, with two exceptions: `thinner` is less thick; `simp` has no rim, and other discs at loads and supports."""
 DEFAULT = ("isotropic", "thinner")  # default competitors of a comparison
 
 
 def baselines_by_name(names: Iterable[str]) -> dict[str, Baseline]:
-    """Return the functions of competitors by name, without repetition. Raises DsfabError for an unknown name."""
+    """Return the functions that make competitors of a design, by name, each once. Raises DsfabError for other names."""
     for name in (names := list(dict.fromkeys(names))):
         if name not in BASELINES:
             raise DsfabError(

@@ -107,7 +107,7 @@ class ComparisonTask:
         return flat_axis(self.surface, *self.all_loads.values()) is not None
 
     def loads_on(self, structure: "Structure", every: bool = False) -> dict[str, LoadCase]:
-        """Return `loads` (or `all_loads` if `every`) on the uncut surface, but with the self-weight of `structure`."""
+        """Return `loads`, or `all_loads` if `every`, on the uncut surface, but for the thickness of `structure`."""
         share = structure.thickness / self.preset.statics.thickness
         uncut_loads = self.all_loads if every else self.loads
         return {name: load.of_thickness(self.surface, share) for name, load in uncut_loads.items()}
@@ -186,7 +186,7 @@ def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
 def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) -> Structure:
     target_share, nearest = task.share, float("inf")
     for _ in range(rounds):
-        # slicing adds bridges and removes loose pieces, so the search for widths gets only 30 % of the tolerance
+        # the search for widths may use 30 % of the mass tolerance; the rest is for bridges and removed loose pieces
         layers = drawing(task, target_share, 0.3 * SAME_MASS * task.share)
         structure = sliced_structure(task, layers, improve=False)
         excess = structure.sheet.surface.area / task.area - 1
@@ -196,11 +196,11 @@ def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) 
         target_share -= excess * task.share
         if not 0 < target_share < 1:
             break
-    raise PatternError(f"falls apart: without its loose pieces its mass differs by {abs(nearest):.1%} or more")
+    raise PatternError(f"falls apart: its supported part differs in mass from the design by {abs(nearest):.1%} or more")
 
 
 def sliced_structure(task: ComparisonTask, layers: Sequence[Layer], improve: bool = True) -> Structure:
-    """Return the structure that slicing cuts from layers, with the preset's options but without loose pieces.
+    """Return the surface cut along the level lines of `layers`, by the preset's options but without loose pieces.
     improve : False to leave the triangles as they are, to save time."""
     names, fields, levels, widths, _ = zip(*layers, strict=True)
     changes = {"loose": "drop", "improve": improve and task.preset.slicing.improve}
@@ -221,7 +221,7 @@ def area_share(task: ComparisonTask, layers: Sequence[Layer]) -> float:
 def striped_structure(
     task: ComparisonTask, preset: Preset, diffusion: DiffusionResult, even: EvenStripes | None = None
 ) -> Structure:
-    """Return a structure of the stripes `even` or, by default, of stripes on modes of `diffusion`; area `task.area`."""
+    """Return a structure of area `task.area` with the stripes `even`; None for stripes on modes of `diffusion`."""
     radius = preset.pattern.width.widths(np.sqrt(task.surface.area)).radius
     task = replace(task, diffusion=diffusion)
     return widened_structure(task, preset, drawable_families(preset, task.stressed_surface, radius, even=even))
@@ -244,7 +244,7 @@ def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[D
     return matched_structure(task, drawing)
 
 
-MODES = 3  # number of modes that `PAIRS` combines; modes with equal eigenvalues may come in any order
+MODES = 3  # number of modes that `PAIRS` combines; the order of modes with equal eigenvalues is arbitrary
 PAIRS = [(a, b) for a in range(1, MODES + 1) for b in range(1, MODES + 1)]  # numbers of a major and a minor mode
 PHASES = (0.0, 0.25, 0.5, 0.75)  # phases of stripes that do not follow modes, in periods
 
@@ -275,12 +275,12 @@ def isotropic(task: ComparisonTask) -> list[Variant]:
 
 
 def isotropic_variants(task: ComparisonTask, blind: IsotropicStripes) -> list[Variant]:
-    """Return a variant for each pair of modes, in the order of `blind.pairs`."""
+    """Return a variant of the stripes `blind` for each of their pairs of modes, in the order of `blind.pairs`."""
     return _pair_variants(task, blind.preset, blind.diffusion, blind.pairs)
 
 
 def rotated_stripes(task: ComparisonTask) -> list[Variant]:
-    """Return a variant for each pair of modes. The design's diffusion tensors are turned by 45 degrees in the sheet."""
+    """Return stripes for each pair of modes, with the design's diffusion tensors turned by 45 degrees in the sheet."""
 
     @cache
     def diffusion() -> DiffusionResult:
@@ -323,7 +323,7 @@ def turned_tensors(surface: Surface, tensors: DiffusionTensors, angle: float) ->
 
 
 def mode_like_field(surface: Surface, face: Floats) -> Floats:
-    """Return the means (n,) at the vertices of values (m,) of faces, scaled by `scaled_field`."""
+    """Average values (m,) of faces at each vertex, and return the averages (n,) scaled by `scaled_field`."""
     return scaled_field(surface, vertex_means(surface, face))
 
 
@@ -341,7 +341,7 @@ def principal_axes(task: ComparisonTask) -> Floats:
     x = surface.V - mass @ surface.V / mass.sum()
     spread = x.T @ (mass[:, None] * x)
     ties = reference_axes(surface, (load.supported.astype(float),), (load.force.sum(axis=0),))
-    # supports and loads get a very small weight, so that they decide only between equally long axes
+    # supports and loads get a very small weight: they decide only if the surface is equally long along several axes
     spread += 1e-3 * np.trace(spread) * ties.T @ np.diag([1.0, 0.5, 0.0]) @ ties
     return np.asarray(np.linalg.eigh(spread)[1][:, :0:-1].T)
 

@@ -63,8 +63,8 @@ class Simp:
         is_valid = is_valid and self.steps >= 0
         if not (is_valid and 0 < self.void < 1 and 0 < self.move <= 1):
             raise StaticsError(
-                f"{self}: SIMP needs a radius and steps of 0 or more, at least one iteration, a penalisation of 1 or "
-                "more, and void and move between 0 and 1"
+                f"{self}: SIMP needs values of 0 or more for radius, steps and change, of 1 or more for iterations and "
+                "penalisation, and values between 0 and 1 for void and move"
             )
 
     def filter_radius(self, surface: Surface) -> float:
@@ -107,7 +107,7 @@ class Densities:
 
     def grey(self, surface: Surface) -> float:
         """Return the share of the area with a density from 0.1 to 0.9, which is neither void nor material. The share is
-        large where the two principal stresses are equal and opposite, because ribs bring no gain there."""
+        large where the two principal stresses are equal and opposite: there, ribs are no stiffer than grey areas."""
         return float(surface.areas @ ((self.density > 0.1) & (self.density < 0.9))) / surface.area
 
 
@@ -170,7 +170,7 @@ def free_task(task: ComparisonTask, options: Simp | None = None) -> ComparisonTa
 
 
 def optimised_densities(task: ComparisonTask, options: Simp | None = None) -> Densities:
-    """Return the densities (m,) of faces for the area, loads and kept regions of a task, with self-weight."""
+    """Return the result of SIMP for the area, loads and kept regions of a comparison. Self-weight is included."""
     statics, weights = task.preset.statics, task.preset.followed_weights
     sheet = statics.sheet().model_for(task.surface)
     loads = {name: load.of_thickness(task.surface, task.share) for name, load in task.loads.items()}

@@ -51,7 +51,7 @@ class Finding:
 class FileCheck:
     """Result of the check of a file.
     clearances : walls and gaps; None for a file that is not closed.       density : kg/m3, 0 if unknown.
-    distance, carrying : results of the comparison with the design. If there is none, `findings` state the reason."""
+    distance, carrying : results of the comparison with the design; None if missing, see `findings` for the reason."""
 
     path: Path
     found: FileContents
@@ -174,7 +174,7 @@ def _cut_finding(contents: FileContents) -> Finding:
 
 
 def _limit_findings(walls_and_gaps: Clearances | None, design: Design, matches_design: bool) -> list[Finding]:
-    """Check the limits of [fabrication] on the design if the file is equal to the design, else on the file."""
+    """Check the limits of [fabrication], on the design if `matches_design`, else on the walls and gaps in the file."""
     options, findings = design.preset.fabrication, []
     built = {check.name: check for check in fabrication(design).checks} if matches_design else {}
     for name, limit in (("wall", options.min_wall), ("gap", options.min_gap)):
@@ -195,7 +195,7 @@ def _built_measure(check: Check) -> str:
     if not check.value:
         return "none in the design"
     place = ", ".join(f"{x:.4g}" for x in check.place)
-    return f"smallest in the design: {length(check.value[0])}, at ({place}) m; the limit is {length(check.limit[0])}"
+    return f"minimum in the design: {length(check.value[0])}, at ({place}) m; the limit is {length(check.limit[0])}"
 
 
 def _solid_compliance(
@@ -222,4 +222,4 @@ def _compliance_finding(carries: SolidCompliance | None, why: str) -> Finding:
         return Finding("compliance", "pass")
     if difference > DIFFERS:
         return Finding("compliance", "fail")
-    return Finding("compliance", "unknown", f"solid and shell are {difference:.0%} apart; compare on a finer mesh")
+    return Finding("compliance", "unknown", f"the compliances differ by {difference:.0%}; compare on a finer mesh")

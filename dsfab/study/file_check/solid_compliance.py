@@ -219,7 +219,7 @@ GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
 
 @dataclass(frozen=True)
 class SolidCompliance:
-    """Compliances (J) of a cut sheet (`shell`) and a file's solid (`solid`) under the loads that the pattern follows.
+    """Compliances (J) of a cut sheet (`shell`) and of the solid in a file (`solid`), under the loads of the pattern.
     tetrahedra : number of tetrahedra in the solid model.    unknowns : number of unknowns.
     edge       : longest edge on the surface of the solid model, metres.    elements : elements of the shell."""
 
@@ -239,8 +239,7 @@ class SolidCompliance:
 def compared_compliance(contents: FileContents, design: Design, edge: float | None = None) -> SolidCompliance:
     """Compare the compliance of the solid in a file with that of its design's sheet.
     edge : longest edge on the surface of the solid model, metres; default: see `EDGE` and `COARSE`.
-
-    The solid gets the loads and supports of the cut sheet, applied to its mean displacement through the thickness.
+    Loads and supports of the sheet act on the solid's displacements, averaged through the thickness.
     Raises StaticsError if gmsh or the solver fails."""
     sheet, statics = design.sheet.surface, design.preset.statics
     loads, t = design.cut_loads, statics.thickness
@@ -261,7 +260,7 @@ def compared_compliance(contents: FileContents, design: Design, edge: float | No
 
 @dataclass(frozen=True, eq=False)
 class SupportPoints:
-    """Points of a sheet in a solid with a thickness (m).
+    """Supports and loads of a sheet in the model of its solid, at points through the thickness (m).
     shift : distance from the sheet to the middle of the solid, as a multiple (-1, 0, 1) of half the thickness."""
 
     model: SolidModel
@@ -288,8 +287,8 @@ class SupportPoints:
         return csr_array(csr_array(entries, shape=(k, 3 * k)) @ apart)
 
     def samples(self, edges: Bools) -> tuple[Floats, Floats, Floats]:
-        """Return places (k, 3) on marked edges, the normals of the faces there, and the vectors of the edges.
-        The distance between places is at most half a thickness, so that the solid cannot move between them."""
+        """Return points (k, 3) on marked edges, the normals of the faces there, and the vectors of the edges.
+        Points are at most half a thickness apart, so that supports at the points hold the solid along the edge."""
         table = self.sheet.edges
         start, end = np.moveaxis(self.sheet.V[table.ends[edges]], 1, 0)
         count = np.ceil(2 * np.linalg.norm(end - start, axis=1) / self.thickness).astype(np.int64)

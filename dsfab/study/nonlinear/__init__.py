@@ -12,7 +12,7 @@ from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
 CANDIDATE, JUMP = 10.0, 5.0
-"""A snap: displacement per load of a step over `CANDIDATE` x that of the first and `JUMP` x that of the step before."""
+"""A step snaps if its displacement per load is over `CANDIDATE` x the first step's and `JUMP` x the previous step's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,15 +42,15 @@ class NonlinearCheck:
 
     @property
     def sentence(self) -> str:
-        how, stop = f"gives way at {self.limit:.3g} times its load", ""
+        how, stop = f"the sheet gives way at {self.limit:.3g} times its load", ""
         if self.minutes:
-            how = f"solved up to {self.limit:.3g} times its load"
+            how = f"the sheet was solved up to {self.limit:.3g} times its load"
             stop = f", then stopped at the time limit of {self.minutes:.3g} minutes (--minutes): it may bear more"
         elif not self.given_way:
-            how = f"bears {self.limit:.3g} times its load, and may bear more"
-        mesh = f" of a surface with edges of {length(self.edge)}, cut without fillets" if self.edge else ""
+            how = f"the sheet bears {self.limit:.3g} times its load, and may bear more"
+        mesh = f" on a mesh with edges of {length(self.edge)}, without fillets" if self.edge else ""
         return (
-            f"{self.case}: {how} with large displacements and an imperfection of {length(self.imperfection)} in the "
+            f"{self.case}: {how}, with large displacements and an imperfection of {length(self.imperfection)} in the "
             f"shape of the first buckling mode{stop}; by linear theory the sheet buckles at {self.linear:.3g} times "
             f"its load (CalculiX, {self.triangles:,} quadratic wedges{mesh}, linear elastic material)"
         )
@@ -164,7 +164,7 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
 
 
 def last_point(path: LoadPath) -> int | None:
-    """Return the number of the last point of a path that is needed, or None. It is the point after a snap-through,
+    """Return the number of the point at which the solver of a path may stop, or None. It is the point after a snap,
     or a point from which CalculiX fails even with a step of less than 2.5 % of the load."""
     limit_step, snaps = limit_of(replace(path, whole=True))
     moves = _relative_moves(path)

@@ -52,7 +52,7 @@ def verdict(design: Design) -> Verdict:
 
 
 Metric = Callable[[Design], float]
-NARROWEST = 0.1  # `min_width` leaves out this share of the area, the narrowest stripes
+NARROWEST = 0.1  # fraction of the stripes' area that may be narrower than `min_width`
 
 
 def _loose(design: Design) -> float:
@@ -199,18 +199,18 @@ class MetricFacts(NamedTuple):
 
 _CUT = "on the unrefined cut mesh"
 ABOUT: Mapping[str, MetricFacts] = {
-    "area": MetricFacts("m2", "less", "slicing", "area of the kept sheet"),
-    "kept_share": MetricFacts("", "less", "slicing", "area of the kept sheet over that of the surface"),
+    "area": MetricFacts("m2", "less", "slicing", "area of the cut sheet"),
+    "kept_share": MetricFacts("", "less", "slicing", "area of the cut sheet divided by that of the surface"),
     "volume": MetricFacts("m3", "less", "thickening", "volume of the solid"),
     "mass": MetricFacts("kg", "less", "thickening", "mass of the solid"),
-    "pieces": MetricFacts("", "less", "slicing", "connected parts of the kept sheet"),
+    "pieces": MetricFacts("", "less", "slicing", "number of connected parts of the cut sheet"),
     "genus": MetricFacts("", "", "thickening", "number of handles of the solid: its holes"),
-    "compliance_uncut": MetricFacts("J", "less", "statics", "compliance of the uncut surface, to rank designs by"),
+    "compliance_uncut": MetricFacts("J", "less", "statics", "compliance of the surface before it is cut"),
     "sheet_mass": MetricFacts("kg", "less", "slicing", "area x thickness x density, without building the solid"),
     "loose": MetricFacts("", "less", "slicing", "share of the cut material that reaches no support"),
     "pinches": MetricFacts("", "less", "slicing", "point contacts that were joined or split"),
     "min_width": MetricFacts("m", "more", "slicing", "width that stripes exceed on 90 % of their area"),
-    "evenness": MetricFacts("", "less", "pattern", "widest / narrowest member spacing (P95 / P5), less even family"),
+    "evenness": MetricFacts("", "less", "pattern", "widest / narrowest (P95 / P5) spacing in the less even family"),
     "dead_ends": MetricFacts("", "less", "pattern", "loose ends of members, and members that make a U-turn"),
     "slits": MetricFacts("", "less", "pattern", "openings narrower than the members beside them"),
     "deviation": MetricFacts("degrees", "less", "pattern", "angle from members to stress, weighted by the stress"),
@@ -222,7 +222,7 @@ ABOUT: Mapping[str, MetricFacts] = {
     "compliance_quick": MetricFacts(
         "J", "less", "slicing", f"one solve {_CUT}, {elements_of('ranking')}: ranks designs, 5 to 15 % off"
     ),
-    "displacement": MetricFacts("m", "less", "slicing", f"largest displacement, by the solve for `compliance` {_CUT}"),
+    "displacement": MetricFacts("m", "less", "slicing", f"largest displacement {_CUT}, solved as for `compliance`"),
     "stress": MetricFacts("Pa", "less", "slicing", f"von Mises stress that 99 % of the area does not exceed, {_CUT}"),
     "buckling": MetricFacts(
         "",
@@ -231,8 +231,8 @@ ABOUT: Mapping[str, MetricFacts] = {
         f"linear buckling factor {_CUT}, often 4 to 8 % low; shells fail at a fifth to a half of this factor",
     ),
     "verdict": MetricFacts("J", "less", "slicing", "compliance by the full verdict, which takes about ten solves"),
-    "verdict_bound": MetricFacts("", "less", "slicing", f"error bound of `verdict`; {CONVERGED:g} or less is accurate"),
-    "over_thinner": MetricFacts("", "less", "slicing", "compliance over that of a thinner sheet of the same mass"),
+    "verdict_bound": MetricFacts("", "less", "slicing", f"relative error bound of `verdict`, good up to {CONVERGED:g}"),
+    "over_thinner": MetricFacts("", "less", "slicing", "compliance / compliance of a thinner sheet of the same mass"),
     "over_isotropic": MetricFacts("", "less", "slicing", "compliance over that of isotropic stripes of the same mass"),
     "ersatz": MetricFacts("J", "less", "slicing", "rough compliance: stiffness of uncut faces x share of material"),
 }

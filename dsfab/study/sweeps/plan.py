@@ -71,19 +71,19 @@ class Range(BaseModel):
 
 @dataclass(frozen=True)
 class Axis:
-    """An axis of the design space: one key with a range, or keys that change together in rows of values."""
+    """An axis of the design space: `keys` with a range (`span`) or with `rows`. Each row has a value for each key."""
 
     keys: tuple[str, ...]
     rows: tuple[tuple[Any, ...], ...] = ()
     span: Range | None = None
 
     def grid_changes(self) -> list[dict[str, Any]]:
-        """Return the changes at all grid points of the axis."""
+        """Return the values at all grid points of the axis, by key."""
         rows = self.rows if self.span is None else [(value,) for value in self.span.grid_values()]
         return [dict(zip(self.keys, row, strict=True)) for row in rows]
 
     def changes_at(self, u: float) -> dict[str, Any]:
-        """Return the changes at position u (0 to 1) of the axis. Each row gets an equal part of the axis."""
+        """Return values by key at position u (0 to 1) of the axis. Each of `rows` takes an equal part of the axis."""
         if self.span is not None:
             return {self.keys[0]: self.span.value_at(u)}
         row = self.rows[min(int(u * len(self.rows)), len(self.rows) - 1)]
@@ -100,8 +100,8 @@ def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str
 
 
 def dotted_keys(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return nested tables as one table with dotted keys. Ranges (tables with the key `from`), empty tables, and tables
-    whose own key has dots stay tables."""
+    """Return nested tables as one table with dotted keys. Some tables remain as values: ranges (tables with the key
+    `from`), empty tables, and tables whose own key has dots."""
     entries: dict[str, Any] = {}
     for key, value in table.items():
         if isinstance(value, Mapping) and value and "from" not in value and "." not in key:
@@ -190,7 +190,7 @@ USUAL = ("kept_share", "sheet_mass", "pieces", "compliance")  # default metrics 
 
 
 class Search(BaseModel):
-    """Section [search]: the metric that a search minimises or maximises; it replaces `sampling`."""
+    """Section [search]: the metric that a search minimises or maximises. The section replaces the key `sampling`."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -229,7 +229,7 @@ class Plan(BaseModel):
     keep: tuple[Kept, ...] = ("picture",)
     """Kinds of files to keep from each run."""
     formats: tuple[Format, ...] = ("stl",)
-    """File formats of kept solids."""
+    """File formats of the solids that the sweep keeps from its runs."""
     size: Annotated[str, Field(pattern=r"^[1-9]\d{1,3}x[1-9]\d{1,3}$")] = "480x360"
     """Size of the pictures in pixels."""
     view: str = "iso"

@@ -319,7 +319,7 @@ def _refusal(path: Path, error: sqlite3.Error) -> DsfabError:
 
 FEWEST, PER_AXIS = 12, 4
 """Number of points in a generation of a search: `PER_AXIS` for each axis, but at least `FEWEST`. It does not depend on
-the number of evaluations, so that a search can be extended."""
+the number of evaluations. So a search for more evaluations repeats the first generations of a shorter search."""
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
 """Least cost of a run that misses constraints, of a failed run, and of a run that was not made [Deb 2000]."""
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]

@@ -79,14 +79,14 @@ class Rows:
         return len(self._free) + sum(len(row) for row in self._rows.values())
 
     def take(self, worker: str) -> int | None:
-        """Return a worker's next run, or None. A worker without runs gets all free runs or half the longest queue."""
+        """Return a worker's next run, or None. An empty queue gets all free runs, or half of the longest queue."""
         row = self._rows.setdefault(worker, [])
         if not row:
             self._rows[worker] = row = self._take_share()
         return row.pop(0) if row else None
 
     def give_back(self, worker: str, number: int) -> None:
-        """Return a run to the front of the free runs."""
+        """Put a run that a worker did not finish at the front of the free runs, and free the worker's other runs."""
         self._free.insert(0, number)
         self.leave(worker)
 
@@ -157,7 +157,7 @@ class _Scheduler:
         worker, number = self.busy.pop(future)
         try:
             outcome = future.result()
-        except Exception as error:  # the worker died; other errors are part of the outcome
+        except Exception as error:  # the worker died; errors of the run itself are in its outcome
             self._worker_died(worker, number, error)
             return
         self.crew.learn(outcome)

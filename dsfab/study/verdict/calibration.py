@@ -93,7 +93,7 @@ class TrialRow:
 
     @property
     def is_inside(self) -> bool:
-        """True if the truth lies within the bound."""
+        """True if the error of the verdict's value is within the verdict's bound."""
         compliance_estimate = self.estimate
         return abs(self.truth - compliance_estimate.value) <= compliance_estimate.bound * compliance_estimate.value
 
@@ -123,7 +123,7 @@ def summary(rows: Sequence[TrialRow]) -> Summary:
     """Return the statistics of a table. Raises ValueError if `is_tested` is False for all rows."""
     rows = [row for row in rows if row.is_tested]
     if not rows:
-        raise ValueError("no design was solved on more meshes than its verdict needs")
+        raise ValueError("no design was solved on a finer mesh than those of its verdict")
     bounds, quick = [row.estimate.bound for row in rows], [abs(row.quick_error) for row in rows]
     return Summary(
         len(rows),
@@ -259,7 +259,7 @@ def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
         tuple(mesh_level.compliance[case] for mesh_level in levels),
         tuple(mesh_level.zz_membrane[case] + mesh_level.zz_bending[case] for mesh_level in levels),
     )
-    largest_triangles = 100_000  # larger designs get no fourth mesh
+    largest_triangles = 100_000  # limit for the fourth, finest mesh, unless a test needs this mesh
     if count > 3 and (64 * row.triangles <= largest_triangles or not row.is_tested):
         finest = _solve(setting, next(finer), forces, MAIN_ELEMENTS)
         recovery = finest.zz_membrane[case] + finest.zz_bending[case]

@@ -32,9 +32,9 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
     recovery : relative energy error of the stress on the finest mesh, see `Level.zz_membrane`.
     With three meshes, the value is the mean of two extrapolations: by `EXTRAPOLATION_DIVISOR` and by
     `limit_at_own_rate`."""
-    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # smallest factors that fit calibration.csv
+    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # smallest factors of the bound by calibration.csv
     if len(values) < 2:
-        # for 19 of 20 designs, the factor 1.7 suffices
+        # for 19 of 20 designs, the error is at most 1.7 x recovery
         return ComplianceEstimate(values[0], max(1.7 * recovery, of_spread * abs(spread), LEAST_BOUND))
     step = values[-1] - values[-2]
     usual_limit, own_limit = values[-1] + step / EXTRAPOLATION_DIVISOR, limit_at_own_rate(values)
@@ -45,7 +45,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
 
 
 def limit_at_own_rate(values: Sequence[float]) -> float:
-    """Extrapolate by the last two steps' ratio, limited to `STEP_RATIOS`; if it is <= 0, by `EXTRAPOLATION_DIVISOR`."""
+    """Extrapolate by the ratio of the last steps, within `STEP_RATIOS`; by `EXTRAPOLATION_DIVISOR` for a ratio <= 0."""
     step, before = values[-1] - values[-2], values[-2] - values[-3] if len(values) > 2 else 0.0
     if before * step <= 0:
         return values[-1] + step / EXTRAPOLATION_DIVISOR
@@ -54,8 +54,8 @@ def limit_at_own_rate(values: Sequence[float]) -> float:
 
 WIDEST_MODE_BOUND = 0.05  # largest relative bound of buckling and frequency for which two meshes suffice
 STEP_RATIOS = (1.5, 4.0)
-"""Smallest and largest ratio of successive differences between meshes, for an extrapolation. Below the smallest ratio,
-the differences do not decrease clearly."""
+"""Limits for the ratio of a step to the next, in extrapolations. A step is the difference of values on two meshes.
+Below the smaller limit, the steps do not decrease clearly."""
 
 
 @dataclass(frozen=True)
@@ -79,9 +79,9 @@ def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     of the previous mesh. A step is the difference of the values on two successive meshes.
 
     Two meshes: half of the step is added to the last value, and the bound is the whole step. Three meshes: the value is
-    extrapolated by the ratio of the steps, and the bound is the extrapolated part. If steps have opposite signs or do
-    not clearly decrease, the value is that of the finest mesh. The bound is then twice the larger step. Steps of
-    opposite signs that clearly decrease give twice the last step as bound. The bound covers only errors of the mesh."""
+    extrapolated by the ratio of the steps, and the bound is the extrapolated part. In two cases, the value is that of
+    the finest mesh. If the steps do not clearly decrease, the bound is twice the larger step. If they clearly decrease
+    but have opposite signs, the bound is twice the last step. The bound covers only errors of the mesh."""
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
     finest, step = values[-1], values[-1] - values[-2]
@@ -113,7 +113,7 @@ class Extreme:
 
     @property
     def settled(self) -> float:
-        """Largest value without the stress at corners (`away`), or `value` if `away` is None."""
+        """The value `away`, which leaves out corners; `value` if `away` is None."""
         return self.value if self.away is None else self.away
 
 

@@ -35,9 +35,9 @@ from dsfab.surface import LoadCase, Surface
 
 
 class Shares(NamedTuple):
-    """Forces of a load on a cut sheet, newtons, assigned to places on the uncut surface; the same for every cut mesh.
+    """Forces of a load on a cut sheet, newtons, by vertex and face of the uncut surface; the same for every cut mesh.
     vertices : (n, 3) forces on the material around each vertex of the uncut surface.
-    faces    : (p, 3) forces on the material in each uncut face. Face p - 1 is the last face with material."""
+    faces    : (p, 3) forces on the material in each uncut face, up to the last face with material (p - 1)."""
 
     vertices: Floats
     faces: Floats
@@ -101,7 +101,7 @@ def rib_softening(
     answers: Mapping[str, Equilibrium],
     stresses: Mapping[str, SheetStress],
 ) -> dict[str, RibSoftening]:
-    """Return how much softer a solid is than a thin sheet, for each load case. The sheet is solved again with bars."""
+    """Return how much softer a solid is than a thin sheet, by load case. A second solve lets ribs twist as bars."""
     surface, h, material = sheet.surface, sheet.thickness, sheet.material
     try:
         barred = [answer.compliance for answer in solve_cases(sheet, loads, elements, spreads, bars=True).values()]
@@ -140,7 +140,7 @@ def theory_share(soft: RibSoftening) -> float:
 
 
 MAIN_ELEMENTS, SPREAD_ELEMENTS = elements_of("compliance"), elements_of("spread")
-"""Main elements (membrane and bending) of a verdict, and elements whose errors mostly have the opposite sign."""
+"""Main and further elements (membrane, bending) of a verdict. The errors of these pairs mostly have opposite signs."""
 QUICK_ELEMENTS = elements_of("compliance_once")  # elements for one solve (quick)
 BYTES_PER_UNKNOWN = {
     "PARDISO": {"hhj": 2200.0, "midedge": 1900.0, None: 1900.0},
@@ -183,7 +183,7 @@ def level(
     pairs: tuple[Elements, ...] = (MAIN_ELEMENTS, SPREAD_ELEMENTS),
     ribs: bool = False,
 ) -> Level:
-    """Solve the sheet on one mesh, under loads that have the same supports.
+    """Solve the sheet on one mesh, for load cases with the same supports.
     spreads : the loads as forces per area and per length.    pairs : pairs of membrane and bending elements.
     ribs    : True to add a second solve in which ribs twist as bars, see `RibSoftening`.
     Raises StaticsError if a solve fails."""

@@ -29,7 +29,7 @@ from dsfab.study.verdict.levels import memory_needed, on_mesh, shares
 from dsfab.study.verdict.verdict import MOST_MESHES, LoadedSurface, attached_material
 from dsfab.surface import LoadCase, Surface
 
-MODE_ELEMENTS: Elements = elements_of("buckling")  # frequencies use the same stiffness matrix
+MODE_ELEMENTS: Elements = elements_of("buckling")  # for buckling and frequencies, with one stiffness matrix
 
 
 @dataclass(frozen=True)
@@ -81,10 +81,10 @@ def mode_intervals(
         sheet, _, loads = attached_material(setting, material)
         forces = shares(sheet, loads)
         for mesh in islice(meshes(sheet, SmoothSurface.from_surface(setting.surface)), MOST_MESHES):
-            # two factorisations are stored: assume the solver that needs more memory
+            # two factorisations are stored, so the estimate is for the solver that needs more memory
             needed = memory_needed(MODE_ELEMENTS.unknowns(mesh.surface), MODE_ELEMENTS.bending, "multifrontal")
             if levels and needed > budget:
-                refusals.append(f"a finer mesh for the bound of modes would need {needed / 1e9:.1f} GB")
+                refusals.append(f"a finer mesh for bounds of buckling and frequency would need {needed / 1e9:.1f} GB")
                 break
             if progress:
                 progress("modes", f"{mesh.surface.m:,} triangles")
@@ -109,7 +109,7 @@ def mode_level(
     standing: ModeSupports,
     request: ResultRequest,
 ) -> ModeLevel:
-    """Return the modes on one mesh. All cases share one factorisation. Raises StaticsError if a solve fails."""
+    """Return the lowest buckling factors and frequency on one mesh. Raises StaticsError if a solve fails."""
     sheet, factor_cache = material.model_for(surface), FactorCache(2)
     K = sheet_stiffness(sheet, MODE_ELEMENTS)
     supports = standing.load

@@ -101,9 +101,8 @@ class CaseVerdict:
     """The verdict on one load case or combination.
     value  : compliance, J; nan without a solution.
     bound  : largest error of the value, divided by the value; inf if unknown.
-    status : pass if the sheet carries the loads and the bound is at most `CONVERGED`; fail if the sheet does not carry
-             the loads; else unknown.
-    spread : compliance by quadratic + midedge divided by that by quadratic + hhj, minus 1, on the first mesh.
+    status : fail if the sheet does not carry the loads; pass if the bound is at most `CONVERGED`; else unknown.
+    spread : c / c0 - 1 on the first mesh: compliance c by quadratic + midedge, c0 by quadratic + hhj.
     zz_membrane, zz_bending : errors on the finest mesh, see `Level`.
     theory : fraction by which a solid may be softer than this thin sheet, see `theory_share`."""
 
@@ -126,7 +125,7 @@ class Verdict:
     cases      : verdicts on the cases, the worst status first, then the largest compliance. The first case governs.
     levels     : the solved meshes, coarse to fine.
     dropped    : pieces of material that reach no support, largest first. They are not solved.
-    per_member : mean width of members in edges of the uncut mesh; inf for a closed sheet without openings.
+    per_member : mean width of members divided by the uncut mesh's mean edge; inf for a closed sheet without openings.
     facets     : median of L^2 / (R h) of the uncut mesh: edge length L, radius of curvature R, thickness h.
     warnings   : sentences about a small `per_member` and a large `facets`."""
 
@@ -153,7 +152,7 @@ class Verdict:
 
     @property
     def theory(self) -> float:
-        """Fraction by which a solid may be softer than the thin sheet, in the first of `cases`."""
+        """Fraction by which a solid may be softer than the thin sheet, for the governing case."""
         return self.cases[0].theory
 
     @property
@@ -186,7 +185,7 @@ COUNT = {2: "two levels", 3: "three levels"}
 
 @dataclass
 class Refinement:
-    """The solved meshes of a verdict.
+    """The meshes that were solved to check a sheet's compliance.
     stopped  : status and reason if the refinement ended early, else None.
     unsolved : True if the solver rejected the last mesh."""
 
@@ -218,7 +217,7 @@ class Refinement:
                 return
 
     def cases(self) -> list[CaseVerdict]:
-        """Return the verdict on each case from all solved meshes."""
+        """Return the verdict on each load case or combination, from all solved meshes."""
         return [self._case(name) for name in self.setting.loads]
 
     @property
@@ -244,7 +243,7 @@ class Refinement:
             self.progress("verdict", f"solving {mesh.surface.m:,} triangles")
         loads, spreads = on_mesh(self.setting.surface, mesh, self.setting.loads, forces)
         pairs: tuple[Elements, ...] = (QUICK_ELEMENTS,)
-        if self.depth == "full":  # `SPREAD_ELEMENTS` are solved only on the first mesh
+        if self.depth == "full":  # only the first mesh is also solved with `SPREAD_ELEMENTS`
             pairs = (MAIN_ELEMENTS,) if self.levels else (MAIN_ELEMENTS, SPREAD_ELEMENTS)
         ribs = self.depth == "full" and not self.levels
         self.levels.append(level(mesh.surface, self.setting.made, loads, spreads, pairs, ribs))
@@ -265,7 +264,7 @@ class Refinement:
         estimate = estimates.estimate(values, spread, sum(errors[:2]))
         is_known = len(values) > 1 and estimate.bound <= CONVERGED
         if len(values) == 1:
-            reason = f"bound {percent(estimate.bound)} by the recovery error; one mesh cannot show convergence"
+            reason = f"error bound {percent(estimate.bound)} from one mesh; only finer meshes can show convergence"
         elif is_known:
             reason = f"converged within {percent(estimate.bound)}"
         else:
@@ -352,7 +351,7 @@ def _verdict(refinement: Refinement, sheet: Sheet, dropped: tuple[Dropped, ...],
 
 
 def facet_ratio(smooth: SmoothSurface, thickness: float) -> float:
-    """Return the median of L^2 / (R h), see `Verdict.facets`. L^2 / R is 8 times the length of `bulge`."""
+    """Return the median of L^2 / (R h), see `Verdict.facets`. The arc over an edge is L^2 / (8 R) high, see `bulge`."""
     return 8 * float(np.median(np.linalg.norm(smooth.bulge, axis=1))) / thickness
 
 
@@ -366,7 +365,7 @@ def _warnings(across: float, facets: float) -> list[str]:
         )
     if facets > FACETS:
         warnings.append(
-            f"flat faces are too far off the smooth surface: L^2 / (R h) is {facets:.2g} (better under {FACETS:g}) for "
+            f"flat faces are too far off the smooth surface: L^2 / (R h) is {facets:.2g}, not below {FACETS:g}, for "
             "edge length L, radius R and thickness h; make the mesh finer (surface.edge)"
         )
     return warnings

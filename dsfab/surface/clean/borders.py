@@ -63,7 +63,7 @@ def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
 
 
 def _ragged_runs(turn: Floats) -> list[tuple[Ints, bool]]:
-    """Return the indices (k,) of border parts that turn left and right alternately, and if a part is the whole border.
+    """Return each border part that turns left and right alternately: vertex indices (k,), and True for a whole border.
     turn : (j,) change of direction at each vertex of the border, radians."""
     large = np.flatnonzero(np.abs(turn) > RAGGED_TURN)
     if len(large) < LEAST_TURNS:

@@ -26,7 +26,7 @@ from dsfab.surface.topology import EdgeTable, corners_of, edge_table, link_compo
 
 
 def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
-    """Mark the pairs (p, 2) of vertices at one place that lie on a line where two sheets of faces F (m, 3) cross.
+    """Mark pairs (p, 2) of vertices at one place: the pairs on a line where two sheets of faces F (m, 3) cross.
     Each of the two vertices lies inside its sheet. At the ends of the line, a vertex may also lie on a border."""
     edges = edge_table(F)
     n = int(max(F.max(), pairs.max())) + 1
@@ -57,7 +57,7 @@ def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
 
 
 def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
-    """Mark pairs (p,) of vertices at the ends of lines where sheets cross: edges (e, 2) lead to a crossing pair."""
+    """Mark the pairs (p,) next to crossing pairs: edges (e, 2) lead from their two vertices to a crossing pair."""
     neighbours: dict[int, set[int]] = {}
     for a, b in edges[np.isin(edges, pairs[is_crossing]).any(axis=1)].tolist():
         neighbours.setdefault(a, set()).add(b)
@@ -147,7 +147,7 @@ def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> I
 
 
 def _of_one_quad(F: Ints, face: Ints, cover: Ints) -> Bools:
-    """Mark the pairs (p,) of faces from two copies of one quad, which F (m, 3) cuts along different diagonals."""
+    """Mark the pairs (p,) of faces in F (m, 3) that come from two copies of one quad, cut along different diagonals."""
     is_equal = F[face][:, :, None] == F[cover][:, None, :]
     is_shared, is_shared_there = is_equal.any(axis=2), is_equal.any(axis=1)
     result: Bools = (is_shared.sum(axis=1) == 2) & (is_shared_there.sum(axis=1) == 2)
@@ -188,7 +188,7 @@ def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
 
 
 def _tied_faces(edges: EdgeTable, covers: Ints, faces: Ints) -> Bools:
-    """Return which of the faces (k,) must stay, because without them an edge of another face would become open.
+    """Mark the faces (k,) that must stay: without them, a neighbour that does not overlap them would get an open edge.
     Faces with a common edge stay or go together."""
     m, remaining = len(edges.of), np.full(len(edges.ends), -1)
     remaining_faces = np.delete(np.arange(m), faces)
@@ -212,7 +212,7 @@ def _is_covered(covers: Ints, by: Bools) -> Bools:
 COPY_GAP = 1 / 500  # Largest distance between two copies of a sheet, divided by the square root of its area.
 PARALLEL_GAP = 0.08  # Largest distance between parallel sheets, divided by the square root of their area.
 LEAST_AREA_RATIO = 0.8  # Smallest ratio of the areas of two parallel sheets, smaller to larger.
-IGNORED_SHARE = 0.1  # Ignored fraction of the area, once at the smallest and once at the largest distances.
+IGNORED_SHARE = 0.1  # Comparisons of distances ignore this fraction of the area at the smallest, and at the largest.
 
 _REMARKS = {
     "copy": "the surface has two sheets only {} apart, probably copies; delete one of the sheets, or set "
@@ -223,7 +223,7 @@ _REMARKS = {
     "faces of one thick sheet",
 }
 _REPAIRS = {
-    "copy": "a second copy of the sheet, {} from the first, dropped",
+    "copy": "a second copy of the sheet, {} from the first copy, was dropped",
     "slab": "a slab, {} thick, reduced to its middle surface",
 }
 
@@ -293,14 +293,14 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
         if gap is not None:
             if moved:
                 to = V[F[first_part]].mean(axis=1) + translation
-                # drop faces at the rim of the slab, which are now far from `second_part`
+                # drop faces at the rim: after the translation, they are far from `second_part`
                 first_part = first_part[nearest_places(to, V, np.ascontiguousarray(F[second_part])).distance < gap / 4]
             yield ParallelParts(first_part, second_part, gap, "slab", piece_faces, translation)
 
 
 def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) -> Floats:
     """Return the translation (3,) that moves a part (k, 3) onto the second part (l, 3); empty (0,) if there is none.
-    Each round removes the remaining distance along the normals [Chen and Medioni 1992]."""
+    Each round removes distances along the normals [Chen and Medioni 1992]. side : root of a part's area."""
     P, n = V[first_part].mean(axis=1), area_vectors(V, first_part)
     area = lengths(n)
     n /= np.maximum(area, 1e-300)[:, None]
@@ -394,8 +394,8 @@ def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
 
 
 def single_sheets(V: Floats, F: Ints, metres: float) -> tuple[Floats, Ints, tuple[str, ...]]:
-    """Return the mesh V (n, 3), F (m, 3) with one sheet in place of copies and slabs, and a short text for each repair.
-    The first of two copies stays. One face of a slab stays and moves halfway to the slab's other face.
+    """Return the mesh V (n, 3), F (m, 3) without second copies and slabs (thin solids), and a text for each repair.
+    The first of two copies stays. One side of a slab stays and moves halfway to the slab's other side.
     metres : length of the mesh's unit in metres, for the texts."""
     doubled = [pair for pair in parallel_parts(V, F) if pair.kind != "apart"]
     stays: Bools = np.ones(len(F), dtype=bool)

@@ -36,7 +36,7 @@ CRUMB = 0.01  # The repair removes loose pieces smaller than this fraction of th
 PINHOLE = 1e-3  # The repair closes holes with outlines shorter than this times the mesh's largest dimension.
 _NO_AREA = "without area"
 _DOUBT = " (a large part of the mesh: check that all parts are in one unit)"
-_ASTRAY = f"with corners more than {ASTRAY_RATIO:,.0f} times as far away as the rest of the mesh"
+_ASTRAY = f"with corners more than {ASTRAY_RATIO:,.0f} times as far from the mesh's middle as the rest"
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ def sound_faces(V: Floats, F: Ints) -> MendedMesh:
 
 
 def single_sheet(mesh: MendedMesh, metres: float) -> MendedMesh:
-    """Return the mesh with one sheet in place of two copies of a sheet, or of a slab. metres : unit of V in metres."""
+    """Return the mesh with each sheet once. A slab becomes its middle surface. metres : unit of V in metres."""
     V, F, texts = single_sheets(mesh.V, mesh.F, metres)
     return _compact(MendedMesh(V, F, (*mesh.repairs, *texts))) if texts else mesh
 
@@ -112,7 +112,7 @@ def _weld(mesh: MendedMesh) -> MendedMesh:
     fewer = len(mesh.V) - len(V)
     if not fewer:
         return mesh
-    words = f"{count_phrase(fewer, 'vertex')} merged with near vertices, within {WELD:g} of the largest side"
+    words = f"{count_phrase(fewer, 'vertex')} merged with near vertices, within {WELD:g} times the mesh's largest side"
     return MendedMesh(V, became[mesh.F], (*mesh.repairs, words))
 
 
@@ -135,7 +135,7 @@ def _join_at_points(mesh: MendedMesh) -> MendedMesh:
 
 def _single_faces(V: Floats, F: Ints) -> Ints:
     """Return all faces (k,), but only one face of each set of overlapping faces.
-    A face disappears with all its copies if two other faces meet at one of its edges, as at a cushion's corner."""
+    If two other faces meet at an edge of equal faces, as at a cushion's corner, none of the equal faces stays."""
     once = complement(overlapping_faces(V, F).whole, len(F))
     if len(once) == len(F):
         return once
@@ -187,11 +187,11 @@ def _without_teeth(mesh: MendedMesh, metres: float) -> MendedMesh:
 HOLE = 0.15  # Holes of a scan are filled if their outline is shorter than this times the scan's largest dimension.
 SPECK = 0.05  # Pieces of a scan are removed if their area is below this times the largest piece's area.
 FINE, SEVERAL = 0.01, 3
-"""A mesh is a scan if its mean edge is below `FINE` times its largest dimension, and it has faults.
-The faults are `SEVERAL` small holes, or `SEVERAL` edges with more than two faces."""
+"""A mesh is a scan if its mean edge is below `FINE` times its largest dimension, and if it has many faults of a kind:
+at least `SEVERAL` small holes, or at least `SEVERAL` edges with more than two faces."""
 NOISY, FOLDED = 0.02, 1e-3
-"""A mesh is also a scan if its mean edge is below `NOISY` times its largest dimension, and if the fraction of folded
-faces is above `FOLDED`. This fraction was at most 0.0002 in meshes of designs, and 0.003 in a noisy mesh."""
+"""A mesh is a noisy scan if its mean edge is below `NOISY` times its largest dimension, and if the fraction of folded
+faces (turned against their neighbours) is above `FOLDED`. It was at most 0.0002 in designs, 0.003 in a noisy mesh."""
 TILTED, LOW = 0.7, 0.5
 """A face is tilted by noise if the cosine between its normal and the mean normal of its neighbours is below `TILTED`,
 and the face's height is below `LOW` times the mesh's mean edge. Higher faces may be tilted by a real bend."""
@@ -259,7 +259,7 @@ def _smoothest(V: Floats, F: Ints, edges: EdgeTable, crowded: Ints) -> Ints:
         away /= np.maximum(lengths(away), 1e-300)[:, None]
         cosine = away @ away.T
         np.fill_diagonal(cosine, np.inf)
-        i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # the two faces with the smallest fold
+        i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # the two faces that bend least at the edge
         smoothest_pairs.append((h[i], h[j]))
     return np.array(smoothest_pairs, dtype=np.int64).reshape(-1, 2)
 

@@ -20,11 +20,11 @@ from dsfab.core.arrays import (
 from dsfab.surface.topology import EdgeTable, corner_fans, edge_table, link_components, next_half_edge, pinches
 
 WELD = 5e-5  # Vertices closer than this fraction of the mesh's largest dimension become one vertex.
-ASTRAY_RATIO = 1000.0  # Limit for astray vertices: distance from the median point / 99 % quantile of this distance.
+ASTRAY_RATIO = 1000.0  # Astray vertices are this many times as far from the median point as 99 % of the vertices.
 
 
 def in_reach(V: Floats) -> Bools:
-    """Mark the vertices (n,) of V (n, 3) that have finite coordinates and are not astray (see `ASTRAY_RATIO`)."""
+    """Mark the vertices (n,) of V (n, 3) with finite coordinates that are not extremely far away (`ASTRAY_RATIO`)."""
     is_near: Bools = np.asarray(np.isfinite(V).all(axis=1))
     if not is_near.any():
         return is_near
@@ -62,8 +62,8 @@ def merged_vertices(
 
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
-    """Return the new vertex (n,) of each vertex: its entry in `targets`; in long chains, a vertex nearer than `reach`.
-    Without this limit, a long chain of near vertices would shrink to a point."""
+    """Return the new vertex (n,) of each vertex: its entry in `targets`, or a nearer vertex in groups beyond `reach`.
+    Without the limit `reach`, a long chain of near vertices would shrink to a point."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
         return targets
@@ -89,7 +89,7 @@ def coincident(V: Floats) -> int:
 
 SAG = 1 / 15
 """Largest width of a seam divided by the length of a boundary edge beside it. The seam's two sides have common ends.
-The ratio is the height of a 30 degree arc divided by its chord."""
+The value is that of an arc of 30 degrees over its chord: height divided by chord."""
 
 
 def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
@@ -130,7 +130,7 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
 
 def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     """Return pairs (k,), (k,): a boundary edge (row of `ends` (b, 2)) and a boundary vertex near it.
-    Largest distance: `within`; if not all boundaries are closed loops, at least `SAG` times the edge's length."""
+    Limit: `within`; if a boundary is no closed loop, the larger of `within` and `SAG` x the edge's length."""
     a, b = V[ends].transpose(1, 0, 2)
     border, loops = np.unique(ends), (np.bincount(ends.ravel())[ends] == 2).all()
     long = lengths(b - a)
@@ -240,7 +240,7 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
 def _gusset(V: Floats, v: int, away: Ints, fan: Ints) -> list[int] | None:
     """Return the triangle in the smallest angle between boundary edges of two fans at a vertex; None above 150 degrees.
     away : (k,) other ends of the boundary edges.
-    fan  : (k,) fan of each boundary edge."""
+    fan  : (k,) fan (connected faces at the vertex) of each boundary edge."""
     along = V[away] - V[v]
     along /= lengths(along)[:, None]
     if not len(away):  # closed parts have no boundary edges

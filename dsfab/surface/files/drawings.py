@@ -63,9 +63,8 @@ def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
 
 def read_dxf_meshes(path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFile:
     """Return the meshes of a DXF file (3DFACE, MESH, polyface and polygon meshes), with blocks expanded.
-    only : names of layers and blocks, see `selected_parts`.
-    Vertices at exactly the same place become one vertex. Raises SurfaceError for a file without meshes or beyond the
-    budget, MalformedFileError for an incomplete or foreign file."""
+    only : names of layers and blocks, see `selected_parts`. Vertices at exactly the same place become one vertex.
+    Raises SurfaceError: no meshes, or above the limits of `budget`. MalformedFileError: incomplete, or not DXF."""
     document = _document(path)
     V, corners, sizes, count = list[Floats](), list[Ints](), list[Ints](), 0
     drawing = _Entities(document, DrawingBudget(entities=budget.triangles, seconds=budget.seconds))
@@ -157,8 +156,8 @@ class _Entities:
         self.hidden_layers = hidden_layers
 
     def meshes(self, entities: Any) -> Iterator[tuple[tuple[str, ...], tuple[Polygons, bool, Content]]]:
-        """Yield the layer and block names of each visible entity with a mesh, and a tuple: the mesh, True if its block
-        is mirrored, and its inventory entry. Only count entities without a mesh."""
+        """Yield, for each visible entity with a mesh, the names of its layer and blocks, and a tuple: the mesh, True if
+        its block is mirrored, and its inventory entry. Entities without a mesh are only counted, in `counts`."""
         for entity, names, mirrored, _ in self.leaves(entities):
             meshes = [*_polygons(entity)]
             if not meshes:
@@ -169,11 +168,11 @@ class _Entities:
     def leaves(
         self, entities: Any, outer_names: tuple[str, ...] = (), mirrored: bool = False, hidden: bool = False
     ) -> Iterator[tuple[Any, tuple[str, ...], bool, bool]]:
-        """Yield each visible entity with its names, True if its block is mirrored, and True if its layer is hidden.
+        """Yield each entity, its names, True in a mirrored block, True on a hidden layer (only with `hidden_layers`).
         The names are its layer, then layer and name of each enclosing block insertion (`outer_names`), innermost first.
         Layer 0 in a block means the layer on which the block is inserted."""
         if len(outer_names) > 2 * self.budget.depth:
-            raise MalformedFileError(f"its blocks are nested more than {self.budget.depth} deep")
+            raise MalformedFileError(f"the file's blocks are nested more than {self.budget.depth} deep")
         for entity in entities:
             self.count += 1
             self.budget.require("entities", self.count)
@@ -338,11 +337,11 @@ def _drawing(path: Path, size: int, budget: DrawingBudget) -> Drawing:
 
 
 def closed_loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Floats]:
-    """Join runs (k, 3) with common ends; yield closed curves without a repeated point.
-    Raises SurfaceError for open curves."""
+    """Join pieces of curves (k, 3) with common ends; yield closed curves without a repeated point.
+    Raises SurfaceError for open curves. where : words for the error's message."""
     corners = np.concatenate([[run.min(axis=0), run.max(axis=0)] for run in runs])
     tolerance = SAME_PLACE * float(np.linalg.norm(np.ptp(corners, axis=0)))
-    ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # run k ends at points 2 k and 2 k + 1
+    ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # points 2 k, 2 k + 1 are the ends of runs[k]
     free = np.ones(len(runs), dtype=bool)
     for start in range(len(runs)):
         if not free[start]:

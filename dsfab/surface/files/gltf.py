@@ -73,7 +73,7 @@ class Buffers:
             except (binascii.Error, ValueError):
                 raise MalformedFileError("the coordinates in the file's JSON are damaged") from None
         if self.beside is None or "://" in uri:
-            raise MalformedFileError(f"its coordinates are not in the file ({uri[:60]}): export the mesh as one file")
+            raise MalformedFileError(f"the coordinates are outside the file ({uri[:60]}): export the mesh as one file")
         return self.beside(unquote(uri))
 
 
@@ -83,7 +83,7 @@ def accessor(tree: dict[str, Any], buffers: Buffers, number: Any, width: int) ->
     entry = tree["accessors"][_count(number)]
     count, kind = _count(entry["count"]), _TYPES.get(entry["componentType"])
     if kind is None or _WIDTHS.get(entry["type"]) != width:
-        raise MalformedFileError("it has numbers of a type that glTF does not allow")
+        raise MalformedFileError("the file has numbers of a type that glTF does not allow")
     buffers.budget.require_vertices(count)
     if "bufferView" in entry:
         values = _elements(buffers, entry, kind, count, width)
@@ -135,12 +135,12 @@ _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
 def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes], only: Sequence[str] = ()) -> TriangleFile:
-    """Return the triangles of the scene in a binary file, metres with z up; see `read_gltf`. Raises MalformedFileError
-    for a damaged or incomplete file, SurfaceError beyond the budget."""
+    """Return the triangles of the scene in a binary file, metres with z up. only : names of parts, see `read_gltf`.
+    Raises MalformedFileError for a damaged or incomplete file, SurfaceError above the limits of `budget`."""
     if data[:4] != b"glTF":
         raise MalformedFileError("there is no glTF header")
     if len(data) < 20:
-        raise MalformedFileError("it is cut off within its header")
+        raise MalformedFileError("the file is cut off within its header")
     version, announced = struct.unpack_from("<II", data, 4)
     if version != 2:
         raise MalformedFileError(f"the file has version {version} of glTF, but dsfab reads version 2")
@@ -180,18 +180,18 @@ def _json_tree(data: bytes) -> dict[str, Any]:
     try:
         tree = json.loads(data)
     except (ValueError, RecursionError):
-        raise MalformedFileError("its JSON is broken or cut off") from None
+        raise MalformedFileError("the file's JSON is broken or cut off") from None
     asset = tree.get("asset") if isinstance(tree, dict) else None
     if isinstance(tree, dict) and isinstance(tree.get("meshes"), dict):
-        asset = {"version": "1.0"}  # version 1 has tables in place of lists, and `asset` is optional
+        asset = {"version": "1.0"}  # in version 1 of glTF, `meshes` is a table, and `asset` may be missing
     if not isinstance(tree, dict) or not isinstance(asset, dict):
-        raise MalformedFileError("its JSON is not glTF")
+        raise MalformedFileError("the file's JSON is not glTF")
     if str(asset.get("version", "2")).split(".")[0] != "2":
         raise MalformedFileError(f"the file has version {asset['version']} of glTF, but dsfab reads version 2")
     unknown = [str(name) for name in tree.get("extensionsRequired", []) if not str(name).startswith(_HARMLESS)]
     if unknown:
         remedy = "compression" if all("compression" in name for name in unknown) else "this extension"
-        raise MalformedFileError(f"it needs the extension {', '.join(unknown)}: export it without {remedy}")
+        raise MalformedFileError(f"the file needs the extension {', '.join(unknown)}: export it without {remedy}")
     return tree
 
 
@@ -206,7 +206,7 @@ def _scene(
     except (KeyError, TypeError, AttributeError, IndexError):
         raise MalformedFileError("an entry of the file's JSON is missing or of the wrong kind") from None
     V = upright_vertices(V, "y")
-    V, F = equal_merged(V, F) if len(F) else (V, F)  # after the turn, so that the order is that of other formats
+    V, F = equal_merged(V, F) if len(F) else (V, F)  # after y became z, to sort vertices as in other formats
     doubts = doubts if tree.get("scenes") else (*doubts, "the file names no scene: all its objects are taken")
     return TriangleFile(V, F, "m", doubts, dropped, contents(scene.counts))
 
@@ -283,7 +283,7 @@ class _Scene:
 
     def _primitive(self, primitive: dict[str, Any], mode: int) -> tuple[Floats, Ints]:
         if "KHR_draco_mesh_compression" in primitive.get("extensions", {}):
-            raise MalformedFileError("it is compressed (KHR_draco_mesh_compression): export it without compression")
+            raise MalformedFileError("the file uses KHR_draco_mesh_compression: export it without compression")
         if "targets" in primitive:
             self.counts[Content("morph target", "dropped")] += len(primitive["targets"])
         V = accessor(self.tree, self.buffers, primitive["attributes"]["POSITION"], 3).astype(np.float64)
@@ -305,7 +305,7 @@ class _Scene:
             return np.stack([order[1:-1], order[2:], np.full(len(order) - 2, order[0])], axis=1)
         F = np.stack([order[:-2], order[1:-1], order[2:]], axis=1)
         F[1::2] = F[1::2, [1, 0, 2]]
-        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # a triangle with a repeated corner only links strips
+        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # a triangle with a repeated corner only joins two strips
         strip: Ints = F[~tied]
         return strip
 
@@ -333,5 +333,5 @@ def _numbers(values: Any, count: int) -> Floats:
     except (ValueError, TypeError):
         array = np.empty(0)
     if array.shape != (count,):
-        raise MalformedFileError("a node of its scene has an invalid position")
+        raise MalformedFileError("a node of the file's scene has an invalid position")
     return array

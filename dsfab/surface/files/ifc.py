@@ -90,7 +90,7 @@ def _visible_elements(model: Any, counts: Counter[Content]) -> Iterator[tuple[li
 
 
 def _is_body(identifier: str, element: Any) -> bool:
-    """Return True for representations of the element's shape: `Body`; if there is none, all except `NO_BODIES`."""
+    """Return True if `identifier` names an element's shape: `Body`, or without a `Body` any name not in `NO_BODIES`."""
     identifiers = {shape.RepresentationIdentifier for shape in element.Representation.Representations}
     return identifier == "Body" if "Body" in identifiers else identifier not in NO_BODIES
 

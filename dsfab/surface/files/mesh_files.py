@@ -135,7 +135,7 @@ def raw_mesh(
     path = Path(path)
     suffix = _suffix(path)
     budget = Budget(most_triangles)
-    with readable(path, "make the mesh coarser", "it is damaged, or of a kind that dsfab does not know"):
+    with readable(path, "make the mesh coarser", "the file is damaged, or of a kind that dsfab does not know"):
         budget.require_bytes(path.stat().st_size)
         if only and suffix in _WITHOUT_NAMES:
             raise SurfaceError(f"{suffix[1:].upper()} files have no names of parts; leave out {ONLY_OPTION}")
@@ -202,7 +202,7 @@ def _neighbour_file(path: Path, name: str, budget: Budget) -> bytes:
     if Path(name).is_absolute() or ".." in Path(name).parts:
         raise MalformedFileError(f"the coordinates are in {name[:60]!r}, outside the file's folder: export one file")
     if not neighbour.is_file():
-        raise SurfaceError(f"its coordinates are in {name[:60]!r}, which is missing; add that file, or export a .glb")
+        raise SurfaceError(f"the coordinates are in {name[:60]!r}, which is missing; add that file, or export a .glb")
     budget.require_bytes(neighbour.stat().st_size)
     return neighbour.read_bytes()
 

@@ -85,12 +85,12 @@ def read_obj(data: bytes, budget: Budget, only: Sequence[str] = ()) -> PolygonFi
     for shape, kind in _IGNORED_SHAPES.items():
         inventory[Content(kind, "dropped")] += ignored[shape]
     odd_lines = sum(count for word, count in ignored.items() if word not in _IGNORED_SHAPES)
-    dropped = (f"{count_phrase(odd_lines, 'line')} that OBJ does not know (first: {odd})",) if odd_lines else ()
+    dropped = (f"{count_phrase(odd_lines, 'line')} of unknown kind (first: {odd})",) if odd_lines else ()
     return PolygonFile(mesh, (*file.doubts, *doubts), dropped, comments.unit, comments.up, contents(inventory))
 
 
 _Group = tuple[int, tuple[str, ...], tuple[str, ...]]
-"""First face of a group, names of the group, names of its object. A line `g roof tiles` names two groups."""
+"""First face of a group of faces, the group's names, and its object's names. A line `g roof tiles` names two groups."""
 
 
 def _named_faces(mesh: Polygons, groups: list[_Group], only: Sequence[str], counts: Counter[Content]) -> Polygons:

@@ -49,7 +49,7 @@ class PlyElement:
 
     def cut_off(self) -> MalformedFileError:
         """Return the error for a file with fewer records than announced."""
-        return MalformedFileError(f"it announces {self.count:,} records of {self.name!r}, but ends before the last one")
+        return MalformedFileError(f"the file ends before the last of its {self.count:,} records of {self.name!r}")
 
 
 Columns = dict[str, Any]  # By property: values (count,). By list property: values (c,) of all lists; lengths (count,).
@@ -64,7 +64,7 @@ def text_numbers(body: bytes) -> tuple[Floats, bool]:
         block, position = body[position:end].strip(), end
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("error", DeprecationWarning)  # numpy before 2.3 only warns of words in numbers
+                warnings.simplefilter("error", DeprecationWarning)  # numpy before 2.3 only warns if a word is no number
                 parts.append(np.fromstring(block, dtype=np.float64, sep=" ") if block else np.empty(0))
         except (ValueError, DeprecationWarning):
             parts.append(_numbers_before_words(block))
@@ -97,8 +97,8 @@ def text_element(numbers: Floats, position: int, element: PlyElement, budget: Bu
 
 
 def _equal_records(numbers: Floats, position: int, element: PlyElement) -> tuple[Ints, Ints, int] | None:
-    """Return start and length (count, p) of the properties in each record, and the end of the element. None if a list
-    has different lengths in different records."""
+    """Return start and length (count, p) of the properties in each record, and the end of the element.
+    Return None if the lengths of a list differ between records."""
     start, sizes, lists, place = [], [], [], 0
     for p in element.properties:
         if p.length is not None:
@@ -235,7 +235,7 @@ _FACE = np.dtype([("count", "u1"), ("vertices", "<i4", 3)])
 
 def read_ply(data: bytes, budget: Budget) -> PolygonFile:
     """Return vertices and faces of a PLY file. Colours, normals and other elements are ignored.
-    Raises MalformedFileError for a file that is incomplete, not PLY or lacks a property, SurfaceError over `budget`."""
+    Raises MalformedFileError if the file is incomplete, not PLY, or lacks a property; SurfaceError above `budget`."""
     if data[:3] not in (b"ply", b"PLY"):  # a text file may have a byte order mark or be UTF-16
         file = text_file(data)
         if not file.text.startswith(("ply", "PLY")):
@@ -298,7 +298,7 @@ def _require_within(budget: Budget, element: PlyElement) -> None:
 def _polygons(columns: dict[str, dict[str, Any]]) -> Polygons:
     vertex, face = columns.get("vertex"), columns.get("face", {})
     if vertex is None:
-        raise MalformedFileError("it has no element 'vertex'")
+        raise MalformedFileError("the file has no element 'vertex'")
     missing = [axis for axis in "xyz" if not isinstance(vertex.get(axis), np.ndarray)]
     if missing:
         raise MalformedFileError(f"the vertices in the file have no property {', '.join(missing)}")
@@ -370,7 +370,7 @@ def _count(word: str, line: int) -> int:
     except ValueError:
         count = -1
     if count < 0:
-        raise MalformedFileError(f"line {line} of its header has no number of records: {word[:40]!r}")
+        raise MalformedFileError(f"line {line} of the file's header has no number of records: {word[:40]!r}")
     return count
 
 

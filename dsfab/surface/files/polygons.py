@@ -13,9 +13,8 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 FLAT, WARPED = (float(np.cos(np.radians(angle))) for angle in (2, 10))
 """Cosine between the normals of a quad's triangles: above `FLAT` the quad is flat, below `WARPED` it may be folded."""
 ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
-"""A quad is cut along its second diagonal if its triangles then bend less at the edges to flat neighbours.
-The difference between the unit normals must be below `ON` (10 degrees), and below `BETTER` times the difference
-for the first diagonal."""
+"""A quad is cut along its second diagonal if the edges to its flat neighbours then bend much less: the largest
+difference of unit normals is below `ON` (10 degrees), and below `BETTER` times that for the first diagonal."""
 
 
 def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
@@ -52,7 +51,7 @@ def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
 
 
 _TRIANGLES = (0, 1, 2), (0, 2, 3), (1, 2, 3), (1, 3, 0)  # Triangles of a quad: cut 0-2, then cut 1-3.
-_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)  # Triangle at each of the four sides of a quad, for the cuts 0-2 and 1-3.
+_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)  # Index in `_TRIANGLES` of the triangle at each side: cut 0-2, then cut 1-3.
 
 
 def _inside(corners: Ints, n: int) -> Ints:
@@ -65,7 +64,7 @@ def _bend(normals: Floats, neighbour_normals: Floats) -> Floats:
 
 
 def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, starts: Ints) -> Floats:
-    """Return the unit normals (r, 4, 3) of the flat neighbours of quads; 0 at sides with none, several or a bent one.
+    """Return the unit normals (r, 4, 3) of the neighbours of quads; 0 at a side without exactly one flat neighbour.
     bent   : (f,) faces that are not flat.
     starts : (r,) index in `corners` of the first corner of each quad."""
     owner, h = np.repeat(np.arange(len(sizes)), sizes), np.arange(len(corners))
@@ -93,7 +92,7 @@ TOGETHER = 1 << 12  # Number of polygons cut together; their data fit into the p
 
 def small_polygon_triangles(P: Floats) -> Ints:
     """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons P (q, k, 3); k is 5 to `MOST_CORNERS_FOR_EARS`.
-    If a polygon crosses itself and has no ear, the triangle with the shortest new side is cut off."""
+    If a self-crossing polygon has no ear, the corner whose neighbours are nearest to each other is cut off."""
     parts = [_ear_triangles(P[start : start + TOGETHER]) for start in range(0, len(P), TOGETHER)]
     return np.concatenate(parts) if parts else np.empty((0, P.shape[1] - 2, 3), dtype=np.int64)
 

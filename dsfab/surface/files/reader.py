@@ -227,7 +227,7 @@ def describe(path: str | Path, unit: str | None = None, max_triangles: int = DEF
 
 
 def mesh_facts(path: str | Path, raw: RawMesh, unit: str | None = None) -> MeshFacts:
-    """Return the facts about a raw mesh."""
+    """Return the measures, the topology and the faults of a raw mesh."""
     V = raw.V * (metres_per(unit) if unit else raw.metres)
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     F = finite_faces(path, raw)

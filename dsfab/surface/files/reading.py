@@ -70,7 +70,7 @@ class Budget:
             raise SurfaceError(f"the file has {count:,} {what}, but {limit:,} is the limit; {_LIFT}")
 
 
-_LIFT = "make the mesh coarser, or allow more with --max-triangles N (surface.max_triangles in a preset)"
+_LIFT = "make the mesh coarser, or raise the limits with --max-triangles N (surface.max_triangles in a preset)"
 """Remedy in the messages about the limits of `Budget`."""
 
 
@@ -104,8 +104,8 @@ def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
 class Content:
     """Things of one kind in a file, and what dsfab did with them.
     kind  : "mesh", "curve", "hidden object" ...
-    fate  : "taken" for parts of the surface; "marks" for supports, loads and regions. Ignored: "beside" for things that
-            cannot be parts of a surface, such as curves; "dropped" for things that the user may expect in the surface.
+    fate  : "taken": part of the surface. "marks": support, load or region. Ignored things are "beside" if they cannot
+            be parts of a surface, such as curves; they are "dropped" if the user may expect them in the surface.
     about : words after the kind, such as a layer or a reason.
     count : number of these things."""
 
@@ -181,8 +181,8 @@ def selected_parts(
     parts: Iterable[tuple[Sequence[str], Part]], only: Sequence[str], counts: Counter[Content]
 ) -> Iterator[Part]:
     """Yield the parts of a file that the user names, and count the other parts; without names, yield all parts.
-    parts : pairs of names and a part. The names are of the part, then of its layer, its block or its assembly.
-    only  : the user's names; upper and lower case only matter if names in the file differ only in case.
+    parts : pairs of names and a part. The first name is the part's own; then follow its layer, block or assembly.
+    only  : the user's names. Upper and lower case are equal, unless names in the file differ by case alone.
     Raises SurfaceError for a name that the file lacks."""
     if not only:
         yield from (part for _, part in parts)
@@ -204,7 +204,7 @@ def _name_in_file(name: str, names: list[str]) -> str:
     if matches:
         raise SurfaceError(f"the name {name!r} may mean {' or '.join(map(repr, matches))}; write one of them exactly")
     if not names:
-        raise SurfaceError(f"no visible part has the name {name!r}, because none has a name; leave out {ONLY_OPTION}")
+        raise SurfaceError(f"no visible part has the name {name!r}; the parts have no names: leave out {ONLY_OPTION}")
     likeness = {match: difflib.SequenceMatcher(None, match.lower(), name.lower()).ratio() for match in names}
     nearest = names_and_count(sorted(names, key=lambda match: -likeness[match]), 8)
     raise SurfaceError(f"no visible part has the name {name!r}; the names are {nearest}: choose with {ONLY_OPTION}")
@@ -351,7 +351,7 @@ class TextFile:
 
 
 def may_lack_digits(word: str, count: int) -> bool:
-    """Return whether `word` may have lost its last digits. word : last index in a file. count : largest index."""
+    """Return whether `word`, an index at the end of a file, may have lost its last digits. count : largest index."""
     if not (word.isascii() and word.isdigit()):
         return True
     return len(word) <= len(str(count)) and 10 * int(word) <= count  # int() fails for words of 5000 digits
@@ -373,7 +373,7 @@ def text_file(data: bytes) -> TextFile:
     try:
         text = data[skipped:].decode(encoding, errors="replace" if encoding == "utf-8" else "strict")
     except UnicodeDecodeError:
-        raise MalformedFileError(f"it is {doubt}, but a part of the text is damaged or missing") from None
+        raise MalformedFileError(f"the file is {doubt}, but a part of the text is damaged or missing") from None
     if "\r" in text:
         text = text.replace("\r\n", "\n").replace("\r", "\n")
     return TextFile(text, (doubt,) if doubt else (), text.endswith("\n") or not text.strip())
@@ -434,7 +434,7 @@ def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, st
     tens = 10.0 ** (np.floor(np.log10(np.maximum(np.abs(P), 1e-300))) + 1 - DIGITS)
     if (P.astype(np.float32) == P).all():
         step, why = np.spacing(largest.astype(np.float32)).astype(np.float64), "32-bit numbers"
-        step *= (P % (2 * step)).any(axis=0)  # numbers such as whole metres are exact: their rounding step is 0
+        step *= (P % (2 * step)).any(axis=0)  # 0 along an axis where all coordinates are multiples of two steps
     elif (np.abs(P / tens - np.rint(P / tens)) < 1e-6).all():
         step, why = tens.max(axis=0), f"{DIGITS} digits"
     else:

@@ -129,7 +129,7 @@ def _model(path: Path) -> Any:
 
     model = rhino3dm.File3dm.Read(str(path))
     if model is None:
-        raise MalformedFileError("it is damaged, or not a 3DM file")
+        raise MalformedFileError("the file is damaged, or not a 3DM file")
     return model
 
 
@@ -179,8 +179,8 @@ class _DrawnObjects:
 
     def all(self) -> Iterator[tuple[_Groups, Any, Floats, bool]]:
         """Yield each object outside block definitions: names, geometry, matrix (4, 4), and True on a hidden layer.
-        Groups of names: of the object's layer (see `layers`), of the object, then of the layer of each insertion around
-        the object, and of this insertion and its block, innermost first."""
+        Names in groups: first the names of the object's layer (see `layers`); then the object's name. For each
+        insertion around the object, innermost first: names of its layer; name of the insertion and of its block."""
         self.budget.require("entities", len(self.model.Objects))
         objects = (thing for thing in self.model.Objects if not thing.Attributes.IsInstanceDefinitionObject)
         return self.objects(objects, np.eye(4), ())
@@ -188,10 +188,10 @@ class _DrawnObjects:
     def objects(
         self, things: Iterable[Any], place: Floats, blocks: _Groups, hidden: bool = False
     ) -> Iterator[tuple[_Groups, Any, Floats, bool]]:
-        """Yield the objects as `all` does. blocks : groups of names of the insertions around the objects."""
+        """Yield the objects as `all` does. blocks : two groups of names for each insertion around them, see `all`."""
         import rhino3dm
 
-        if len(blocks) > 2 * self.budget.depth:  # an insertion has two groups
+        if len(blocks) > 2 * self.budget.depth:  # `blocks` has two groups of names for each level of nested blocks
             raise MalformedFileError(f"the file's blocks are nested more than {self.budget.depth} deep")
         for thing in things:
             self.count += 1
@@ -266,7 +266,7 @@ def read_occt(path: Path, only: Sequence[str] = ()) -> TriangleFile:
         lost += not len(parts[-1][1])
         faces.Next()
     if lost == len(parts):
-        raise MalformedFileError("none of its faces can be meshed")
+        raise MalformedFileError("none of the faces in the file can be meshed")
     unit = None if path.suffix.lower() == ".brep" else "mm"
     return TriangleFile(
         *concatenated_mesh(parts), unit, content=contents(_shape_counts(shape, len(parts), lost) + counts)
@@ -300,7 +300,7 @@ def _shape(path: Path, only: Sequence[str], counts: Counter[Content]) -> Any:
 
         shape = TopoDS_Shape()
         if not BRepTools.Read_s(shape, str(path), BRep_Builder()) or shape.IsNull():
-            raise MalformedFileError("it is not a BREP file, or it is cut off")
+            raise MalformedFileError("the file is not a BREP file, or it is cut off")
         return shape
     if only or b"INVISIBILITY" in path.read_bytes():
         return _compound(selected_parts(_visible_parts(path, counts), only, counts))
@@ -320,7 +320,7 @@ def _other_files(path: Path) -> list[str]:
     """Return the names of the STEP files in which an assembly keeps its parts [AP 214, external references]."""
     references = [] if path.suffix.lower() == ".brep" else _ELSEWHERE.findall(path.read_bytes())
     names = (name.decode("utf-8", "replace") for name in dict.fromkeys(references))
-    return [name for name in names if name.lower().endswith((".stp", ".step", ".p21"))]  # documents are no parts
+    return [name for name in names if name.lower().endswith((".stp", ".step", ".p21"))]  # leaves out documents
 
 
 _NOT_STEP = "the file is not a STEP file with shapes, or it is cut off"

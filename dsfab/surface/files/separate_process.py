@@ -87,8 +87,8 @@ def _program_output(kind: str, path: Path, timeout: float, only: Sequence[str] =
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(folder for folder in sys.path if folder)}
     process = subprocess.run(command, capture_output=True, env=environment, timeout=timeout, check=False)
     if process.returncode == TIME_OVER:
-        cure = "draw less into it" if kind == "drawing" else "make it simpler, or export it as a mesh"
-        raise SurfaceError(f"{LIBRARIES[kind]} needs more than {seconds} s of processor time for it; {cure}")
+        cure = "draw less into it" if kind == "drawing" else "make the model simpler, or export it as a mesh"
+        raise SurfaceError(f"{LIBRARIES[kind]} needs more than {seconds} s of processor time for the file; {cure}")
     if process.returncode:
         words = f"the file is damaged, or needs more than {MEMORY[kind] // GIB} GiB of memory"
         raise MalformedFileError(f"{words}: {LIBRARIES[kind]} stops while reading it")

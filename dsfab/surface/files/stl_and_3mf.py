@@ -54,7 +54,7 @@ def read_stl(data: bytes, budget: Budget) -> TriangleFile:
         return _read_text(data, budget)
     budget.require_triangles(count)
     if len(data) < announced:
-        raise MalformedFileError(f"it announces {count:,} triangles, but has only {(len(data) - HEAD) // EACH:,}")
+        raise MalformedFileError(f"the file announces {count:,} triangles, but has {(len(data) - HEAD) // EACH:,}")
     soup = np.frombuffer(data, _RECORD, count, HEAD)["corners"].astype(np.float64)
     extra_bytes = len(data) - announced
     dropped = (f"{count_phrase(extra_bytes, 'byte')} after the last triangle",) if extra_bytes else ()
@@ -67,7 +67,7 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
     text, position, numbers, ended = file.text.rstrip(), 0, array("d"), False
     head = _BETWEEN.match(text)
     if head is None or not text.lstrip()[:5].lower() == "solid":
-        raise MalformedFileError("it does not begin with 'solid', and its length differs from its binary header")
+        raise MalformedFileError("the file does not begin with 'solid', and its length differs from its binary header")
     position = head.end()
     while position < len(text):
         if match := _FACET.match(text, position):
@@ -98,9 +98,9 @@ def _line_number(text: str, position: int) -> int:
 
 
 _NAMESPACES = "core material production beamlattice slice trianglesets".split()  # noqa: SIM905
-"""Words in the names of extensions of 3MF that dsfab reads, or that do not change shapes."""
+"""Words in the names of those 3MF extensions that dsfab reads, or that it may ignore: they do not change shapes."""
 _TAKEN = ("model", "surface")  # Types of objects that belong to the model; other types help only the printing.
-_ROOT = re.compile(r"""<[^<>]*/3dmodel["'][^<>]*>""")  # relationship to the root model, whose suffix may differ
+_ROOT = re.compile(r"""<[^<>]*/3dmodel["'][^<>]*>""")  # entry that names the root model, which may have any suffix
 _TARGET = re.compile(r"""Target\s*=\s*["']/*([^"']+)["']""", re.IGNORECASE)
 Key = tuple[str, str]  # Name of a part of the file, and number of an object in this part.
 
@@ -197,7 +197,7 @@ class _Plate:
         names = [self.prefixes.get(prefix, prefix) for prefix in values.get("requiredextensions", "").split()]
         unknown = [name for name in names if not any(f"/{word}/" in name for word in _NAMESPACES)]
         if unknown:
-            raise MalformedFileError(f"it needs the extension {unknown[0]}, which dsfab does not read; remove it")
+            raise MalformedFileError(f"the file needs the extension {unknown[0]}, which dsfab does not read; remove it")
         if self.part == self.root:
             self.unit = declared_unit(values.get("unit", "millimeter"))
 
@@ -206,11 +206,11 @@ class _Plate:
         return path.lstrip("/"), values["objectid"]
 
     def require_ends(self, key: Key, depth: int) -> int:
-        """Return the number of triangles of an object. Refuse an object that is missing or contains itself."""
+        """Return the number of triangles of an object. Raises MalformedFileError if it is missing or inside itself."""
         if depth > 100:
             raise MalformedFileError("an object contains itself, or objects in over 100 nested levels")
         if key not in self.objects:
-            raise MalformedFileError(f"it places the object {key[1]!r}, but lacks this object")
+            raise MalformedFileError(f"the file places the object {key[1]!r}, but lacks this object")
         if key not in self.triangles:
             inside = sum(self.require_ends(part, depth + 1) for part, _ in self.objects[key].parts)
             self.triangles[key] = inside + len(self.objects[key].F) // 3
@@ -219,7 +219,7 @@ class _Plate:
     def leaves(
         self, key: Key, place: Floats, outer_names: tuple[str, ...]
     ) -> Iterator[tuple[tuple[str, ...], tuple[Key, Floats]]]:
-        """Yield the names, key and place (4, 4) of each object with a mesh: the object itself or objects inside it."""
+        """Yield names, `Key` and place (4, 4) of objects with a mesh: the object `key` itself, or objects inside it."""
         thing = self.objects[key]
         names = (*thing.names, *outer_names)
         if thing.kind not in _TAKEN:
@@ -251,9 +251,9 @@ _AID = Content("modifier", "dropped", "or support that only the slicer uses")
 
 def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int, int]]]:
     """Return the printing aids, such as supports, from the settings of a slicer program.
-    The key (object, component) with an empty list marks a whole component as an aid. The key (object, "") lists the
-    first and the last triangle of each aid. Sources: Slic3r_PE_model.config [PrusaSlicer], model_settings.config [Bambu
-    Studio, OrcaSlicer]."""
+    A key (object, component) with an empty list: the whole component is an aid. A key (object, "") with a list: first
+    and last triangle of each aid in the object. Sources: Slic3r_PE_model.config [PrusaSlicer], model_settings.config
+    [Bambu Studio, OrcaSlicer]."""
     aids: dict[tuple[str, str], list[tuple[int, int]]] = {}
     for name in ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config"):
         try:
@@ -268,7 +268,7 @@ def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int,
                         ends = int(part.attrib["firstid"]), int(part.attrib["lastid"])
                         aids.setdefault((thing.attrib["id"], ""), []).append(ends)
         except (ElementTree.ParseError, KeyError, ValueError):
-            continue  # without a readable list of printing aids, all objects belong to the model
+            continue  # if the list of printing aids cannot be read, all objects count as parts of the model
     return aids
 
 

@@ -1,4 +1,4 @@
-"""Load cases by name, and their combinations, by the user or by EN 1990."""
+"""Load cases by name, and their combinations: the user's own, or those by the rules of EN 1990."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -45,7 +45,7 @@ def load_cases(
     surface: Surface, supports: Sequence[Support], loads: Sequence[Load], weight: float = 0.0
 ) -> dict[str, LoadCase]:
     """Return the load case of each case name; all cases have the same supports.
-    All cases have the same `loaded` vertices, because the pattern must carry the concentrated loads of all cases.
+    In all cases, `loaded` marks the concentrated loads of every case, because the pattern must carry all of them.
     Raises SurfaceError as `LoadCase.build` does, with the name of the case if there are several."""
     names = case_names(loads)
     if len(names) < 2:

@@ -24,10 +24,9 @@ class Snow:
 
     n is the face's unit normal; s is the load with its shape factor [EN 1991-1-3, 5.2]. An open sheet carries snow on
     all faces: pick only the upper part of an overhanging sheet. A closed surface carries snow only on upper faces.
-
     shape   : "mu1" to multiply `pressure` (s_k on the ground) by `snow_shape_factor`; "" if `pressure` includes it.
-    kind    : "imposed" for people and services on the plan [EN 1991-1-1, 6.3].
-    covered : true if a covering carries the snow over openings to the members; else snow lies only on the members."""
+    kind    : "imposed" for people and services, as a load per plan area [EN 1991-1-1, 6.3].
+    covered : true if a covering closes the openings: members also carry its snow. Else snow lies only on members."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -40,7 +39,7 @@ class Snow:
     shape: Literal["", "mu1"] = ""
 
     def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
-        """Return the traction (m, 3), Pa. Its integral is `pressure` times the plan area of the faces."""
+        """Return the traction (m, 3) of the snow, Pa. Its integral is `pressure` times the plan area of the faces."""
         _require_pressure(self.kind, self.pressure)
         d = unit_vector(self.direction, f"a load of kind '{self.kind}'")
         towards = -(outward_normals(surface) @ d)
@@ -57,7 +56,7 @@ class Snow:
         return np.asarray(self.pressure * np.maximum(plan, 0.0)[:, None] * d)
 
     def forces(self, surface: Surface, weight: float) -> Floats:
-        """Return the forces (n, 3), newtons."""
+        """Return the forces (n, 3) of the snow at the vertices, newtons; `weight` is not used."""
         return forces_at_corners(surface, self.traction(surface) * surface.areas[:, None])
 
 
@@ -146,8 +145,7 @@ SPREAD_PARTS = ("weight", "bare", "covered")  # Load parts that act on faces.
 
 @dataclass(frozen=True, eq=False)
 class LoadParts:
-    """Forces at the vertices of a surface, and tractions on its faces. Loads of the uncut surface cover whole faces.
-
+    """Forces at the vertices of a surface, and tractions on its faces. On an uncut surface, they act on whole faces.
     point   : (n, 3) loads of kind force and line, newtons.
     weight  : (m, 3) weight of the sheet itself, in proportion to its material, Pa.
     bare    : (m, 3) loads that act on material alone, such as snow on an open lattice, Pa.
@@ -184,7 +182,7 @@ class LoadParts:
         )
 
     def on_share(self, weight: float | Floats = 1.0, bare: float | Floats = 1.0) -> Self:
-        """Return the loads with `weight` and `bare` multiplied by the fractions of material left, numbers or (m,)."""
+        """Return the loads with the parts `weight` and `bare` multiplied by fractions of material: numbers, or (m,)."""
         shares = (np.asarray(share, dtype=np.float64).reshape(-1, 1) for share in (weight, bare))
         scaled = {part: getattr(self, part) * share for part, share in zip(SPREAD_PARTS, shares, strict=False)}
         return replace(self, **scaled)
@@ -230,7 +228,7 @@ class Pressure:
         return (-self.pressure * surface.faces_of(self.at.vertices(surface)))[:, None] * surface.normals
 
     def forces(self, surface: Surface, weight: float) -> Floats:
-        """Return the forces (n, 3), newtons; they sum to -pressure times the vector area of the faces."""
+        """Return the forces (n, 3), newtons; they sum to -`pressure` times the vector area of the faces."""
         if self.pressure == 0:
             raise SurfaceError("a load of kind 'pressure' is zero; give pressure in pascals")
         faces = picked_faces(surface, self.at, "pressure")
@@ -276,7 +274,7 @@ class Cladding:
     name: Name = ""
 
     def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
-        """Return the traction (m, 3) on each face, Pa."""
+        """Return the traction (m, 3) of the covering on each face, Pa; `weight` is not used."""
         if not self.pressure > 0:
             raise SurfaceError(
                 f"a load of kind 'cladding' needs a positive pressure in pascals, not {self.pressure:g}; give "
@@ -314,7 +312,7 @@ class Line:
         if not line.any():
             which = "free edge" if self.edges == "boundary" else "edge"
             raise SurfaceError(
-                f"a load of kind 'line' is on no {which}: no {which} has both ends picked; pick at least two neighbours"
+                f"a load of kind 'line' is on no {which}; pick both ends of at least one {which}: two neighbours"
                 + (", or set edges = 'all' for edges within the sheet" if self.edges == "boundary" else "")
             )
         return np.asarray(line[:, None] * np.array(self.per_metre))
@@ -392,8 +390,8 @@ class LoadCase:
             raise SurfaceError("a load is not a finite number; give newtons or pascals as plain numbers")
         if not force[~fixed].any():
             raise SurfaceError(
-                "all loads act on fixed vertices or cancel each other, so the surface carries nothing; load vertices "
-                "that are free to move"
+                "all loads act on fixed vertices or cancel each other, so the surface carries nothing; put loads on "
+                "vertices that are free to move"
             )
         loaded = np.zeros(surface.n, dtype=bool)
         for load in loads:
@@ -403,7 +401,7 @@ class LoadCase:
                 loaded[surface.edges.ends[load.on_edges(surface).any(axis=1)]] = True
         spring = np.sum([support.springs(surface) for support in supports], axis=0)
         clamped = np.logical_or.reduce([support.clamped_edges(surface) for support in supports])
-        # a free edge is held if both its ends are fixed, because elements may have nodes in its middle
+        # if both ends of a free edge are fixed, its middle is fixed too, because elements may have a node there
         between = fixed[surface.edges.ends].all(axis=1) & surface.edges.boundary[:, None]
         between = np.logical_or.reduce([between, *(support.fixed_edges(surface) for support in supports)])
         return cls(fixed, force, loaded, spring, clamped, between, load_parts(surface, loads, weight))

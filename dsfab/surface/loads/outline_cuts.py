@@ -15,7 +15,7 @@ from dsfab.surface.mesh import Surface
 
 LINE_TOLERANCE = 0.002  # Largest distance of edges from a curved line, divided by `Extent.width`.
 SNAP_SHARE = 0.25  # Largest move of a vertex along an edge onto an outline, as a fraction of the edge.
-TEST_POINTS = 7  # Number of points inside an edge at which dsfab tests on which side of the outline they lie.
+TEST_POINTS = 7  # Number of points between the ends of an edge at which dsfab tests the side of the outline.
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class OutlinedSurface:
         return OutlinedSurface(Surface(V, F), np.append(self.on, is_on_line), np.append(self.fixed, between))
 
     def with_moved_vertices(self, vertices: Ints, places: Floats) -> "OutlinedSurface":
-        """Move vertices (k,) onto the line, to places (k, 3)."""
+        """Move vertices (k,) to places (k, 3) on the outline, and mark them as vertices on the outline."""
         V, on_line = self.surface.V.copy(), self.on.copy()
         V[vertices], on_line[vertices] = places, True
         return replace(self, surface=Surface(V, self.surface.F), on=on_line)
@@ -59,7 +59,7 @@ class OutlinedSurface:
 
 
 class EdgeCrossings(NamedTuple):
-    """Points (k, 3) where the line crosses edges (k,), ascending, and their positions (k,), 0 to 1, along the edges."""
+    """Points where an outline crosses edges: edges (k,), ascending; fractions (k,) along the edges; places (k, 3)."""
 
     edge: Ints
     share: Floats
@@ -67,9 +67,8 @@ class EdgeCrossings(NamedTuple):
 
 
 def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
-    """Return the points at which the line crosses edges, by bisection.
-    Most crossed edges have their ends on opposite sides of the line. The other crossed edges begin on the line, first
-    run on one side of it, and end on the opposite side."""
+    """Return the points at which the outline crosses edges, by bisection.
+    Most crossed edges have ends on opposite sides of the outline. Others have one end on it, and run on both sides."""
     s, depth = outlined.surface, outlined.depth(extent)
     sign = np.sign(depth[s.edges.ends])
     edge = np.flatnonzero(sign.prod(axis=1) < 0)
@@ -94,8 +93,8 @@ def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
 
 
 def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats) -> Floats:
-    """Return the fraction (k,) of each edge that lies on the side of the line opposite to the edge's far end.
-    This part begins at the edge's `end` (0 or 1), which is on the line.
+    """Return the fraction (k,) of each edge that lies on the other side of the outline than the edge's far end.
+    This part begins at the edge's `end` (0 or 1), which is on the outline.
     sign : (k,) side of the far end."""
     a, b = s.V[s.edges.ends[edges, end]], s.V[s.edges.ends[edges, 1 - end]]
     shares = np.zeros(len(edges))
@@ -106,7 +105,7 @@ def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats)
 
 
 def with_corners(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Create a vertex at each corner of the outline, where a crease of the extent's walls meets the surface."""
+    """Create a vertex at each corner of the outline, where two walls of `extent` and the surface meet."""
     tolerance = LINE_TOLERANCE * extent.width
     for a, b in extent.creases:
         for _ in range(64):
@@ -143,7 +142,7 @@ def _shares(corners: Floats, place: Floats) -> Floats:
 
 
 def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[OutlinedSurface, int]:
-    """Move vertices close to the outline along edges onto it. Return also the number of moved vertices."""
+    """Move vertices that are close to the outline onto it, along edges. Return also the number of moved vertices."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     ends, size = s.edges.ends[crossed.edge], s.edge_lengths[crossed.edge]
     vertex = np.concatenate([ends[:, 0], ends[:, 1]])
@@ -207,7 +206,7 @@ def _spoilt(s: Surface, V: Floats) -> Bools:
 
 
 def with_touched_vertices(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Mark vertices very close to the outline as vertices of the outline, if these vertices could not move."""
+    """Mark vertices very close to the outline as its vertices, if they could not be moved onto it."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     ends, share = s.edges.ends[crossed.edge], crossed.share
     close_vertices = np.concatenate([ends[share < 0.05, 0], ends[share > 1 - 0.05, 1]])
@@ -217,10 +216,10 @@ def with_touched_vertices(outlined: OutlinedSurface, extent: Extent) -> Outlined
 
 
 def with_outline(surface: Surface, extent: Extent, fixed: Bools) -> OutlinedSurface:
-    """Return the surface with edges along the line where an extent's walls meet it; its old vertices come first.
+    """Return the surface with edges along the outline, where the walls of `extent` meet it. Old vertices come first.
     fixed : (n,) vertices on earlier outlines, which stay in place.
-    Corners of the line become vertices. Edges follow its curves within `LINE_TOLERANCE`. Raises SurfaceError if the
-    extent is so narrow that too many faces are needed."""
+    Corners of the outline become vertices. Edges follow curves of the outline within `LINE_TOLERANCE`. Raises
+    SurfaceError if the extent is so narrow that too many faces are needed."""
     outlined = OutlinedSurface(surface, np.zeros(surface.n, dtype=bool), fixed)
     outlined = with_corners(_refine(outlined, extent, _coarse_edges), extent)
     outlined = replace(outlined, on=outlined.on | (np.abs(extent.depth(outlined.surface.V)) <= 1e-9 * surface.size))
@@ -263,7 +262,7 @@ def _refine(
 
 
 def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Mark the edges (e,) near the outline of an extent that are longer than `extent.width`."""
+    """Mark the edges (e,) near the outline that are longer than `extent.width`, half the width at narrow places."""
     s = outlined.surface
     depth, size, face_edges = np.abs(outlined.depth(extent)), s.edge_lengths, s.edges.of
     is_near = depth[s.F].min(axis=1) <= size[face_edges].max(axis=1)
@@ -273,7 +272,7 @@ def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
 
 
 def _uneven_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Mark the edges (e,) that the outline crosses more than once, and all edges of faces in which it curves."""
+    """Mark edges (e,) that the outline crosses more than once, and the edges of faces in which the outline curves."""
     s, even = outlined.surface, LINE_TOLERANCE * extent.width
     depth, size = outlined.depth(extent), s.edge_lengths
     ends = s.edges.ends
@@ -300,7 +299,7 @@ def _border_edges(s: Surface, extent: Extent) -> Bools:
 
 
 def _turns_back(depth: Floats) -> Bools:
-    """Mark the edges (k,) along which the depth changes its sign more than once. depth : (p, k) at p points each."""
+    """Mark edges (k,) that change the side of an outline more than once. depth : (p, k) depth inside at p points."""
     sign = np.sign(depth)
     low, high = np.minimum.accumulate(sign), np.maximum.accumulate(sign)
     fell, rose = (high > 0) & (sign < 0), (low < 0) & (sign > 0)
@@ -311,7 +310,7 @@ def _turns_back(depth: Floats) -> Bools:
 
 
 def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
-    """Return the faces (k,) that an outline crosses, and the distance (k,) of the outline from each chord's middle."""
+    """Return faces (k,) that the outline crosses, and its distances (k,) from the middle of its chord in each face."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     place = np.full((len(s.edges.ends), 3), np.nan)
     place[crossed.edge] = crossed.place
@@ -322,7 +321,7 @@ def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
 
 
 def _divide_flat_faces(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Divide faces whose corners all lie on outlines. The new vertices show on which side of an outline a face lies."""
+    """Divide faces whose corners all lie on outlines. A new vertex in a face shows the face's side of the outline."""
     s, inner = outlined.surface, ~_outline_edges(outlined, extent)
     flat = np.flatnonzero((outlined.on | outlined.fixed)[s.F].all(axis=1))
     length = np.where(inner, s.edge_lengths, 0.0)[s.edges.of[flat]]

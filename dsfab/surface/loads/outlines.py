@@ -1,4 +1,4 @@
-"""Pickers by an outline: polygon, curves of a drawing, brush stroke; and `Picker`, the type of all pickers."""
+"""Pickers (selections of vertices) by an outline: polygon, curves of a drawing, brush stroke; and the type `Picker`."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -109,7 +109,7 @@ ONE_PLANE = 1e-3  # Largest distance of curves from their common plane, divided 
 
 
 class OutlineError(SurfaceError, ValueError):
-    """Error for an invalid outline. Because it is a ValueError, pydantic reports it with its key."""
+    """Error for an invalid outline. It is also a ValueError, so that pydantic adds the preset's key to the message."""
 
 
 @dataclass(frozen=True)
@@ -304,7 +304,7 @@ class _Plane:
         return Extent(prism_depth, foot[:, None] + ends, min(_width(flat) for flat in loops))
 
     def _nearest_part(self, surface: Surface) -> tuple[float, float]:
-        """Return the ends of the prism, as distances (m) from the curves' plane; infinite if no other part limits it.
+        """Return the prism's ends as distances (m) from the curves' plane; infinite if no further part follows.
         Each end is halfway between the part nearest to the plane and the next part along lines normal to the plane."""
         reach, normal = np.abs(self.distances(surface.V)).max() + surface.size, self.axes[2]
         nearest_hits, behind = list[float](), list[float]()
@@ -337,7 +337,7 @@ def _width(P: Floats) -> float:
 
 
 def self_contained(picker: Any) -> Any:
-    """Return a picker that holds the curves of its file, without the file. Any other picker stays unchanged.
+    """Return a picker that contains the curves in place of their file. A picker without a file stays unchanged.
     Raises SurfaceError as `closed_curves` does."""
     if not isinstance(picker, ClosedCurves) or picker.file is None:
         return picker
@@ -352,7 +352,7 @@ Picker = Annotated[
 
 
 def has_outline(picker: Picker) -> bool:
-    """Return True if a picker selects all that lies in a part of space, so that its region has an outline."""
+    """Return True if a picker selects all vertices inside a part of space. Its region then has an outline."""
     return isinstance(picker, PlanPolygon | ClosedCurves | Brush | Ball | Box | Side) and not getattr(
         picker, "boundary", False
     )

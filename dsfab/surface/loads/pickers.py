@@ -1,4 +1,4 @@
-"""Pickers of vertices for supports and loads, by side, box, ball, boundary and more, and the space that they cover."""
+"""Pickers of vertices for supports and loads, by side, box, ball, boundary and more; `Extent`, a part of space."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
@@ -22,8 +22,8 @@ from dsfab.surface.topology import on_boundary
 class Extent:
     """A part of space.
     depth   : function that returns the depth (k,) of points (k, 3) inside the part, metres; negative outside.
-    creases : (c, 2, 3) segments along which the walls of the part bend, metres. The outline has corners there.
-    width   : about half the width of the part at slender places, metres; the mesh must be finer."""
+    creases : (c, 2, 3) segments where two walls of the part meet, metres. On a surface, its outline has corners there.
+    width   : about half the width of the part at narrow places, metres; the mesh must be finer."""
 
     depth: Callable[[Floats], Floats]
     creases: Floats
@@ -109,7 +109,7 @@ class All:
 
 @dataclass(frozen=True)
 class Box:
-    """The vertices in the box with two opposite corners, metres, its walls included.
+    """The vertices in or on a box, which is given by two opposite corners, metres.
     relative : true if the corners are fractions of the surface's own box, 0 to 1 along each axis.
     boundary : true to pick only vertices of free edges."""
 
@@ -121,7 +121,7 @@ class Box:
     pick: Literal["box"] = "box"
 
     def corners(self, surface: Surface) -> Floats:
-        """Return the corners (2, 3), metres."""
+        """Return two opposite corners of the box (2, 3), metres."""
         return _in_metres([self.min, self.max], surface, self.relative)
 
     def vertices(self, surface: Surface) -> Bools:
@@ -183,7 +183,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Nearest:
-    """The vertex nearest to each point, metres. relative : true if points are fractions of the surface's box."""
+    """The vertices nearest to points, metres. relative : true if points are fractions of the surface's box (0 to 1)."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     points: Annotated[tuple[Vector, ...], MinLen(1)]
@@ -297,7 +297,7 @@ class VerticesLeft(Vertices):
     ends: tuple[tuple[int, int], ...] = ()
 
     def edges(self, surface: Surface) -> Bools:
-        """Return the edges (e,)."""
+        """Mark the edges (e,) of the surface that are listed in `ends`."""
         table = surface.edges.ends
         ends = np.array(self.ends, dtype=np.int64).reshape(-1, 2)
         return np.isin(table[:, 0] * surface.n + table[:, 1], ends[:, 0] * surface.n + ends[:, 1])

@@ -52,8 +52,7 @@ class PatternRegion:
             )
 
     def faces(self, surface: Surface) -> Bools:
-        """Return the faces (m,) in the region, of a surface that is cut along its outline (see `with_regions`). Raises
-        SurfaceError as the picker does."""
+        """Return the region's faces (m,) on a surface cut along its outline. Raises SurfaceError as the picker does."""
         extent = extent_of(self.at, surface)
         return surface.faces_of(self.at.vertices(surface)) if extent is None else extent.depth(surface.centroids) > 0
 
@@ -68,10 +67,10 @@ def region_key(regions: Sequence[PatternRegion], k: int) -> str:
 
 
 class RegionedSurface(NamedTuple):
-    """A surface that is cut along the outlines of regions.
-    surface  : the surface without the voids.
+    """A surface that is cut along the outlines of regions. A void is a region without material.
+    surface  : the surface without the faces in voids.
     taken    : (k,) area of each region that is a void, else 0, m2.
-    whole    : the surface with the voids.
+    whole    : the surface with the faces in voids.
     vertices : (n,) index in `whole` of each vertex of `surface`."""
 
     surface: Surface
@@ -81,8 +80,8 @@ class RegionedSurface(NamedTuple):
 
 
 def with_regions(surface: Surface, regions: Sequence[PatternRegion]) -> RegionedSurface:
-    """Return the surface with edges along outlines of regions, without voids. The old vertices are the first in
-    `whole`. Raises SurfaceError with the region's name if a region misses the surface, or if voids remove all faces."""
+    """Return the surface with edges along outlines of regions, without voids. In the result's `whole`, the old vertices
+    come first. Raises SurfaceError with a region's name if it misses the surface, or if voids remove all faces."""
     extents, nothing = _extents(surface, regions), np.zeros(surface.n, dtype=bool)
     outlined = OutlinedSurface(surface, nothing, nothing)
     for k in _voids_first(regions):

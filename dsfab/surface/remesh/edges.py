@@ -72,7 +72,7 @@ class Net:
 
     @property
     def edges(self) -> EdgeTable:
-        """Table of edges."""
+        """Edges of the faces."""
         return self.faces.edges
 
     @property
@@ -211,8 +211,8 @@ def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, bat
 
 
 def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -> tuple[_Collapses, Floats]:
-    """Return collapses of short edges that preserve topology and curves, and their costs (c,).
-    Two free vertices merge at their middle. Other vertices merge on the curve or at the fixed vertex."""
+    """Return collapses of short edges that preserve the topology and the feature curves, and their costs (c,).
+    Two free vertices merge at their middle. Other pairs merge at their fixed vertex, or else at a vertex on a curve."""
     edges = net.edges
     cost = edge_lengths(net.V, edges.ends) / net.edge_sizes
     chosen = np.flatnonzero(cost < SHORTEST)
@@ -229,8 +229,8 @@ def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -
 
 
 def _keeps_curves(net: Net, curves: FeatureCurves, target: Ints, gone: Ints, edge: float) -> Bools:
-    """Return which vertices (c,) on a curve may merge with a neighbour on the curve.
-    The new, longer edge must stay near the curve, must not be too long, and must not exist yet."""
+    """Return which vertices `gone` (c,) on a curve may merge with their neighbours `target` (c,) on the same curve.
+    The longer curve edge that results must stay near the curve, must not be too long, and must not exist yet."""
     position = np.zeros(net.n, dtype=np.int64)
     position[net.node] = np.arange(len(net.node))
     k = np.clip(position[gone], 1, max(len(net.node) - 2, 1))
@@ -381,7 +381,7 @@ def with_ears_flipped(surface: Surface) -> Surface:
     for start, end in ((a, b), (b, a)):  # no new face may turn over
         ear &= angles_at(surface.V, start, end, c) + angles_at(surface.V, start, end, d) < np.pi
     chosen = np.flatnonzero(ear)
-    chosen = chosen[np.unique(pairs[chosen, 1] // 3, return_index=True)[1]]  # keep one pair per second face
+    chosen = chosen[np.unique(pairs[chosen, 1] // 3, return_index=True)[1]]  # flip one ear at most beside each face
     if not len(chosen):
         return surface
     return Surface(surface.V, with_other_diagonals(surface.F, pairs[chosen], quad[chosen]))

@@ -14,7 +14,7 @@ from dsfab.surface.topology import link_components
 TOLERANCE = 1 / 50  # Largest move of boundaries and creases, in edge lengths.
 CORNER = 30.0  # Least bend of a curve at a corner, degrees.
 DULL = 0.6 * CREASE  # Least angle between the mean normals on the two sides of a short crease, degrees.
-FINE = 1 / 80  # Largest width for means of a scan's normals (`design_features`), as a fraction of the box's diagonal.
+FINE = 1 / 80  # Largest radius in which `design_features` averages a scan's normals, divided by the box's diagonal.
 
 
 class SmoothVertices(NamedTuple):
@@ -42,8 +42,8 @@ def vertices_of_two_edges(V: Floats, ends: Ints) -> SmoothVertices:
 
 def design_features(surface: Surface, edge: float) -> Bools:
     """Return the boundaries, seams and creases (e,), without short, slight creases from slivers or noise.
-    A crease is slight if the mean normals on its two sides differ by less than `DULL`. The means cover a width of
-    `edge`, metres, or of two mean edges in a scan. A crease is short if its length is below two such widths."""
+    A crease is slight if the mean normals on its two sides differ by less than `DULL`. The means cover a radius of
+    `edge`, metres; in a scan, a radius of two mean edges. A crease is short if its length is below two radii."""
     sharp = sharp_edges(surface)
     marks = border_edges(surface) | sharp
     crease = np.flatnonzero(sharp)

@@ -78,7 +78,7 @@ def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) 
 
 IMAGE_TOLERANCE = 1 / 20  # Largest distance from the mirror image, divided by the edge length.
 ROUND_ANGLES = (0.7, 1.9)  # A surface is round if planes at these angles (radians) to a mirror plane are also mirrors.
-MOST_SIDES = 16  # Most mirrored sectors around an axis; a surface with more sectors keeps only two mirrors.
+MOST_SIDES = 16  # Largest number of mirrored sectors around an axis; with more sectors, only two mirrors are used.
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ class _MirrorTest:
 
     @cached_property
     def centre(self) -> Floats:
-        """Middle (3,) of the box, metres. A coordinate far from the centroid's is replaced by the centroid's."""
+        """Middle (3,) of the box, metres. A coordinate far from the centroid's is taken from the centroid instead."""
         middle = (self.surface.V.min(axis=0) + self.surface.V.max(axis=0)) / 2
         area = centroid(self.surface)
         return np.where(np.abs(middle - area) < IMAGE_TOLERANCE * self.edge, middle, area)
@@ -220,7 +220,7 @@ def _mirror_group(normals: list[Floats], largest: int) -> Floats:
     return generated_group([mirror(normal) for normal in normals], largest)
 
 
-PLANE_TOLERANCE = 1e-3  # Tolerance for vertices on mirror planes, and for images at the same point, in edge lengths.
+PLANE_TOLERANCE = 1e-3  # Tolerance, in edge lengths, for vertices on mirror planes and for coinciding mirror images.
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,13 +234,13 @@ class Chamber:
 
     @classmethod
     def from_mirrors(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
-        """Return the part towards a weighted sum of all vertices. The sum and the part rotate with the surface."""
+        """Return the part to which a weighted sum of all vertices points. Sum and part rotate with the surface."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
         return cls(surface, mirrors, np.where(mirrors.normals @ mix < 0, -1.0, 1.0)[:, None] * mirrors.normals, edge)
 
     @cached_property
     def piece(self) -> Surface | None:
-        """The part of the surface on this side of all mirror planes; None if faces lie in a mirror plane."""
+        """The part of the surface on the side `toward` of all mirror planes; None if a face lies in a mirror plane."""
         V, F = self.whole.V, self.whole.F
         for normal in self.toward:
             cut = _positive_side(V - self.mirrors.centre, F, normal, PLANE_TOLERANCE * self.edge)
@@ -250,20 +250,20 @@ class Chamber:
         return Surface(V, F) if len(F) else None
 
     def planes_of(self, V: Floats) -> Bools:
-        """Mark (k, p) which planes contain which of the points V (p, 3), within rounding errors."""
+        """Return a mask (k, p): True where a mirror plane contains a point of V (p, 3), within rounding errors."""
         return np.asarray(np.abs(self.toward @ (V - self.mirrors.centre).T) < 1e-9 * self.whole.size)
 
     def moved_into_planes(self, V: Floats, planes: Bools) -> Floats:
         """Move points V (p, 3) into mirror planes. planes : (k, p) True if a point belongs to a plane."""
         moved = V.copy()
-        for _ in range(2 * len(self.toward)):  # a move into one plane can leave another plane
+        for _ in range(2 * len(self.toward)):  # a point that moves into one plane can leave another plane
             for normal, in_plane in zip(self.toward, planes, strict=True):
                 moved[in_plane] -= np.outer((moved[in_plane] - self.mirrors.centre) @ normal, normal)
         return moved
 
     def all_sides(self, V: Floats, F: Ints) -> tuple[Surface, Ints] | None:
-        """Return the whole surface from new vertices V (p, 3) and faces F of this part, and the index (n,) in V of each
-        vertex's original. Return None if the topology or the length of the boundary would change."""
+        """Return the whole surface, copied from new vertices V (p, 3) and faces F of this part, and the index (n,) in V
+        of the vertex copied. Return None if the topology or the length of the boundary would change."""
         n, centre = len(V), self.mirrors.centre
         images = [(V - centre) @ R.T + centre for R in self.mirrors.group]
         faces = [F[:, ::-1] if np.linalg.det(R) < 0 else F for R in self.mirrors.group]
@@ -288,7 +288,7 @@ class Chamber:
         if surface.edges.count.max() > 2 or facts(surface) != facts(original):
             return False
         new_length, old_length = (float(s.edge_lengths[s.edges.boundary].sum()) for s in (surface, original))
-        return abs(new_length - old_length) <= 0.05 * old_length  # the chords of the new mesh may be shorter
+        return abs(new_length - old_length) <= 0.05 * old_length  # new edges along a curved boundary may be shorter
 
 
 def _positive_side(x: Floats, F: Ints, normal: Floats, tolerance: float) -> tuple[Floats, Ints] | None:

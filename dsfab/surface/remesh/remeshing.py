@@ -43,7 +43,7 @@ def remeshed_surface(
 
     finest : least edge length on curved parts, metres; 0 for no shorter edges on curved parts.
     smooth : true for new vertices on the smooth surface through the old vertices, false for new vertices on its facets.
-    sizes  : wanted edge lengths at the vertices of meshes of this surface, metres; the shortest length counts.
+    sizes  : fields of wanted edge lengths, metres, each on a mesh of this surface; the shortest length counts.
 
     - Boundaries, and creases of more than 30 degrees, move by at most a fiftieth of `edge`. Their corners do not move.
     - The bounding box, the numbers of pieces and holes, and the orientation of the faces do not change.
@@ -69,7 +69,7 @@ def remeshed_surface(
         return by_sides
     net = _net(nearest_to, sizes, edge)
     direct = Surface(_on_smooth_surface(net, nearest_to).V if smooth else net.V, net.F)
-    # a mirror plane along a pointed tip would halve the angle of the tip
+    # the mirrored mesh can be worse, because a mirror plane along a pointed tip halves the angle of the tip
     return by_sides if by_sides and _smallest_angle(by_sides) > 0.9 * _smallest_angle(direct) else direct
 
 
@@ -78,12 +78,12 @@ def _smallest_angle(surface: Surface) -> float:
 
 
 def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
-    """Remesh one mirrored part and copy it; None without mirrors, for a small part, or if the topology changes."""
+    """Mesh one of a surface's mirrored parts and copy it; None without mirrors, for small parts, or on new topology."""
     surface = nearest_on.surface
     mirrors = Mirrors.from_surface(nearest_on, edge, smooth)
     chamber = Chamber.from_mirrors(surface, mirrors, edge) if mirrors else None
     piece = chamber.piece if chamber else None
-    # a side with fewer than 100 triangles would have uneven triangles
+    # a part with fewer than 100 triangles is not mirrored, because its triangles would be uneven
     if chamber is None or piece is None or piece.area < 100 * np.sqrt(3) / 4 * edge**2:
         return None
     net = _net(NearestOnSurface(piece), sizes, edge)
@@ -106,8 +106,7 @@ def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Se
 
 def _places_on_curves(net: Net, nearest_on: NearestOnSurface, edge: float, smooth: bool) -> Floats:
     """Return places (n, 3) of a net's vertices on the nearest boundaries, creases and corners.
-    Copied vertices may lie slightly beside these curves. If `smooth` is false, all other vertices move onto the facets.
-    """
+    Mirrored vertices may lie slightly beside these curves. If `smooth` is false, other vertices move onto facets."""
     surface = nearest_on.surface
     lines = surface.edges.ends[design_features(surface, edge)]
     goal = net.V.copy() if smooth else _places(net.V, nearest_on, smooth)
@@ -164,7 +163,7 @@ def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _shortest_lengths(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
-    """Return the smallest wanted edge length (k,), metres, at points (k, 3). trees : search trees of the surfaces."""
+    """Return the shortest length (k,), metres, of all fields `sizes` at points (k, 3). trees : of their surfaces."""
     candidates = []
     for tree in trees:
         if tree_lengths := [field.length for field in sizes if field.surface is tree.surface]:

@@ -127,7 +127,7 @@ def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
 
 def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
     """Return lists of vertices (k,) at narrow places, the width (k,) there, metres, and the width's growth per metre.
-    The width is that of an edge or face between two curves. Faces in the angle of a corner do not count."""
+    A width is the length of an edge or height of a face between curves. Faces with two edges on curves do not count."""
     constrained, edges, along = net.kind > FREE, net.edges, net.along_curves
     length = edge_lengths(net.V, edges.ends)
     is_along = along[edges.of]
@@ -178,8 +178,8 @@ def _corners(net: Net) -> tuple[Ints, Floats]:
 
 
 def chord_lengths(curves: FeatureCurves, edge: float) -> Floats:
-    """Return the length (p,), at most `edge`, of the longest acceptable chord around each point of the curves, metres.
-    The distance of the chord from the curve is at most 0.8 `TOLERANCE` `edge`."""
+    """Return the length (p,), metres, of the longest allowed chord around each point of the curves, at most `edge`.
+    An allowed chord deviates from the curve by at most 0.8 times `TOLERANCE` times `edge`."""
     longest = np.full(len(curves.at), edge * CHORD_SHARES[-1])
     open_ = np.arange(len(curves.at))
     is_last = np.append(np.diff(curves.curve) > 0, True) if len(curves.at) else np.zeros(0, dtype=bool)

@@ -28,7 +28,7 @@ class SmoothPatches:
         self._controls = _controls(surface.V[surface.F], normals, features[surface.edges.of])
 
     def points(self, face: Ints, place: Floats) -> Floats:
-        """Return the points (k, 3) of the curved patches over the points `place` (k, 3) of faces (k,), metres."""
+        """Map the points `place` (k, 3) of flat faces (k,) to points (k, 3) of the curved patches, metres."""
         P = self._V[self._F[face]]
         b = barycentric(P, place)
         controls = self._controls[face]
@@ -64,7 +64,7 @@ def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
 
 def _corner_normals(surface: Surface, features: Bools) -> Floats:
     """Return unit normals (m, 3 corners, 3): means of the face normals around a vertex, weighted by angle.
-    Faces behind a feature edge, marked in `features` (e,), do not count."""
+    A mean contains the faces that are reached around the vertex without crossing an edge marked in `features` (e,)."""
     fan = corner_fans(surface.F, surface.edges, apart=features).ravel()
     count = int(fan.max()) + 1
     weighted = (face_angles(surface.V, surface.F)[:, :, None] * surface.normals[:, None]).reshape(-1, 3)
@@ -145,7 +145,7 @@ def with_vertices_at(net: Net, goal: Floats, positions: Floats) -> Net:
     Vertices of a face that would rotate by over 60 degrees stay."""
     old_areas, V = area_vectors(net.V, net.F), goal.copy()
     face = np.arange(len(net.F))
-    retreats = 6  # rounds in which only vertices of rotated faces move back; after these rounds, all vertices move back
+    retreats = 6  # rounds that move vertices of over-rotated faces back; after these rounds, all vertices move back
     for k in range(retreats + 1):
         new_areas = area_vectors(V, net.F[face])
         was = old_areas[face]

@@ -310,7 +310,7 @@ class BoyChart:
         return np.asarray(self.height * (P * [1, -1, -1] - [0, 0, LOWEST]) / (HIGHEST - LOWEST))
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """Return the disc coordinates (k, 2) of the points at X (k, 2) after a move by `step` (k, 3) on the surface."""
+        """Return disc coordinates (k, 2) of points at X (k, 2) on the disc, moved by `step` (k, 3) on the surface."""
         small = 1e-6
         places = self.place(X)
         J = np.stack([(self.place(X + small * e) - places) / small for e in np.eye(2)], axis=2)

@@ -29,7 +29,7 @@ FOLDED = -0.5  # Largest cosine of the angle between the normals of two faces in
 
 
 class MeshChart(Protocol):
-    """A smooth surface whose points have coordinates X (n, k), for example two parameters, or x, y and z."""
+    """A smooth surface. Coordinates X (n, k) define its points: for example two parameters, or x, y and z."""
 
     def place(self, X: Floats) -> Floats:
         """Return the points (n, 3), metres, that have the coordinates X (n, k)."""
@@ -264,7 +264,7 @@ def smooth_union(fields: Sequence[Field], k: float) -> Field:
 
 
 def smooth_difference(field: Field, cut: Field, k: float) -> Field:
-    """Return the field of a first solid without a second solid; the edge of the cut is rounded by about k metres."""
+    """Return the field of a solid minus a second solid `cut`; the edge of the cut is rounded by about k metres."""
     return lambda P: -smooth_minimum(-field(P), cut(P), k)
 
 
@@ -281,11 +281,11 @@ def mirror_union(field: Field, axis: int = 1) -> Field:
 
 @dataclass(frozen=True)
 class LevelSet:
-    """Surface on which a field is zero, as a chart with points in space as coordinates; its border is at z = floor."""
+    """Chart of the surface on which a field is zero. Its coordinates are x, y and z; its border is at z = floor."""
 
     field: Field
     reach: float
-    """Twice the largest move of a point in one step, metres."""
+    """Twice the largest move of a point in one Newton step, metres."""
     floor: float | None = None
 
     def place(self, X: Floats) -> Floats:

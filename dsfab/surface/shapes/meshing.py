@@ -36,7 +36,7 @@ def shape(function: Callable[P, Surface]) -> Callable[P, Surface]:
             with np.errstate(over="raise", divide="raise", invalid="raise"):
                 return function(*args, **kwargs)
         except (ArithmeticError, np.linalg.LinAlgError):
-            raise SurfaceError(f"{function.__name__}: the lengths differ too much; choose similar lengths") from None
+            raise SurfaceError(f"{function.__name__}: the given lengths differ too much; make them similar") from None
 
     return checked_shape
 

@@ -78,17 +78,15 @@ def elliptic_paraboloid(
 
 def mesh_region(rim: Floats, inside: Callable[[Floats, float], Bools], edge: float) -> tuple[Floats, Ints]:
     """Return vertices (n, 2) and counter-clockwise faces of a region of the plane.
-
     rim    : (k, 2) points along the boundary, about `edge` apart; they stay in place and come first.
-    inside : function that returns which points (q, 2) are inside by at least a distance.
-
+    inside : function of points (q, 2) and a distance; it marks the points at least this far inside the rim.
     Method: Delaunay triangles of the rim and a hexagonal lattice. Smoothing would reduce the smallest angle."""
     from scipy.spatial import Delaunay  # imported here, because the import takes a tenth of a second
 
     reach = int(np.ceil(2 * np.abs(rim).max() / edge)) + 2
     i, j = (x.ravel() for x in np.meshgrid(np.arange(-reach, reach + 1), np.arange(-reach, reach + 1)))
     lattice = edge * np.stack([i + j / 2, j * np.sqrt(3) / 2], axis=1)
-    P = np.concatenate([rim, lattice[inside(lattice, 0.6 * edge)]])  # closer points would form flat triangles
+    P = np.concatenate([rim, lattice[inside(lattice, 0.6 * edge)]])  # points nearer the rim would form flat triangles
     F = Delaunay(P).simplices.astype(np.int64)
     u, v = P[F[:, 1]] - P[F[:, 0]], P[F[:, 2]] - P[F[:, 0]]
     twice = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
@@ -152,7 +150,7 @@ class _Wedge:
         # the circle of the arch goes through the end of the foot, the mirror image of this end, and the arch's top
         across, along = ground * np.sin(half - half_foot), ground * np.cos(half - half_foot)
         dip = along - top
-        if abs(dip) < 1e-3 * ground:  # bend a nearly straight arch a little
+        if abs(dip) < 1e-3 * ground:  # curve a nearly straight arch a little, to keep its radius finite
             dip, top = 1e-3 * ground, along - 1e-3 * ground
         self.radius = (across**2 + dip**2) / (2 * abs(dip))
         self.bend = np.sign(dip)
@@ -160,7 +158,7 @@ class _Wedge:
         self.centre = self.to_centre * np.array([np.cos(half), np.sin(half)])
 
     def rim(self) -> tuple[Floats, Ints, Ints]:
-        """Return the outline (k, 2) of this wedge from the crown, and the indices of points on each straight side."""
+        """Return the outline (k, 2) of this wedge from the shell's top on, and point indices on each straight side."""
         ray = np.linspace(0, self.ground, 1 + self._count(self.ground))
         back = np.linspace(self.top, 0, 1 + self._count(self.top))[1:-1]
         foot = np.linspace(0, self.half_foot, 1 + self._count(self.ground * self.half_foot))[1:]

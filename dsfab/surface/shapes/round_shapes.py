@@ -45,7 +45,7 @@ def catenoid(waist: Length = 1.5, rim: Length = 6.0, edge: Length = 0.2) -> Surf
     if rim < 1.05 * waist:
         raise SurfaceError(f"catenoid: rim = {rim:g} m must be wider than 1.05 x waist = {waist:g} m")
     height = waist * np.arccosh(rim / waist)
-    # z has equal steps of the arc length a sinh(z / a)
+    # heights z at which the arc length a sinh(z / a) grows in equal steps
     arc = waist * np.sinh(height / waist)
     check_density(np.pi * (waist + rim) * arc, edge)
     z = waist * np.arcsinh(np.linspace(0, arc, 1 + pieces_of(arc, ROW * edge, least=3)) / waist)
@@ -132,7 +132,7 @@ def _icosahedron() -> tuple[Floats, Ints]:
 
 
 def _subdivide(corners: Floats, faces: Ints, f: int) -> tuple[Floats, Ints]:
-    """Divide every face into f^2 flat triangles; points with equal integer weights of corners become one vertex."""
+    """Divide every face into f^2 flat triangles. Points with equal integer barycentric weights become one vertex."""
     i, j = (x.ravel() for x in np.meshgrid(np.arange(f + 1), np.arange(f + 1), indexing="ij"))
     inside = i + j <= f
     index = np.full((f + 1, f + 1), -1)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """The uncut surface, the cut sheet, and a function between their vertices, for feet, ring beams, holes and so on.
+    """The uncut surface, and the sheet that was cut from it, for feet, ring beams, holes and so on.
     between : function from marks (n,) on the surface's vertices to marks (n',) on the sheet's vertices."""
 
     surface: Surface

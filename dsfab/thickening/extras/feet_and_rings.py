@@ -65,7 +65,7 @@ class Ring:
     kind: Literal["ring"] = "ring"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Return the solid with a beam along its boundaries; raises SolidError if no boundary is picked."""
+        """Return the solid with a beam along each boundary that `at` picks; raises SolidError if none is picked."""
         positive(self, "width", "height")
         marks = np.ones(base.surface.n, dtype=bool) if self.at is None else self.at.vertices(base.surface)
         loops = [loop for loop in base.surface.loops if marks[loop].any()]
@@ -121,7 +121,7 @@ def closed_bar(P: Floats, along: Floats, normal: Floats, width: float, height: f
     normal : (k, 3) unit normals of these sides.
     The sections at corners lie in the bisecting planes, stretched so that the bar has a constant width."""
     before = np.roll(along, 1, axis=0)
-    sharpest = 0.2  # smallest cosine of half the angle at a bend (mitre of five bar widths)
+    sharpest = 0.2  # smallest cosine of half the bend angle; a mitre is then five bar widths long
     middle = before + along
     cosine = np.maximum(np.linalg.norm(middle, axis=1) / 2, sharpest)
     middle /= np.maximum(np.linalg.norm(middle, axis=1, keepdims=True), sharpest)

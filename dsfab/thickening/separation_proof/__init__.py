@@ -43,15 +43,15 @@ class OffsetLayer:
         return SHIFT[self.side]
 
 
-REACH = 2  # A block has a box in the middle, and this number of boxes on each side of it.
+REACH = 2  # Number of boxes on each side of the middle box in a block of boxes.
 
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """Boxes of the faces of a surface.
+    """Boxes of a grid that divide the faces of a surface into groups.
     of     : (m,) number of the box of each face.
     place  : (k, 3) place of each box in the grid.
-    radius : (k,) radius of a cylinder along the axis that contains all prisms of the box, metres.
+    radius : (k,) radius of a cylinder along the box's axis that contains the thickened faces of the box, metres.
     middle, axis : (k, 3) middle (metres) and mean normal of the faces of each box.
     grid   : number of the box at each place, -1 for boxes without faces, with a border of `REACH` empty boxes.
     key    : (k,) place of each box in the flattened grid."""
@@ -71,7 +71,7 @@ class Boxes:
 
 
 def boxes_of(layer: OffsetLayer, error: float, count: int) -> Boxes:
-    """Sort the faces of the uncut surface into about `count` boxes. Each box is larger than the prism over any face."""
+    """Sort the faces of the uncut surface into about `count` boxes. Each box is larger than any thickened face."""
     uncut = layer.uncut
     middle = uncut.centroids
     size = lengths(layer.D) * (1 + abs(layer.shift))
@@ -109,8 +109,8 @@ Three = tuple[Floats, Floats, Floats]
 
 
 def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Floats, Floats]:
-    """Return a mask (m',) of the cells whose prisms may be folded, a cosine (k,) for each box, and radii (m',), metres.
-    The cosine belongs to the largest angle between the box's axis and its skin normals. A radius is the largest
+    """Return a mask (m',) of cells whose prisms (thickened cells) may be folded, cosines (k,) and radii (m',), metres.
+    A box's cosine belongs to the largest angle between the box's axis and its skin normals. A radius is the largest
     distance from a prism's middle to its corners."""
     F, m = layer.cells.F, layer.cells.m
     upper = np.ascontiguousarray((layer.cells.V + (layer.shift + 1) * layer.carried).T)
@@ -130,8 +130,8 @@ def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Float
 
 
 def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
-    """Return a mask (m,) of prisms that may turn inside out, the least cosine (m,) between the skin normals of each
-    prism and an axis, and the radii (m,). upper, lower : (3 xyz, 3 corners, m) corners, errors up to e = `error`.
+    """Return (m,): prisms that may turn inside out; least cosine of each prism's skin normals to an axis; prism radii.
+    upper, lower : (3 xyz, 3 corners, m) corners, errors up to e = `error`.
     Largest errors: 3 r^2 e in a determinant of vectors of length r; 4 s e in the normal of a triangle with sides s."""
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]
@@ -161,7 +161,7 @@ def _dot(a: Three, b: Floats | Three) -> Floats:
 
 
 def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
-    """Return a mask (k,) of boxes with an axis within 90 degrees of all skin normals of the box and those around it."""
+    """Return a mask (k,) of boxes with an axis within 90 degrees of all skin normals in the block around the box."""
     spread = np.arccos(np.clip(cosine, -1, 1))
     visible = spread < np.pi / 2
     every = np.arange(len(visible))
@@ -174,7 +174,7 @@ def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
 
 
 def boxes_with_simple_rims(layer: OffsetLayer, boxes: Boxes, accepted: Bools, error: float) -> Bools:
-    """Mark accepted boxes (k,): the rim of a box's block of boxes (`REACH`) goes once around the box's cylinder."""
+    """Mark the accepted boxes (k,) for which the rim of the surrounding block goes once around the box's cylinder."""
     uncut = layer.uncut
     thick = lengths(layer.D) * (1 + abs(layer.shift)) + error
     accepted, turns = accepted.copy(), np.zeros(len(boxes.axis), dtype=np.int64)
@@ -227,9 +227,9 @@ def _rims(uncut: Surface, boxes: Boxes, accepted: Bools) -> list[tuple[Ints, Int
 
 
 def proven_cells(layer: OffsetLayer) -> Bools:
-    """Return the cells (m',) whose prism surely meets no other prism, for any diagonals of its sides.
-    The proof also holds for vertices in files of single precision (if `is_fine`). With more than 5 % folded prisms, no
-    cell is returned."""
+    """Return the cells (m',) whose prism surely meets no other prism, whichever diagonals divide the prism's sides.
+    This also holds for vertices that files round to single precision (if `is_fine`). With more than 5 % folded prisms,
+    no cell is returned."""
     cells, uncut = layer.cells, layer.uncut
     if len(misoriented_edges(uncut.F, uncut.edges)):
         return np.zeros(cells.m, dtype=bool)
@@ -237,7 +237,7 @@ def proven_cells(layer: OffsetLayer) -> Bools:
     if is_fine(uncut.V, layer.D):
         error += rounding_step(uncut.V, layer.D)
     sure = np.zeros(cells.m, dtype=bool)
-    for count in (1000, 8000):  # numbers of boxes; with more boxes, the proof succeeds for more cells
+    for count in (1000, 8000):  # numbers of boxes; with more boxes, more cells are proven
         boxes = boxes_of(layer, error, count)
         folded, cosine, reach = prisms(layer, boxes, error)
         if folded.mean() > 0.05:

@@ -2,8 +2,8 @@ r"""Bars and the plates of their nodes as flat parts.
 
 plate of a node, from outside       bar, from outside
       _| |_                          ____________________________
-     |_ o _|   o node                \ o o                    o o |   corners cut off near neighbours
-       | |     folds across arms     /____________________________|"""
+     |_ o _|   o node                \ o o                    o o |   corners near other bars are cut off
+       | |     each arm has a fold   /____________________________|"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -63,7 +63,7 @@ def bar_part(bar: LatticeBar, nodes: tuple[str, str], stock: BarStock) -> FlatPa
 
 
 def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats, float]]:
-    """Yield half planes a . x <= b that keep a bar clear of its neighbours; x : metres along and left of the bar."""
+    """Yield half planes a . x <= b that keep a bar clear of its neighbours. x : (along bar, left of bar), metres."""
     for side, gap in ((1, end.after), (-1, end.before)):
         if 0 < gap < np.pi:
             c, s = np.cos(gap / 2), np.sin(gap / 2)
@@ -72,7 +72,7 @@ def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats
 
 
 def mitre_length(bar: LatticeBar, end: BarEnd, stock: BarStock) -> float:
-    """Return the length of a bar's side that the mitre at one end cuts off (m)."""
+    """Return the length (m) that mitres at one end cut off a bar's side; the larger length of both sides."""
     half = bar.bay.width / 2
     cuts = [(b - abs(a[1]) * half) / a[0] for a, b in _mitres(end, stock, BAR_CLEARANCE * stock.bolt)]
     return float(np.clip(max(cuts, default=0.0), 0.0, bar.length))
@@ -141,7 +141,7 @@ class PlateArm:
 
     @classmethod
     def from_bar(cls, joint: Joint, bar: LatticeBar, side: int, stock: BarStock) -> "PlateArm":
-        """Return the plate's arm for a bar."""
+        """Return the arm of a node's plate for a bar. side : 0 or 1, the end of the bar at this node."""
         end, (stations, end_distance) = bar.ends[side], stock.bolt_stations(bar)
         setback = stock.lever * np.tan(end.dip / 2)
         holes = tuple(end.root - 2 * setback + r for r in stations)

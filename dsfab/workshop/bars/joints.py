@@ -1,4 +1,4 @@
-"""Joints: the angles at the ends of bars, and the legs by which node plates stand on the ground.
+"""Joints: node plates with an arm for each bar, the angles at the ends of bars, and legs that stand on the ground.
 
        n                     n    normal of a node; its plate is square to n, below the bars
        |   dip               e    distance from the node to the beginning of the bar's line, where the arm is folded
@@ -6,7 +6,7 @@
      plate      ··.._        m    normal of the bar: n without its component along the bar; the twist is the
                  bar          ·   angle between the normals of both ends
 
-A leg is an arm of the plate that points down along the surface. Beyond its fold it is level, and anchors hold it."""
+A leg is a further arm of the plate; it points down along the surface. Beyond its fold it is level, with anchors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ from dsfab.workshop.bars.lattice import BAR_CLEARANCE, LEAST_BAR, Bay, Lattice, 
 from dsfab.workshop.layers import END_DISTANCE, Layering
 from dsfab.workshop.parts import NODE_LETTERS, FlatPart, Fold, Hole, label, text_length
 
-FLAT_SINE = np.sin(np.radians(5.0))  # sine of the smallest slope of a surface with legs at supports
+FLAT_SINE = np.sin(np.radians(5.0))  # sine of the smallest slope at which node plates at supports get legs
 LEAST_SIDE, ARM_SHARE = 1.5, 0.45  # half width of an arm: at least 1.5 bolt diameters, usually 0.45 member widths
 ANCHOR_SPACINGS = (3.0, 4.0, 3.0)
 """Distances in anchor diameters: fold to first anchor, first to second anchor, second anchor to the leg's end."""
@@ -50,7 +50,7 @@ class Leg:
 
     @property
     def length(self) -> float:
-        """Length from the fold to the end (m)."""
+        """Length of the leg from its fold to its end (m)."""
         return self.anchor * sum(ANCHOR_SPACINGS)
 
 
@@ -59,7 +59,7 @@ class Footing:
     """Ground contact of a structure.
     supports : (q, 3) supported points, metres.
     up       : (3,) unit vector.
-    reach    : a support may be this far from its node, plus 0.75 of the width of the node's widest member, metres.
+    reach    : metres; a support belongs to a node within this distance plus 0.75 of its widest member's width.
     anchor   : diameter of the anchors, metres."""
 
     supports: Floats
@@ -72,12 +72,12 @@ class Footing:
 
     @classmethod
     def from_supports(cls, surface: Surface, load: LoadCase, up: Floats, anchor: float) -> "Footing | None":
-        """Return the footing of a surface; None without supports or without anchors."""
+        """Return the ground contact of a surface; None without supports, or if the anchors' diameter is 0."""
         points = surface.V[load.fixed.any(axis=1) | load.spring.any(axis=1)]
         return cls(points, up, float(surface.mean_edge), anchor) if len(points) and anchor else None
 
     def legs(self, points: Floats, normals: Floats, widths: Sequence[float]) -> dict[int, Leg | None]:
-        """Return, by node number, the `Leg` of each of the nodes (q, 3) at supports; None on a level surface."""
+        """Return each node's `Leg` by node number, for nodes (q, 3) near supports; None at slopes under 5 degrees."""
         away = np.asarray(cKDTree(self.supports).query(points)[0])
         legs: dict[int, Leg | None] = {}
         limits = self.reach + 0.75 * np.asarray(widths)  # largest distance from a node to its support (m)
@@ -94,7 +94,7 @@ class Footing:
 def leg_plates(
     graph: MemberGraph, layering: Layering, footing: Footing, thickness: float
 ) -> tuple[list[FlatPart], list[str]]:
-    """Return plates (thickness in m) with legs below strips at supports, and names of nodes with too little slope."""
+    """Return plates (thickness in m) with legs under strips at supports, and names of nodes on too level a surface."""
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
     members = [[graph.by_id[name] for name in node.members] for node in nodes]
     widths = [max(member.mean_width for member in node_members) for node_members in members]
@@ -129,7 +129,7 @@ def _leg_plate(
 
 
 def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
-    """Return sentences on plates with legs, from the angles of their folds (radians), and on nodes without a leg."""
+    """Return sentences on plates with legs, from their fold angles `folds` (radians), and on nodes without a leg."""
     angles = [abs(float(np.degrees(fold))) for fold in folds]
     sentences = []
     if angles:
@@ -138,7 +138,7 @@ def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
             f"{min(angles):.0f} to {max(angles):.0f} degrees"
         )
     if flat:
-        reason = "the surface there is less steep than 5 degrees, or a bar is where the leg would be"
+        reason = "the surface slopes by less than 5 degrees, or a bar is in the place of the leg"
         sentences.append(f"no leg at {names_and_count(flat)}: {reason}")
     return sentences
 
@@ -153,7 +153,7 @@ class BarEnd:
     azimuth : angle about the node's normal, counter-clockwise from the node's first bar, radians.
     dip     : angle below the plane of the node, radians.
     before, after : angles to the next bars, clockwise and counter-clockwise, radians; 2 pi for a single bar.
-    root    : distance from the node to the beginning of the bar's line, metres."""
+    root    : distance from the node to the place where the bar's centre line begins, metres."""
 
     node: int
     azimuth: float
@@ -191,7 +191,7 @@ class LatticeBar:
 
     @cached_property
     def twist(self) -> float:
-        """Angle from the first to the second normal, right-handed about the direction (radians)."""
+        """Angle (radians) from the normal at the first end to that at the second, right-handed about the direction."""
         begin_normal, end_normal = self.normals
         return float(np.arctan2(np.cross(begin_normal, end_normal) @ self.direction, begin_normal @ end_normal))
 
@@ -202,7 +202,7 @@ class Joint:
     bars : counter-clockwise pairs (bar number, end); end is 0 if the bar starts at this node, and 1 if it ends here.
     half : half width of the plate's arms, metres.
     root : approximate distance from the node to the folds, metres.
-    leg  : leg of the plate at a support."""
+    leg  : arm of the plate that stands on the ground, if any (see `Leg`)."""
 
     node: LatticeNode
     bars: tuple[tuple[int, int], ...]
@@ -272,7 +272,7 @@ def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: fl
     joined = np.array([node.joined for node in lattice.nodes], dtype=bool)
     chord = P[bay_ends.node[bay_ends.opposite]] - P[bay_ends.node]
     level = _level_directions(chord, N[bay_ends.node])
-    # the dip of a bar is about 1.5 times the dip of the straight line between its nodes
+    # a bar's angle below the node's plane is about 1.5 times that of the straight line between its nodes
     lean = 1.5 * thickness / 2 * np.sin(np.abs(bay_ends.dip(chord, N)))
     orders = [_counter_clockwise(np.flatnonzero(bay_ends.node == k), level, N[k]) for k in range(len(P))]
     lengths = np.linalg.norm(chord, axis=1)
@@ -312,9 +312,9 @@ def _counter_clockwise(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints,
 
 def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
     """Return half the width of a node plate's arms, and the distance of their folds from the node (m).
-    At right angles, bars begin at half of their width from the node; at sharper angles they begin farther away. Arms
-    at sharp angles are narrower, but wide enough for bolts."""
-    notch = 0.9  # distance from the node to the corner between two arms, divided by the distance to the bars
+    At right angles, bars begin at half of their width from the node. At sharper `gaps` (angles) they begin farther
+    away, and their arms are narrower, but wide enough for bolts. lean : extra distances for tilted bars, metres."""
+    notch = 0.9  # distance of the corner between two arms from the node, divided by the bars' distance from the node
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2
     clear = half / float(np.tan(max(sharpest, SQUARE_ANGLE) / 2)) + BAR_CLEARANCE * bolt + float(lean.max())

@@ -78,7 +78,7 @@ def member_lattice(graph: MemberGraph, bolt: float) -> Lattice:
     raw_bays = [raw_bay for member in members for raw_bay in _member_bays(graph, member, places, bolt)]
     keys = list(dict.fromkeys(key for raw_bay in raw_bays for key in raw_bay.ends))
     group, short = _place_groups(keys, raw_bays, places, bolt)
-    if short > 0.1 * len(raw_bays):  # bars would no longer follow the pattern
+    if short > 0.1 * len(raw_bays):  # with more short bays, bars would no longer follow the pattern
         raise PatternError(
             f"{short} of {len(raw_bays)} bays are too short for a bar with a bolt of {length(bolt)} at each end; take "
             "workshop.route = 'strips', a larger spacing, narrower members or a smaller workshop.bolt"
@@ -134,8 +134,8 @@ def _member_bays(
 def _place_groups(
     keys: list[str], raw_bays: list[_RawBay], places: dict[str, tuple[Floats, Floats]], bolt: float
 ) -> tuple[Ints, int]:
-    """Return the group number (n,) of each node or free member end, and the number of bays that are too short for bars.
-    A group contains all ends of connected short bays, and all free ends of members that overlap."""
+    """Group nodes and free member ends (n,); return group numbers, and the number of bays that are too short for bars.
+    A group contains nodes that short bays connect, and free ends so close together that their members overlap."""
     number = {key: k for k, key in enumerate(keys)}
     half = np.zeros(len(keys))
     ends = np.array([[number[key] for key in raw_bay.ends] for raw_bay in raw_bays], dtype=np.int64).reshape(-1, 2)

@@ -94,9 +94,8 @@ def _sharp_angles(plan: BarPlan) -> Iterator[str]:
     if weakened:
         many = "1 bar loses" if len(weakened) == 1 else f"{len(weakened)} bars lose"
         yield (
-            f"{many} more than half of one side to a mitre at a "
-            f"sharp angle, and may be too weak: {names_and_count(weakened)}; "
-            "narrower members lose less"
+            f"{many} more than half of one side to a mitre (an oblique cut at a sharp angle), and may be too weak: "
+            f"{names_and_count(weakened)}; narrower members lose less"
         )
 
 
@@ -112,7 +111,7 @@ def _omission_lines(plan: BarPlan) -> Iterator[str]:
     if lattice.parallel:
         yield f"{_names(lattice.parallel)} left out, because other bars join the same nodes"
     if lattice.rings:
-        yield f"{_names(lattice.rings)} left out: closed, with fewer than three nodes"
+        yield f"{_names(lattice.rings)} left out, because a closed member needs at least three nodes for bars"
     ends = [node for node in lattice.nodes if not node.joined]
     if ends:
         yield (

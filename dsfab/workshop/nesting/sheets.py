@@ -1,4 +1,4 @@
-"""Parts nested on sheets for the least cost, and fewer sheets by spyrrow.
+"""Parts nested on sheets for the least cost; with spyrrow, on fewer sheets if possible.
 
 Spyrrow packs parts on a strip as short as possible, in a separate process. With spyrrow, dsfab moves the parts of the
 least used sheet to other sheets. `least_clearance` checks each result. If the check fails, the old nest stays."""
@@ -131,7 +131,8 @@ def _fill_by_value(
 def stack_parts(
     parts: Sequence[FlatPart], stock: Sequence[SheetSize], gap: float, limit: int, grain: bool = False
 ) -> list[NestedSheet] | None:
-    """Nest parts with the skyline method only, faster than `nest_parts`; None if over `limit` sheets are necessary."""
+    """Nest parts with the skyline method only, faster than `nest_parts`; None if over `limit` sheets are necessary.
+    grain : true to lay members along the sheets."""
     return _fill_sheets(parts, False, stock, column_grid(stock, gap, grain), limit)
 
 

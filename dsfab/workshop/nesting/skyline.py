@@ -44,8 +44,8 @@ class ColumnGrid:
 
 
 def column_grid(stock: Sequence[tuple[float, float]], gap: float, grain: bool = False) -> ColumnGrid:
-    """Return the grid of narrow columns into which nesting divides sheets of these lengths and widths (m)."""
-    step = min(0.01, max(max(size) for size in stock) / 250)  # at least 250 columns on the longest sheet
+    """Return the grid of narrow columns into which nesting divides sheets. stock : their lengths and widths (m)."""
+    step = min(0.01, max(max(size) for size in stock) / 250)  # column width: at least 250 columns on the longest sheet
     return ColumnGrid(gap, step, max(min(size) for size in stock) - 2 * gap + ROUNDING, grain)
 
 
@@ -77,7 +77,7 @@ def _column_count(size: Floats, grid: ColumnGrid) -> int:
 
 
 def _columns(outline: Floats, size: Floats, grid: ColumnGrid) -> tuple[Floats, Floats]:
-    """Return the lowest and highest value (k,) of a polygon (q, 2) in each column of the sheet.
+    """Return the lowest and the highest y (k,) of a polygon (q, 2) in each of the sheet's columns along x.
     The polygon is enlarged by half of the gap between parts. Method: Minkowski sum of the polygon's sides with a
     regular polygon around a circle; its radius is half of the gap."""
     reach = grid.gap / 2
@@ -99,8 +99,8 @@ def _shifted_points(points: Floats, ways: Floats) -> Floats:
 
 
 def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Floats:
-    """Return the extreme height (k,) of segments in each of k columns; f : numpy's minimum or maximum.
-    corner : (k + 1,) limits of the columns.
+    """Return the lowest or highest y (k,) of segments in each of k columns; f : numpy's minimum or maximum.
+    corner : (k + 1,) x of the columns' borders.
     p, q   : (s, 2) ends of the segments, p left of q."""
     extremes = np.full(len(corner) - 1, np.inf if f is np.minimum else -np.inf)
     wide = np.maximum(q[:, 0] - p[:, 0], 1e-15)
@@ -132,7 +132,7 @@ class NestedPart:
 
 @dataclass(eq=False)
 class SheetGap:
-    """Free space below a part, in k columns from `begin` on: floor (k,) and ceiling (k,) (m), largest height `high`."""
+    """Free space below a part: its lowest and highest y (k,) in k columns from `begin` on, and greatest height (m)."""
 
     begin: int
     floor: Floats
@@ -214,7 +214,7 @@ def _best_on_skyline(sheet: OpenSheet, turns: list[PartShape], grid: ColumnGrid)
         k = len(shape.lower)
         if k > len(sheet.skyline) or sheet.lowest + shape.size[1] + gap > top + step:
             continue
-        if k not in cached:  # a half turn does not change the length
+        if k not in cached:  # a half turn keeps the number k of the shape's columns
             column_runs = _column_windows(sheet.skyline, k)
             cached[k] = column_runs, column_runs.sum(axis=1)
         windows, sums = cached[k]

@@ -1,8 +1,8 @@
 """The parts of a structure of planks, developed along the normals of the surface.
 
 A plank is the ruled surface P(s) + y N(s), with the normal -B = -N x T on the axis (symbols as in `StripCourse`).
-The flat plank bends by kn in its own plane. In the structure it bends by kg across this plane and twists by tg. The
-twist strains the edges of a plank of depth h by tg^2 h^2 / 8."""
+The flat part is cut along a curve of curvature kn. When it is built, it bends by kg out of its plane and twists by tg.
+The twist strains the edges of a plank of depth h by tg^2 h^2 / 8."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -25,14 +25,14 @@ from dsfab.workshop.strips import is_strip
 
 
 def upright_course(course: StripCourse, depth: float) -> StripCourse:
-    """Return the course of an upright plank: its normal is T x N, its left is N; T, N : tangent, normal of `course`."""
+    """Return the course of an upright plank, its normal T x N, its left N; T, N : tangent and normal of `course`."""
     B = np.cross(course.N, course.T)
     half = np.full(len(course.s), depth / 2)
     return replace(course, N=-B, kg=course.kn, kn=-course.kg, left=half, right=half)
 
 
 def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, StripCourse], dict[str, StripCourse]]:
-    """Return the courses of all planks, and those courses that end early: at another plank, or where planks curl up."""
+    """Return the courses of all planks, and those that end early: at another plank, or before a curled end."""
     members = [m for m in graph.members if is_strip(m)]
     extra_length = 2 * (stock.splice_reach + stock.depth + stock.overhang)
     courses = {m.id: member_course(graph, m, stock.overhang, extra_length) for m in members}
@@ -62,7 +62,7 @@ def plank_parts(
 ) -> slots.PlankParts:
     """Return the parts of all members that are planks.
     room   : lengths and widths that parts may have on the stock, metres.
-    ground : base plane; planks are cut level where they end at its supports. None without supports.
+    ground : base plane; planks are cut level where they end at supports. None without supports.
     order  : families, from the lowest planks to the uppermost.
     Raises PatternError if no piece fits on the stock."""
     courses, stopped = plank_courses(graph, stock)
@@ -122,7 +122,7 @@ class PlankPlan:
 
     @property
     def obstacle(self) -> str:
-        """Reason why planks are impossible, in numbers, as a clause that begins with "would"; "" if possible."""
+        """Reason why planks are impossible, with numbers, to follow "upright planks": "would ..."; "" if possible."""
         planks, worst = self.planks, max(self.planks.bends.values(), default=0.0)
         if worst > self.limit:
             return f"would be bent out of their plane to a strain of {worst:.2%} (allowed: {self.limit:.2%})"
@@ -135,7 +135,7 @@ class PlankPlan:
             name, angle = max(planks.stuck.items(), key=itemgetter(1))
             return (
                 f"would not slide together: slots of {len(planks.stuck)} of them differ by up to "
-                f"{np.degrees(angle):.0f} degrees from their middle direction ({name})"
+                f"{np.degrees(angle):.0f} degrees from the middle direction of a piece's slots ({name})"
             )
         return ""
 
@@ -186,22 +186,22 @@ def _bending_lines(plan: PlankPlan) -> Iterator[str]:
     order = sorted(planks.bends, key=lambda name: -planks.bends[name])
     worst, over = planks.bends[order[0]], [name for name in order if planks.bends[name] > plan.limit]
     size = f"upright planks, {length(stock.depth)} deep and {length(stock.thickness)} thick,"
-    how = f"are bent out of their plane to a strain of {worst:.2%} ({order[0]} most)"
+    how = f"are bent out of their plane to a strain of {worst:.2%} (most in {order[0]})"
     if not plan.limit:
         yield f"{len(order)} {size} {how}; name a material or set statics.strength for a limit"
     elif over:
         yield (
             f"NOT POSSIBLE: {len(over)} of {len(order)} {size} {how}, {worst / plan.limit:.1f} times the allowed "
             f"{plan.limit:.2%} ({names_and_count(over)}): set workshop.thickness to "
-            f"{_rounded_down(stock.thickness * plan.limit / worst)} or less, or draw a pattern that bends less there"
+            f"{_rounded_down(stock.thickness * plan.limit / worst)} or less, or draw a pattern that bends planks less"
         )
     else:
         yield f"{len(order)} {size} {how}, of {plan.limit:.2%} allowed"
     twisted = max(planks.longer, key=lambda name: planks.longer[name])
-    longest, least = planks.longer[twisted], 5e-5  # metres: a smaller difference cannot be measured
+    longest, least = planks.longer[twisted], 5e-5  # metres: smaller elongations cannot be measured
     yield (
-        f"the surface twists planks: their edges are {f'up to {length(longest)}' if longest > least else 'not'} longer "
-        "in the structure than on the drawing" + (f" ({twisted})" if longest > least else "")
+        f"planks are twisted: their edges become {f'up to {length(longest)}' if longest > least else 'not'} longer "
+        "than on the drawing" + (f" ({twisted})" if longest > least else "")
     )
 
 
@@ -233,16 +233,16 @@ def _sliding_lines(plan: PlankPlan) -> Iterator[str]:
     if steep:
         worst = max(steep, key=lambda name: steep[name])
         yield (
-            f"planks with slots from below slide onto lower planks in one direction; so slots widen by up to "
+            f"pieces with slots in lower edges slide onto other planks in one direction, so slots are widened by up to "
             f"{np.degrees(steep[worst]):.1f} degrees (at {worst}); planks are spliced to keep this angle below "
-            f"{np.degrees(slots.SLIDE_ANGLE):.0f}"
+            f"{np.degrees(slots.SLIDE_ANGLE):.0f} degrees"
         )
     if planks.stuck:
         worst = max(planks.stuck, key=lambda name: planks.stuck[name])
         yield (
-            f"NOT POSSIBLE to slide together: slots of {names_and_count(list(planks.stuck))} differ by up to "
+            f"NOT POSSIBLE to slide together: {names_and_count(list(planks.stuck))}; slots of a piece differ by up to "
             f"{np.degrees(planks.stuck[worst]):.0f} degrees from their middle direction ({worst}): use smaller bolts "
-            "or thinner planks, so that planks can be spliced more often, or choose strips or bars"
+            "or thinner planks, which can be spliced more often, or choose strips or bars"
         )
 
 
@@ -257,7 +257,7 @@ def _omission_lines(plan: PlankPlan) -> Iterator[str]:
     if planks.shortened:
         yield (
             f"{names_and_count(planks.shortened)} {stopping_clause(len(planks.shortened))} another plank of the family "
-            "or curl up" + (f"; not reached: {names_and_count(planks.missed_nodes)}" if planks.missed_nodes else "")
+            "or curl up" + (f"; nodes missed: {names_and_count(planks.missed_nodes)}" if planks.missed_nodes else "")
         )
     if planks.vanished:
         yield f"NOT BUILT, because other planks of the same family are in the way: {names_and_count(planks.vanished)}"

@@ -33,7 +33,7 @@ class PlankStock:
 
     @property
     def layering(self) -> Layering:
-        """Layering that defines the lengths of cover plates and the places of their bolts."""
+        """Layers of strips, from which cover plates get their lengths and bolts get their places."""
         return Layering(self.thickness, 2, self.bolt)
 
     @property
@@ -89,7 +89,7 @@ def _edge_with_slots(layer: Development, span: tuple[float, float], edge: float,
 def plank_marks(
     layer: Development, name: str, span: tuple[float, float], slots: Sequence[Slot], stock: PlankStock
 ) -> tuple[Floats, ...]:
-    """Return strokes of a piece's name in its longest bay, and of node names opposite to slots."""
+    """Return strokes of a piece's name in its longest part without slots, and of node names above or below slots."""
     stops = np.array([span[0], *(slot.s for slot in slots), span[1]])
     longest = int(np.diff(stops).argmax())
     middle = (stops[longest] + stops[longest + 1]) / 2
@@ -134,7 +134,7 @@ class Plank:
         ground: BasePlane | None,
         parts: PlankParts,
     ) -> None:
-        """Divide the plank into pieces that fit into `room` on the stock and that slide onto the planks below them."""
+        """Divide the plank into pieces that fit the stock (`room`) and slide onto the lower planks of `crossings`."""
         course, stock = self.course, self.stock
         upper = [crossing for crossing in crossings if self._has_role(crossing, 1)]
         crossing_stations = np.array([crossing.at[1] for crossing in upper])
@@ -182,7 +182,7 @@ class Plank:
         return [self.member.id] if count == 1 else [f"{self.member.id}.{k}" for k in range(1, count + 1)]
 
     def direction_at(self, s: float) -> Floats | None:
-        """Return the assembly direction of the piece at an arc length; None if it has no crossings or cannot slide."""
+        """Return the direction in which the piece at s slides onto lower planks; None without these, or if stuck."""
         return next((d for d, (a, b) in zip(self.directions, self.spans, strict=True) if a <= s <= b), None)
 
     def _fits(self, begin: float, end: float, room: list[tuple[float, float]]) -> bool:
@@ -234,7 +234,7 @@ class Plank:
         course, y = self.course, self.stock.depth / 2
         past = 0.0 if course.closed else min(UNCERTAIN_WIDTHS * self.member.mean_width, (course.end - course.begin) / 3)
         inside = (course.s >= course.begin + past) & (course.s <= course.end - past)
-        kn, tg = course.kg[inside], course.tg[inside]  # the kg of an upright plank is the kn of the surface
+        kn, tg = course.kg[inside], course.tg[inside]  # kg of an upright plank: the surface's normal curvature kn
         parts.bends[self.member.id] = self.stock.thickness / 2 * float(np.abs(course.kn[inside]).max(initial=0.0))
         elongations = [np.hypot(1 - side * kn, side * tg) - (1 - side * kn) for side in (y, -y)]
         parts.longer[self.member.id] = max(float(np.trapezoid(x, course.s[inside])) for x in elongations)
@@ -245,7 +245,7 @@ class Plank:
             if not span[0] <= slot.s <= span[1]:
                 continue
             edge = self.stock.depth / 2 * (1 if slot.above else -1)
-            low = slot.s + slot.mouth(edge)[0] - self.stock.thickness / 2  # wood remains between slots
+            low = slot.s + slot.mouth(edge)[0] - self.stock.thickness / 2  # keeps half a thickness of wood
             before = [previous.s + previous.mouth(edge)[1] for previous in accepted if previous.above == slot.above]
             if before and before[-1] > low:
                 parts.crowded.append(f"{slot.node} in {name}")

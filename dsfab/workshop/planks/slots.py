@@ -21,7 +21,7 @@ from dsfab.workshop.parts import FlatPart
 
 SLIDE_ANGLE = float(np.radians(10.0))
 """Largest angle between the assembly direction of a piece and the normals at its nodes, radians.
-Slots are widened for this direction. A plank that would need a larger angle is spliced."""
+Slots are widened so that a piece can slide in its assembly direction. A plank with a larger angle is spliced."""
 
 
 def largest_deviation(normals: Floats) -> float:
@@ -37,7 +37,7 @@ def middle_direction(normals: Floats) -> Floats:
 
 
 STANDING_ORDER = ("major", "minor", "rim", "keep")
-"""Order of assembly of families that begin at equal heights. Planks of a later family cross above earlier planks."""
+"""Order of assembly of families of planks that begin at equal heights. Later families cross above earlier families."""
 SLOT_CLEARANCE = 2e-4  # gap between a plank and the sides and bottom of its slot (m)
 LEAST_DEGREES = 30.0
 """Smallest crossing angle of planks with slots (degrees); at a smaller angle a slot would cut most of the plank."""
@@ -65,7 +65,7 @@ class Crossing:
         lock_floats(self, normal=(3,), ways=(2, 3))
 
     def slot_leans(self, direction: Floats) -> tuple[float, float]:
-        """Return the widening (`Slot.lean`) of the lower and of the upper slot for a unit assembly direction (3,)."""
+        """Return how much the lower and the upper slot widen (`Slot.lean`), for a unit assembly direction (3,)."""
         along_lower, along_upper, up = np.linalg.solve(np.stack([*self.ways, self.normal], axis=1), direction)
         return float(along_lower / up), float(-along_upper / up)
 
@@ -138,7 +138,7 @@ def plank_crossings(
 def slot_crossing(
     node: str, names: tuple[str, str], courses: tuple[StripCourse, StripCourse], stations: tuple[float, float]
 ) -> Crossing:
-    """Return the crossing of two planks. Newton steps move a point along each axis until a normal joins the points."""
+    """Return the crossing of two planks. Newton steps find points of both axes on a common normal of the surface."""
     s, t = (course.wrapped_station(x) for course, x in zip(courses, stations, strict=True))
     for _ in range(5):
         (P, T, N), (Q, U, M) = ([x[0] for x in c.frame_at(np.array([x]))] for c, x in zip(courses, (s, t), strict=True))
@@ -158,7 +158,7 @@ class PlankParts:
     crossings    : nodes with and without slots.
     crowded      : slots that would run into a neighbouring slot, "N007 in A02".
     slide_angles : largest angle between the assembly direction and the slots, by piece, radians.
-    stuck        : angles of the pieces that cannot slide on lower planks, radians.
+    stuck        : the same angle, for pieces that cannot slide on lower planks.
     shortened    : members that stop before another member of their family, or before their own curled end.
     missed_nodes : nodes that shortened members do not reach.
     vanished     : members that would be too short.

@@ -38,8 +38,8 @@ def piece_name(name: str, i: int, pieces: int) -> str:
 
 def closing(shell: Ints, solids: list[list[int]], faces: Ints, free: int, name: str) -> Iterator[str]:
     """Yield the last entities of a STEP file, numbered from `free`: solids, products, colours and the end line.
-    shell, faces : (f,) shell and entity of each face.    solids : shells of each solid, the outer shell first.
-    The product of the first piece is in the header of the file."""
+    shell, faces : (f,) shell and entity number of each face.    solids : shells of each solid, the outer shell first.
+    The product of the first solid is already in the header of the file."""
     entities_after = StepEntities(free)
     styles = [_style(entities_after, colour) for colour in COLOURS[: len(solids)]]
     styled = []
@@ -128,11 +128,11 @@ class StepEntities:
         )
 
     def bezier(self, poles: list[int], shared: bool = False) -> int:
-        """Add a Bezier curve as a spline with one span."""
+        """Add a Bezier curve as a spline with one span. shared : True to return an equal curve if the file has one."""
         return self.spline(len(poles) - 1, poles, bezier_knots(len(poles)), shared=shared)
 
     def spline_surface(self, degrees: tuple[int, int], rows: Iterable[list[int]], u: KnotText, v: KnotText) -> int:
-        """Add a spline surface through rows of numbered poles."""
+        """Add a spline surface. rows : entity numbers of the poles. u, v : knots in each of the two directions."""
         poles = ",".join(references(row) for row in rows)
         return self.add(
             f"B_SPLINE_SURFACE_WITH_KNOTS('',{degrees[0]},{degrees[1]},({poles}),.UNSPECIFIED.,.F.,.F.,.F.,"
@@ -145,7 +145,7 @@ class StepEntities:
         return self.add(f"PCURVE('',#{surface},#{flat})")
 
     def vertex(self, point: int, shared: bool = False) -> int:
-        """Add a vertex at a point (entity number). shared : True to return an equal vertex if the file has one."""
+        """Add a vertex. point : entity number. shared : True to return an equal vertex if the file has one."""
         return self.add(f"VERTEX_POINT('',#{point})", shared)
 
     def edge(self, start: int, end: int, curve: int, shared: bool = False) -> int:
@@ -163,7 +163,7 @@ class StepEntities:
         return self.add(f"ADVANCED_FACE('',{references(bounds)},#{surface},.{'T' if same_sense else 'F'}.)")
 
     def file(self, pieces: list[list[int]], name: str, description: str) -> Iterator[str]:
-        """Yield the file with one solid for each list of numbered faces."""
+        """Yield the text of the file. pieces : entity numbers of the faces of each solid."""
         yield header(name, description, len(pieces))
         yield "".join(self.text)
         shells = np.repeat(np.arange(len(pieces)), [len(faces) for faces in pieces])
@@ -273,7 +273,7 @@ def outward_polyhedron(part: Part) -> tuple[Polyhedron, list[list[int]]]:
 
 
 def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[str]:
-    """Yield the STEP file of a polyhedron. solids : outer shell of each solid, then its voids, which face outwards."""
+    """Yield a polyhedron as STEP. solids : outer shell of each solid, then voids; normals point out of the void."""
     yield header(name, "solid with planar faces", len(solids))
     texts, faces, free = planar_faces(shape, FIRST_FREE)
     yield from texts
@@ -294,9 +294,9 @@ def planar_faces(shape: Polyhedron, start: int) -> tuple[Iterator[str], Ints, in
 def _tables(
     shape: Polyhedron, vectors: tuple[Floats, Ints], normals: tuple[Floats, Ints], digits: int, blocks: list[range]
 ) -> Iterator[str]:
-    """Yield one kind of entities after another, to save memory. blocks : numbers of the entities of each kind.
+    """Yield one kind of entities after another, to save memory. blocks : range of entity numbers for each kind.
     vectors : different directions, and the index (e,) of the direction of each edge.
-    normals : different directions, and the index (f,) of the normal of each face."""
+    normals : different directions, and the index (f,) of the normal of each face.    digits : decimals of normals."""
     points, vertices, dirs, units, lines, edges, steps, loops, bounds, axes, placements, planes, faces = blocks
     p, q = shape.edges.T
     outer = np.isin(np.arange(len(bounds)), shape.faces[:-1])
@@ -318,7 +318,7 @@ def _tables(
 
 
 def _ratios(shape: Polyhedron) -> Floats:
-    """Return the (e, 3) exact directions of the edges between rounded corners, as smallest whole numbers.
+    """Return the (e, 3) exact directions of edges between corners with rounded coordinates, as smallest whole numbers.
     ISO 10303-42 allows any length. With whole numbers, all edges along an axis have the same direction."""
     corners = _corners(shape)
     along = corners[shape.edges[:, 1]] - corners[shape.edges[:, 0]]
@@ -425,5 +425,5 @@ def check(part: Part, report: dict[str, float]) -> ReadBack:
     """Return the content read back. Raises ExportError if OCCT reports other triangles or another volume (0.1 %)."""
     require_equal(part, "triangles", len(part.F), int(report["triangles"]))
     if not abs(report["volume"] - part.volume) <= READ_BACK * part.volume:
-        raise ExportError(f"OCCT reads another volume in the STEP file of {part.name!r}; write step = 'faceted'")
+        raise ExportError(f"OCCT reads a wrong volume from the STEP file of {part.name!r}; write step = 'faceted'")
     return ReadBack(int(report["triangles"]), "triangles", report["volume"] / part.volume - 1)

@@ -92,7 +92,7 @@ ENCODERS: dict[str, Callable[[Part], tuple[int, float, Iterable[str]]]] = {
 
 
 def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes]) -> Iterator[bytes]:
-    """Yield the chunks; raises BudgetError if the file exceeds `step_mb`. The error's `size` is at least `expected`."""
+    """Yield a file's chunks. If they exceed `step_mb`, raise BudgetError with a `size` of at least `expected` bytes."""
     size = 0
     for chunk in chunks:
         size += len(chunk)
@@ -103,7 +103,7 @@ def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes
 
 def check(part: Part, path: Path) -> ReadBack:
     """Read the file back with OCCT and compare the number of solids and faces, validity and volume; raises ExportError.
-    For step = 'members' and smooth files, only the bytes are compared, because OCCT has already checked the text.
+    A file of step = 'members', or a smooth file without faceted pieces, is only compared with the text OCCT checked.
     If the user wants to cut a smooth file (`cut`), OCCT's triangles must also bound a solid."""
     if part.step == "members":
         file = member_file(part)
@@ -210,7 +210,7 @@ def check_brep(part: Part, path: Path) -> ReadBack:
     if part.step == "members":
         volume = member_file(part).volume
         if not abs(report["volume"] - volume) <= READ_BACK * volume:
-            raise ExportError(f"the volume of {part.name!r} changes in BREP with step = 'members'; write STEP instead")
+            raise ExportError(f"the BREP file of {part.name!r} (step = 'members') has a wrong volume; write STEP")
     else:
         smooth = smooth_file(part)  # a mesh has less volume than its smooth solid, because mesh edges are chords
         if smooth.smooth == smooth.pieces and not abs(report["volume"] - smooth.volume) <= READ_BACK * smooth.volume:

@@ -16,7 +16,7 @@ from dsfab.surface import nearest_places
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import coarsen_mesh
 
-LOADING_SECONDS = 1.5  # shortest time (seconds) for reading back, because a new process loads OCCT
+LOADING_SECONDS = 1.5  # shortest time (seconds) to read a STEP file back, because a new process loads OCCT
 
 
 @dataclass(frozen=True)
@@ -52,13 +52,13 @@ class BudgetError(NotMadeError):
 
     @property
     def strategy(self) -> str:
-        """Name of the strategy, with its tolerance."""
+        """Name of the strategy that would write the file. For "simplified", also the tolerance, unless it is 0."""
         is_within = self.way == "simplified" and self.part.tolerance
         return f"{self.way} within {self.part.tolerance:.2g} mm" if is_within else self.way
 
     @property
     def excess(self) -> str:
-        """Faces or size beyond the limit, for a sentence that begins with "it would have"."""
+        """Number of faces, or size in MB, that exceeds its limit: text after "it would have"."""
         if self.by_faces:
             about = "about " if self.way == "simplified" else ""
             return f"{about}{self.faces:,} {'planar ' if self.way not in ('smooth', 'members') else ''}faces"
@@ -78,14 +78,14 @@ class BudgetError(NotMadeError):
 
     @property
     def cost(self) -> str:
-        """Cost of writing the file if there were no limit."""
+        """Text: strategy, number of faces, size, and time to write and check the file if there were no limit."""
         size = f"{self.size / 1e6:.3g} MB, " if self.size else ""
         seconds = writing_seconds(self.part, self.way, self.faces)
         return f"{self.strategy} {self.faces:,} faces ({size}about {duration(seconds)} to write and check)"
 
 
 def require_budget(part: Part, faces: int, size: float = 0.0) -> None:
-    """Raise BudgetError if a file has more faces or bytes than the part allows."""
+    """Raise BudgetError if a file has more faces than the part's `step_faces`, or more bytes than `step_mb` allows."""
     if faces > part.step_faces or (part.step_mb and size > 1e6 * part.step_mb):
         raise BudgetError(part, faces, size)
 
@@ -128,7 +128,7 @@ def simplified_part(part: Part, tolerance: float) -> Part:
     The distance between both surfaces is at most `tolerance` (mm). The volume changes by at most 0.5 %. The result has
     no new crossings, and at most 9/10 of the triangles.
     Raises ExportError if that fails; BudgetError if far more planar faces remain than `step_faces` (0: no limit)."""
-    worth = 0.9  # at most this fraction of the triangles may remain
+    worth = 0.9  # largest fraction of the triangles that may remain after simplification
     stride = 1.6  # each try has 1.6 times the tolerance (in manifold3d) of the try before
     crossing, step = len(intersecting_pairs(part.V, part.F)), tolerance
     result: Part | None = None
@@ -150,7 +150,7 @@ def simplified_part(part: Part, tolerance: float) -> Part:
 
 
 def _require_hope(simple: Part) -> None:
-    """Raise BudgetError if a simplified solid has too many faces for any further try to meet the limit."""
+    """Raise BudgetError if a simplified solid has so many faces that further tries would not meet the limit."""
     hopeless = 1.2  # the search ends if a try has more than 1.2 times the allowed faces
     if 0 < hopeless * simple.step_faces < len(simple.F):
         shape = polyhedron(simple.V, simple.F, np.zeros(len(simple.F), dtype=np.int64))

@@ -15,8 +15,8 @@ from dsfab.export.part import Part
 from dsfab.surface.topology import boundary_loops, edge_table, pieces
 
 SAME_PLACE = 1e-3  # points at a smaller distance (mm) are in one place
-WIDTH_SHARE = 0.1  # largest tolerance of a loop, as a fraction of (area / length) of the loop; keeps narrow loops
-GAP_SHARE = 0.25  # largest tolerance of a loop / distance from other loops, to keep curves apart
+WIDTH_SHARE = 0.1  # largest tolerance of a loop, as a fraction of its area / length; so narrow loops stay open
+GAP_SHARE = 0.25  # largest tolerance of a loop, as a fraction of its distance from other loops; so curves stay apart
 
 
 class NotFlatError(ExportError):
@@ -67,7 +67,7 @@ def outlines_of(part: Part) -> FlatOutlines:
     lengths = np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)
     across = np.linalg.eigh(np.einsum("mi,mj,m->ij", vectors, vectors, 1 / lengths))[1].T
     used = np.unique(part.F)
-    for axis in across[::-1]:  # the normal of the skins is usually the last axis
+    for axis in across[::-1]:  # begin with the last axis, which is usually the normal of the skins
         axis = axis * np.sign(axis[np.abs(axis).argmax()])
         height = part.V @ axis
         low, high = float(height[used].min()), float(height[used].max())
@@ -106,7 +106,7 @@ def _skin_outlines(part: Part, axes: Floats, low: float, high: float) -> FlatOut
 
 
 def plate(outlines: FlatOutlines, corners: Floats, tolerance: float) -> FlatPlate:
-    """Fit curves within `tolerance` (mm) to the outlines; `corners` (k, 3) stay corners at any angle.
+    """Fit curves within `tolerance` (mm) to the outlines. Curves end at outline points that are in `corners` (k, 3).
     Raises ExportError if no spline is within the tolerance."""
     tree = cKDTree(corners @ outlines.axes[:2].T) if len(corners) else None
     piece_curves = []
@@ -128,7 +128,7 @@ def plate(outlines: FlatOutlines, corners: Floats, tolerance: float) -> FlatPlat
 def gaps_between(loops: list[Floats], tolerance: float, least: float = 0.0) -> list[float]:
     """Return a lower bound of the distance between each loop and all other loops; inf if all other loops are far away.
     Distances are measured between points at a spacing along the loops. The bound is the smallest distance minus the
-    spacing. The spacing falls until it is far below the bound. least : smallest spacing and smallest bound, mm."""
+    spacing. For near loops, the spacing falls to 1/8 of this distance or less. least : least spacing and bound, mm."""
     gaps, reach_limit = [np.inf] * len(loops), tolerance / GAP_SHARE
     spacing, remaining = 8 * reach_limit, list(range(len(loops)))
     while remaining and len(loops) > 1 and spacing >= least:

@@ -46,7 +46,7 @@ class Facet:
         return np.asarray(np.einsum("ksi,sai->ksa", points - self.origin, self.axes[:, :2]).reshape(-1, 4))
 
     def in_space(self, flat: Floats) -> Floats:
-        """Return points (k, 2, 3) in the upper and in the lower plane from the coordinates (k, 4) of `flat`."""
+        """Return points (k, 2, 3) in both planes from coordinates (k, 4): the inverse of `flat`."""
         return np.asarray(self.origin + np.einsum("ksa,sai->ksi", flat.reshape(-1, 2, 2), self.axes[:, :2]))
 
 
@@ -63,7 +63,7 @@ class FlatFacets:
 
     @cached_property
     def has_creases(self) -> bool:
-        """True if sharp folds (creases) are at least half of all folds by length. Otherwise the sheet may be curved."""
+        """True if creases are at least half of all folds by length. If not, the faces may be parts of a curve."""
         F, upper = self.whole.F, self.skins[:, 0]
         h, k = edge_table(F).pairs.T
         fold = self.facet[h // 3] != self.facet[k // 3]
@@ -112,7 +112,7 @@ def folded_sheet(part: Part) -> FoldedSheet | None:
 
 
 def _facets(part: Part) -> FlatFacets:
-    rough = 1e-4  # largest distance of vertices from their plane / thickness; mesh files round vertices
+    rough = 1e-4  # largest error of vertices, divided by the thickness, because mesh files round vertices
     if part.curved is None:
         raise NotFlatError("the sheet that the solid was made from is unknown")
     curved = part.curved()
@@ -144,7 +144,7 @@ def _mitred_sheet(flat: FlatFacets) -> FoldedSheet:
 
 
 def _require_few_facets(facet: Ints) -> None:
-    faces_per_facet = 4  # smallest allowed mean number of triangles per facet; the mean of a curved sheet is 1
+    faces_per_facet = 4  # smallest allowed mean number of triangles; on a curved sheet, each triangle is a facet
     if not 1 < int(facet.max()) + 1 <= len(facet) / faces_per_facet:
         raise NotFlatError("the facets of the sheet are not flat")
 
@@ -180,7 +180,7 @@ def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools
 
 @dataclass(frozen=True, eq=False)
 class FoldedShape:
-    """Folded sheet, and the curves along its walls, with poles (p, 4). A `RunKey` names a part of an outline."""
+    """Folded sheet, and curves of each part of its outlines at a wall. Poles (p, 4) are in the planes of both skins."""
 
     sheet: FoldedSheet
     walls: dict[RunKey, list[Curve]]
@@ -212,8 +212,8 @@ def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
 
 
 def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
-    """Return the loops (k, 4) of a region in the planes of its facet; the outer loop is counter-clockwise.
-    Raises ExportError unless the region has exactly one outer loop."""
+    """Return the loops (k, 4) of a region in the upper and the lower plane; the outer loop is counter-clockwise.
+    Raises ExportError if the region has no outer loop, or several outer loops."""
     facet = sheet.facets[region.chart]
     lines = [facet.flat(sheet.points[np.concatenate([run.vertices[:-1] for run in loop])]) for loop in region.loops]
     if any(sum(signed_loop_area(line[:, s : s + 2]) > 0 for line in lines) != 1 for s in (0, 2)):

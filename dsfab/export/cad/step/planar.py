@@ -12,10 +12,10 @@ FLATNESS = 1e-5  # largest distance (mm) of vertices from a joined plane or line
 
 def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FLATNESS) -> tuple[Ints, Floats]:
     """Return the region (m,) of each triangle, and twice the area vector (r, 3) of each region.
-    tolerance : largest distance of vertices from a joined plane, mm.
+    tolerance : largest distance (mm) of a vertex from a neighbour's plane, and from the mean plane of its region.
     Two neighbours join if the third vertex of each lies in the other's plane and their normals are on the same side.
     A very thin triangle (height below FLATNESS) has no exact plane, so it joins only the neighbour at its longest edge.
-    A region is divided again if small angles add up and a vertex is too far from its mean plane."""
+    If a vertex is too far from its region's mean plane, because small angles add up, the region is divided again."""
     corners = V[F]
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     units = unit_vectors(vectors)
@@ -69,8 +69,7 @@ class FaceOutlines:
 
 def outline_of(region: Ints, opposite: Ints) -> FaceOutlines:
     """Chain the half-edges between different regions (m,), each region on the left. opposite : (3 m,) half-edges.
-    At the end of a half-edge, the loop turns around the vertex to the next border half-edge of the same region.
-    So no loop jumps across a vertex where a region touches itself."""
+    At the end of a half-edge, the loop turns around the vertex to the next border half-edge of the same region."""
     on_border = region[np.arange(len(opposite)) // 3] != region[opposite // 3]
     onward = np.arange(len(opposite))
     onward += np.where(onward % 3 == 2, -2, 1)
@@ -122,8 +121,8 @@ def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
 
 
 def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
-    """Return two positions (h,) for each half-edge of a loop: the last corner before it, and the next corner.
-    alive : (h,) True for half-edges that begin at a corner. Such a half-edge is its own last corner."""
+    """Return two positions (h,) for each half-edge of a loop: the corner at or before its start, and the next corner.
+    alive : (h,) True for half-edges that begin at a corner."""
     corner_positions = np.flatnonzero(alive)
     loop = outline.loop
     loop_first = np.searchsorted(corner_positions, outline.start[:-1])
@@ -176,14 +175,14 @@ def polyhedron(V: Floats, F: Ints, shell: Ints) -> Polyhedron:
 
 
 def _corners(V: Floats, F: Ints, table: EdgeTable, outline: FaceOutlines) -> Bools:
-    """Return (n,) True for vertices that the outlines need; each loop keeps at least three corners.
-    Vertices inside a straight edge are not needed. Only two outline edges meet at such a vertex, in line.
-    A run of such vertices must also lie on the line between its ends, because fine polygons are nearly straight."""
+    """Return (n,) True for corners of the outlines; each loop has at least three corners.
+    A vertex is no corner if only two outline edges meet there, the two edges are in line, and the vertex is on the line
+    between the next corners on both sides. This last condition is for fine polygons, which bend little at a vertex."""
     a = F.ravel()[outline.h]
     alive = np.bincount(table.ends[np.unique(table.of.ravel()[outline.h])].ravel(), minlength=len(V)) > 2
     before, after = np.roll(a, 1), a[outline.next]
     before[outline.start[:-1]] = a[outline.start[1:] - 1]
-    two = np.flatnonzero(~alive[a])  # nearly every vertex of a curved solid is a corner
+    two = np.flatnonzero(~alive[a])  # vertices where only two outline edges meet
     points, p, q = V[a[two]], V[before[two]], V[after[two]]
     onward = np.einsum("hi,hi->h", points - p, q - points) > 0
     alive[a[two][~onward | (_from_line(points, p, q) > FLATNESS)]] = True
@@ -216,7 +215,6 @@ def _numbered_polyhedron(
     outline: FaceOutlines,
     alive: Bools,
 ) -> Polyhedron:
-    """Return the polyhedron; its points, edges and faces are numbered from 0."""
     face_of_loop = region[outline.h[outline.start[:-1]] // 3]
     normals = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
     begin, start, (edge, ends, forward) = _long_edges(F, table, outline, alive)
@@ -247,7 +245,7 @@ def _long_edges(
 ) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
     """Return the first vertex of each step (straight part of a loop), the first step of each loop, and the long edges.
     The long edges are three arrays: edge (s,) of each step, vertices (e, 2) of each edge, (s,) True for forward steps.
-    Each step has a smallest mesh edge number. Steps of two faces with equal numbers are the same long edge."""
+    Two steps are the same long edge if the smallest numbers of their mesh edges are equal."""
     a = F.ravel()[outline.h]
     is_corner = alive[a]
     run, end = ends_of_runs(is_corner, outline)
@@ -262,7 +260,7 @@ def _long_edges(
 
 
 def _loop_areas(V: Floats, begin: Ints, start: Ints, face_of_loop: Ints, normals: Floats) -> Floats:
-    """(l,) twice the area inside each loop about its face's normal; 0 if the face has no other loop."""
+    """(l,) twice the area inside each loop, negative if clockwise about the face's normal; 0 for a face's only loop."""
     around = np.zeros(len(face_of_loop))
     many = np.flatnonzero(np.bincount(face_of_loop)[face_of_loop] > 1)
     if len(many):

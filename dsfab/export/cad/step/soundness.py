@@ -23,7 +23,7 @@ from dsfab.export.subprocesses import ProgramError
 from dsfab.surface.topology import duplicate_faces, edge_table, misoriented_edges
 from dsfab.thickening.self_intersection import intersecting_pairs
 
-REDRAWING_ROUNDS = 2  # how often crossing curved faces get four times finer triangles
+REDRAWING_ROUNDS = 2  # largest number of rounds; each divides the error of triangles of crossing faces by 4
 
 
 class StepTriangles(NamedTuple):
@@ -61,7 +61,7 @@ def curved_soundness(
         if not deflection or {fault.kind for fault in sound.faults} != {"crossing"}:
             break
         on_redraw()
-        crossing_faces = np.union1d(crossing_faces, triangles.face[sound.crossings])  # keep faces of earlier rounds
+        crossing_faces = np.union1d(crossing_faces, triangles.face[sound.crossings])  # also those of earlier rounds
         faces = _faces_near(first_triangles, crossing_faces, deflection)
         sound, triangles = _redraw(sound, first_triangles, faces, deflection / 4**k, shape)
     return sound
@@ -135,7 +135,7 @@ class SampledUse:
 
 @derived
 def smooth_use(part: Part) -> SampledUse:
-    """Cut the solid of a part's smooth file once as a test, if `part.cut` is True; return the result."""
+    """Let OCCT cut the solid of a part's smooth file once, if `part.cut` is True; return the result of this trial."""
     most_faces = 500  # largest number of faces for a trial cut (half a minute for 1400 faces)
     file = smooth_file(part)
     if not part.cut or file.faces > most_faces:
@@ -144,7 +144,7 @@ def smooth_use(part: Part) -> SampledUse:
 
 
 def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffix: str = ".step") -> SampledUse:
-    """Cut the solid of a file once as a test; return the result. file : STEP text, or OCCT's binary shape (`.bin`)."""
+    """Let OCCT cut a file's solid once, and check its box. file : STEP text, or OCCT's binary shape (`.bin`)."""
     if faces > MOST_FACES:
         return SampledUse(False)
     with _file(file, suffix) as path:
@@ -153,8 +153,8 @@ def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffi
 
 
 def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
-    """Return the fault of a trial cut's halves ("" if none), and the box of both: six numbers in mm, or none."""
-    seconds = 30.0 + 0.03 * faces  # several times the usual time
+    """Return the fault of the halves after OCCT's trial cut, or "", and the solid's box (six numbers, mm, or [])."""
+    seconds = 30.0 + 0.03 * faces  # several times the usual duration of a trial cut
     try:
         report = occt_report("sample", str(path), seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError):
@@ -162,7 +162,7 @@ def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
     if not report["halves"]:
         return "a trial cut in OCCT leaves an invalid half", report["box"]
     is_lossy = report["off"] > TOGETHER_LIMIT
-    return f"halves of OCCT's trial cut miss {report['off']:.1e} of the volume" if is_lossy else "", report["box"]
+    return f"OCCT's trial cut changes the volume by {report['off']:.1e} (relative)" if is_lossy else "", report["box"]
 
 
 def use_report(text: str, seconds: float) -> dict[str, Any]:
@@ -180,8 +180,8 @@ def _file(content: bytes, suffix: str = ".step") -> Iterator[Path]:
 
 
 def box_fault(part: Part, bounds: list[float], limits: SmoothLimits, share: float = 1e-2) -> str:
-    """Return the fault of OCCT's bounding box of a part's file; "" if the box fits.
-    bounds : six numbers of OCCT's box, mm.    share : largest error / diagonal of the part."""
+    """Return a sentence if OCCT's bounding box of a part's file differs from the part's box; "" if the box fits.
+    bounds : six numbers of OCCT's box, mm.    share : largest error, as a fraction of the part's diagonal."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     distance = float(np.abs(np.array(bounds).reshape(2, 3) - part.box).max())
     is_far = distance > share * size + limits.distance + limits.usual_chord

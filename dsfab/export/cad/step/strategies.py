@@ -35,11 +35,11 @@ from dsfab.surface.topology import edge_table, half_edges
 ROUTES = ("auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated")
 
 QUICK_FACTOR = 3
-"""Factor of the usual limits of a smooth file for step = 'quick': the number of walls, and the number of layouts.
+"""Factor for step = 'quick': it multiplies the usual limits of walls and of layouts (divisions into charts).
 If OCCT refuses the first layout, another layout often succeeds, because its seams lie elsewhere."""
 
 MEMBER_FACES_FACTOR = 2
-"""Factor on the usual number of faces of step = 'members' with step = 'auto', if a faceted file is too large.
+"""If a faceted file is too large, step = 'auto' tries 'members' with this multiple of the usual number of faces.
 The next attempt would be a smooth file, which CAD programs usually fail to cut."""
 
 
@@ -60,9 +60,9 @@ def prepare(part: Part) -> Part:
 
 
 def attempts(part: Part) -> Iterator[Part | BudgetError]:
-    """Yield the part with each strategy in turn, the best first, or the BudgetError of a strategy above the budget.
+    """Yield versions of the part for each strategy, the best first; for a version that is too large, its BudgetError.
     A solid is simplified before faceting if the user sets a tolerance; otherwise only if all other strategies fail."""
-    tighter = 1 / 4  # tolerance of a second planar file / tolerance of the first; tighter curves cross less often
+    tighter = 1 / 4  # tolerance of the second planar file, as a fraction of the first; closer curves cross less often
     flat, chosen = 0.0, part.step in ("auto", "quick")
     if part.step == "members":
         yield part
@@ -96,7 +96,7 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
 
 
 def _worth_members(part: Part) -> bool:
-    """Return True if dsfab tries step = 'members' unasked. The sheet needs stripes, for 'quick' also a boundary.
+    """Return True if dsfab tries step = 'members' unasked: if the sheet has stripes and, for 'quick', a boundary.
     CAD programs usually fail to cut smooth files, but they can cut files of step = 'members'."""
     sheet = _striped_sheet(part)
     return sheet is not None and (part.step == "auto" or bool(Surface(sheet.V, sheet.F).edges.boundary.any()))
@@ -144,8 +144,8 @@ def simpler(part: Part, tolerance: float) -> Part:
 
 
 def default_tolerance(part: Part) -> float:
-    """Return the default tolerance of a planar file, mm; 0 for a solid that is neither flat nor folded.
-    Flat facets without creases count as folded only if the user requests `planar`."""
+    """Return the default tolerance of a file with lines and splines (`planar`), mm; 0 if the solid is not suitable.
+    Suitable solids are flat, or folded with creases. If the user requests `planar`, the folds need no creases."""
     try:
         return OUTLINE * outlines_of(part).thickness
     except ExportError:
@@ -161,7 +161,7 @@ def _may_be_planar(part: Part) -> bool:
 
 
 def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
-    """Describe the strategy of the file, and why better strategies were refused."""
+    """Describe how the STEP file was written, and why better strategies were refused."""
     if part.step == "planar":
         again = f" (a larger tolerance was refused: {refused[-1]})" if refused else ""
         folded = folded_sheet(part)
@@ -216,7 +216,7 @@ def _is_by_members(error: ExportError) -> bool:
 
 
 def reasons(refused: Sequence[ExportError]) -> list[str]:
-    """Return the reasons for the refusals without duplicates. "Not flat" is omitted if there are other reasons."""
+    """Return the reasons why strategies were refused, each once; "not flat" only if there is no other reason."""
     remaining = [error for error in refused if not isinstance(error, NotFlatError)] or refused
     return list(dict.fromkeys(_reason_with_advice(error, str(error)) for error in remaining))
 
@@ -228,7 +228,7 @@ def _reason_with_advice(error: ExportError, why: str) -> str:
 
 
 def refusal(refused: Sequence[ExportError]) -> ExportError:
-    """Return the error for a part that all strategies refused; it gives the sizes of files that would be too large."""
+    """Return the error for a part that no strategy can write, with the sizes of files that would be too large."""
     over = [error for error in refused if isinstance(error, BudgetError)]
     if not over:
         return refused[-1]
@@ -325,7 +325,7 @@ def _estimate_by_members(part: Part) -> tuple[int, float, str]:
 
 def _estimate_smooth(part: Part) -> tuple[int, float, str]:
     if default := default_tolerance(part):
-        raise ExportError(f"a flat sheet is planar, within {default:.2g} mm")
+        raise ExportError(f"the sheet is flat or folded; write step = 'planar', within {default:.2g} mm")
     note = "not checked yet: pieces that OCCT refuses are fitted again, and become faceted if that fails"
     return *first_draft(part), note
 
@@ -336,7 +336,7 @@ def _estimate_faceted(part: Part) -> tuple[int, float, str]:
 
 
 def _estimate_tessellated(part: Part) -> tuple[int, float, str]:
-    return len(part.F), entities.expected_bytes(part), f"equals the mesh; written only on request: {entities.WARNING}"
+    return len(part.F), entities.expected_bytes(part), f"same triangles as mesh; only on request: {entities.WARNING}"
 
 
 SHAPES: dict[str, Callable[[Part], tuple[int, float, str]]] = {

@@ -1,4 +1,4 @@
-"""Corrections of borders between members: straight lines, larger angles at round corners, no crossing outlines."""
+"""Corrections of borders between members: straight borders, larger angles to round outlines, and no crossings."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -20,9 +20,9 @@ TOUCHING_SHARE = 1 / 400  # parts of an outline touch if their distance / thickn
 
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
-    """Return the chains around a region that cross or nearly touch each other, seen along the region's mean normal.
+    """Return the chains (rows of mesh edges) around a region that cross or nearly touch in the region's mean plane.
     Two chains nearly touch if an end of one chain is within `distance` mm of the other chain.
-    If the region is inside out, all its chains are returned."""
+    If the region has a negative area in this plane, all its chains are returned."""
     finest = 12  # a cubic gets at most 12 chords; the chords at its ends are short
     segments = 600  # an outline gets about 600 chords
     steps = [step for loop in net.loops[region] for step in loop]
@@ -123,7 +123,7 @@ PLACES = np.linspace(0, 1, 65)  # parameters where the curvature is measured
 
 
 def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """Remove borders that bend back like a hairpin, and straighten all other chains inside the sheet."""
+    """Remove borders between regions that bend back like a hairpin. Straighten other borders, except on creases."""
     sideways = 1 / 3  # a chain moves sideways by at most this fraction of the thickness
     sag = 1 / 400  # largest distance of chords from the curve, as a fraction of the thickness
     P = np.asarray(net.weights @ lifting.skins.points)
@@ -150,7 +150,7 @@ def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
 
 def _turns_back(curve: Spline) -> bool:
     most_spans = 4  # a chain with more spans is too wavy
-    detour = 1.5  # smallest length of a hairpin / length of its chord; 1.57 for half a circle
+    detour = 1.5  # a longer curve, as a multiple of its chord, is a hairpin; half a circle is 1.57 chords long
     line = curve(PLACES)
     return (
         polyline_length(line) > detour * float(np.linalg.norm(line[-1] - line[0]))
@@ -183,8 +183,8 @@ LONGEST_CHORD = 2.0  # largest chord of a round corner, as a multiple of the thi
 
 
 def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """Move ends of borders along round corners until they meet the outline at large angles; thickness in mm."""
-    rounds = 3  # each round moves an end along one piece of the outline; a round corner may have several pieces
+    """Move ends of borders between members along round corners, to meet outlines at larger angles; thickness in mm."""
+    rounds = 3  # each round moves a border's end along one piece of the outline; a corner may have several pieces
     for _ in range(rounds):
         work = _BorderEnds(net, np.asarray(net.weights @ lifting.skins.points), thickness)
         for node in sorted(work.nodes):
@@ -206,9 +206,9 @@ class _BorderEnds:
         self.moves, self.changed = dict[tuple[int, int], int](), set[int]()
 
     def move_border(self, node: int) -> None:
-        sharp = 20.0  # degrees; borders at smaller bends of the outline do not move
-        gain = 15.0  # degrees; a move must increase the angle between border and outline by this
-        steep = 30.0  # degrees; a border with at least this angle to the outline is not moved
+        sharp = 20.0  # degrees; a border does not move if the outline bends less at the border's end
+        gain = 15.0  # degrees; a border moves only if its angle to the outline grows by at least this
+        steep = 30.0  # degrees; a border does not move if its angle to the outline is already at least this
         before, after, (seam, end) = self.nodes[node]
         if self.changed & {before, after, seam} or turn_at(self._points_around(before, after)) < sharp:
             return
@@ -225,7 +225,7 @@ class _BorderEnds:
         self.changed |= {before, after, seam}
 
     def _worth(self, place: tuple[float, int, int]) -> tuple[float, bool, float]:
-        """Return the rank of a place for a border's end. Large angles rank high; at equal angles, ends of arcs do."""
+        """Return the rank of a place for a border's end: larger angles first, then ends of arcs before other places."""
         enough = 45.0  # degrees; all places with larger angles between border and outline are equally good
         steep, k, i = place
         return min(steep, enough), i in (0, len(self.chains[k].points) - 1), steep
@@ -235,7 +235,7 @@ class _BorderEnds:
         return self.P[[points_before[-2], points_after[0], points_after[1]]]
 
     def _angle_at(self, before: int, after: int, anchor: Floats) -> float:
-        """Return the angle (degrees) at a node between a border and the outline's walls before and after the node.
+        """Return the angle (degrees) at a node between a border and the mean direction of the two outline walls there.
         If one wall is round and one is straight, only the straight wall counts."""
         P = self._points_around(before, after)
         weights = [1.0 - (self._is_round(j) and not self._is_round(k)) for j, k in ((before, after), (after, before))]

@@ -119,7 +119,7 @@ class TriangleReport:
 
     @classmethod
     def from_mesh(cls, mesh: StepMesh, gate: PieceJudge) -> "TriangleReport":
-        """Check triangles. An error is stored as `fault`, not raised, because other checks run meanwhile."""
+        """Check triangles. A fault is stored, not raised, as other checks run meanwhile. gate : measures distances."""
         triangles = step_triangles(mesh)
         forth, back = gate.distances(MM_PER_M * triangles.V, triangles.F)
         try:
@@ -137,7 +137,7 @@ def _require(passed: bool, complaint: str, error: type[ExportError] = ExportErro
 def require_solid(
     part: Part, plan: SolidPlan, draft: MemberDraft, findings: list[OcctFinding], triangles: list[TriangleReport]
 ) -> tuple[float, float, bytes]:
-    """Return the largest distances solid to mesh and mesh to solid, and OCCT's shape; or raise ExportError."""
+    """Return the largest distances solid to mesh, mesh to solid, and OCCT's shape. Raises ExportError for a fault."""
     wide_box = 2e-2  # largest error of OCCT's bounding box, as a fraction of its diagonal; 1.1 % for a saddle of 5 m
     gap, widest = max((finding.gap for finding in findings), default=0.0), GAP_SHARE * plan.limits.thickness
     faces = sum(finding.faces for finding in findings)
@@ -149,7 +149,7 @@ def require_solid(
     low, high = np.array([finding.box for finding in findings]).reshape(-1, 2, 3).transpose(1, 0, 2)
     box = box_fault(part, [*low.min(axis=0).tolist(), *high.max(axis=0).tolist()], plan.limits, wide_box)
     _require(not box, f"by members, {box}")
-    _require(bool(triangles), "OCCT makes no triangles of a face of the solid of step = 'members'", RoughError)
+    _require(bool(triangles), "OCCT cannot make triangles for a face of the 'members' solid", RoughError)
     gate, forth, back = plan.gate, triangles[0].there, triangles[0].back
     volume, mesh_volume = sum(finding.volume for finding in findings), float(gate.volumes.sum())
     rounder = float((gate.excess_volumes * gate.volumes).sum()) / mesh_volume
@@ -170,13 +170,13 @@ def _cut_once(part: Part, plan: SolidPlan, draft: MemberDraft, shape: bytes) -> 
 
 
 def _use_sentence(draft: MemberDraft, seconds: float) -> str:
-    """Describe OCCT's trial cuts and fillets; raises ExportError if one shows that CAD programs would fail."""
+    """Summarise OCCT's trial cuts and fillets. Raises ExportError if a trial shows that CAD programs would fail."""
     try:
         report = use_report(draft.text, seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError) as error:
         raise ExportError("OCCT did not cut the solid of step = 'members' within the time limit") from error
     require_use(report)
-    return f"{CUT_COUNT} of {CUT_COUNT} half-space cuts valid, {report['fillets']} of {report['sharp']} fillets made"
+    return f"OCCT made {CUT_COUNT} of {CUT_COUNT} half-space cuts and {report['fillets']} of {report['sharp']} fillets"
 
 
 def require_use(report: dict[str, Any]) -> None:
@@ -189,10 +189,10 @@ def require_use(report: dict[str, Any]) -> None:
     _require(report["boxed"], _cut_fault("a cut with a box", report["box_missed"]))
     _require(report["closed"], "a section of the solid of step = 'members' has open ends")
     _require(report["again"], "the solid of step = 'members' changes when OCCT writes and reads it")
-    _require(abs(plain_error) <= plain_limit, f"OCCT's unrefined volume of step = 'members' errs by {plain_error:.2%}")
+    _require(abs(plain_error) <= plain_limit, f"OCCT's rough volume of the 'members' solid is {plain_error:.2%} wrong")
 
 
 def _cut_fault(cut: str, missed: float) -> str:
     if missed == 1:
         return f"{cut} of the solid of step = 'members' is not valid"
-    return f"the halves of {cut} miss {missed:.1e} of the volume of the solid of step = 'members'"
+    return f"after {cut}, the parts lack {missed:.1e} of the volume of the solid of step = 'members'"

@@ -36,7 +36,7 @@ class InnerSpline:
 
     @cached_property
     def hats(self) -> Floats:
-        """Return weights (k + 1, k, 4) of all Bezier poles: a row for each place gives the spline's point there."""
+        """Return weights (k + 1, k, 4) of all Bezier poles. Row i gives the spline's point at `places[i]`."""
         count = len(self.places) - 1
         span = np.clip(np.searchsorted(self.breaks, self.places, side="right") - 1, 0, count - 1)
         hats = np.zeros((count + 1, count, 4))
@@ -64,7 +64,7 @@ def _rows(x: Floats, knots: Floats) -> Floats:
     return rows[:, 1:-1]
 
 
-SAMPLES_PER_EDGE = 2  # number of samples on the skins for each mesh edge along a chain
+SAMPLES_PER_EDGE = 2  # number of samples on each skin of the sheet, for each mesh edge of a chain
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +117,7 @@ class ChainCurve:
 
     @classmethod
     def from_spline(cls, spline: Spline, distance: float) -> "ChainCurve":
-        """Convert a spline of degree 1, 2 or 3 to cubics. distance : `off` of the result, mm."""
+        """Convert a spline of degree 1, 2 or 3 to cubics. distance : largest distance of samples from it, mm."""
         breaks = np.unique(spline.knots)
         x = READ_PLACES[None] * np.diff(breaks)[:, None] + breaks[:-1, None]
         values = spline(x.ravel()).reshape(len(breaks) - 1, 4, -1)
@@ -197,16 +197,16 @@ def sampled_chains(net: ChainNet, lifting: Lifting, limits: SmoothLimits) -> dic
     return result
 
 
-PARABOLA_SHARE = 1 / 10  # a parabola's largest distance from its cubic / allowed distance from the mesh
+PARABOLA_SHARE = 1 / 10  # allowed distance of a parabola from its cubic, as a fraction of that from the mesh
 ZERO_DIFFERENCE = 1e-8  # smaller third differences (mm) are rounding errors
 
 BOW_FACTOR = np.sqrt(3) / 36
-"""Distance between a cubic with third difference 1 and its parabola (`as_parabolas`): maximum x (1/2 - x) (1 - x)."""
+"""Largest distance of a cubic with third difference 1 from its parabola: the maximum of x (1/2 - x) (1 - x)."""
 
 
 def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:
     """Replace each curve whose cubics are nearly parabolas by parabolas.
-    distance : allowed distance of a solid from its mesh, mm.
+    distance : allowed distance of a solid from its mesh, mm. A fraction `PARABOLA_SHARE` is allowed here.
     box      : (2, 3) box around the skins. Poles of parabolas are at most `distance` outside the box."""
     wide, tolerance = box + distance * np.array([[-1.0], [1.0]]), PARABOLA_SHARE * distance
     simple = [_are_parabolas(curve.spans, tolerance, wide) for curve in curves]
@@ -250,7 +250,7 @@ def _middle_pole(P: Floats) -> Floats:
 
 def _are_parabolas(spans: Floats, tolerance: float, box: Floats) -> bool:
     """Return True if cubics (k, 4, 6) are parabolas on both skins within `tolerance` mm."""
-    turn, turn_out = np.tan(np.deg2rad([0.5, 0.25]))  # largest turn of a curve's ends within the skin, and out of it
+    turn, turn_out = np.tan(np.deg2rad([0.5, 0.25]))  # largest turns of a curve's ends: in all, and out of the skin
     P = spans.reshape(-1, 4, 2, 3).swapaxes(0, 1)
     outer = _middle_pole(P)
     if (outer < box[0]).any() or (outer > box[1]).any():

@@ -64,7 +64,7 @@ class NetWriter:
         self.edges = list[list[int]]()
 
     def faces(self, trimmed: list[TrimmedFace], seams: Mapping[int, LongSeam]) -> list[int]:
-        """Add all faces and return their numbers. seams : extended curves of seams, by the number of the edge."""
+        """Add all faces and return their STEP numbers. seams : extended curves of seams, by the number of the edge."""
         numbers, posts = list[int](), dict[tuple[int, int], int]()
         skins: list[NetPatch | TrimmedFace] = [*self.model.patches, *trimmed]
         surfaces = {i: self._surfaces(skins[i]) for i in sorted({i for seam in seams.values() for i in seam.on})}
@@ -135,7 +135,7 @@ class NetWriter:
         return [numbers[i : i + poles.shape[1]] for i in range(0, len(numbers), poles.shape[1])]
 
     def _post(self, posts: dict[tuple[int, int], int], vertex: int) -> tuple[int, bool]:
-        """Return the edge through the thickness at a vertex, and True if this edge ends on the outer skin."""
+        """Return the edge through the thickness at a vertex, and True if it runs from the inner to the outer skin."""
         outer, inner = self.vertices[vertex]
         if (outer, inner) in posts:
             return posts[outer, inner], False  # the other side of the seam added this edge, in the opposite direction
@@ -149,9 +149,9 @@ class NetWriter:
         return self.new.spline_surface((j - 1, k - 1), rows, bezier_knots(j), bezier_knots(k))
 
 
-GAP_SHARE = 1 / 4000  # wanted gap between a trimmed face and its edges / thickness
-PASSES = 3  # number of attempts; after a change other outlines may cross
-UNASKED = 7000  # largest number of faces if the user did not choose step = 'members'; more take over half a minute
+GAP_SHARE = 1 / 4000  # wanted gap between a trimmed face and its edges, as a fraction of the thickness
+PASSES = 3  # number of attempts to remove crossings of outlines; a change may cause new crossings
+UNASKED = 7000  # largest number of faces without a request for step = 'members'; more faces take over half a minute
 
 
 class ManyFacesError(ExportError):
@@ -160,7 +160,7 @@ class ManyFacesError(ExportError):
 
 @dataclass(frozen=True, eq=False)
 class MemberDraft:
-    """Unchecked file: text, numbers of solids, faces and trimmed faces, and the widest gap, mm."""
+    """STEP file before OCCT's checks: text, numbers of solids, faces and trimmed faces, and the widest gap, mm."""
 
     text: str
     solids: int
@@ -170,14 +170,14 @@ class MemberDraft:
 
 
 def member_draft(part: Part, plan: SolidPlan, fine: bool = False) -> MemberDraft:
-    """Encode a part without checks. Raises ExportError if that fails, and ManyFacesError for too many faces.
-    fine : True for a slower search: it measures distances from the mesh, and keeps borders near the skins."""
+    """Return the STEP file of a part before its checks. Raises ExportError if a step fails, or for too many faces.
+    fine : True for a slower search: it limits distances from the mesh, and divides borders too far from the skins."""
     with one_blas_thread():  # several threads would slow down thousands of small systems
         return _draft(part, plan, fine)
 
 
 def _draft(part: Part, plan: SolidPlan, fine: bool) -> MemberDraft:
-    least_walls = 3 / 4  # smallest expected fraction of outline chains that become walls
+    least_walls = 3 / 4  # for an early estimate of faces: at least this fraction of outline chains becomes walls
     if plan.curved.striped is None:
         raise ExportError("step = 'members' needs the stripes of the sheet, but the stripes are unknown")
     lifting = Lifting.from_sheet(plan.surface, plan.curved)
@@ -204,13 +204,13 @@ def has_too_many(part: Part) -> bool:
 
 
 def require_few_faces(part: Part, faces: int) -> None:
-    """Raise ManyFacesError if the file would have more faces than the part allows (`Part.hurry`)."""
+    """Raise ManyFacesError for more than `part.hurry * UNASKED` faces. `hurry` = 0 sets no limit."""
     limit = part.hurry * UNASKED
     if part.hurry and faces > limit:
         _TOO_MANY.add(part)
         raise ManyFacesError(
             f"by members, the file would have at least {faces} faces, "
-            f"more than the {limit} that dsfab tries without a request"
+            f"which dsfab writes only on request (limit: {limit})"
         )
 
 
@@ -226,8 +226,7 @@ def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
 
 
 def _net(sheet: StripedSheet, lifting: Lifting, plan: SolidPlan) -> ChainNet:
-    """Return the simplified net of a piece of the sheet."""
-    lens_share = 1 / 3  # smallest width of a region between two chains / thickness
+    lens_share = 1 / 3  # a region between two chains of edges must be wider than this fraction of the thickness
     wall_share = 1 / 20  # smallest length of a wall between two borders / thickness
     t, skins = plan.limits.thickness, lifting.skins
     creased = lifting.sides.lines_on_creases if len(lifting.sides.creases) else None
@@ -321,7 +320,7 @@ def changed_regions(previous: dict[int, bytes], outlines: dict[int, bytes]) -> l
 
 
 class _Fits:
-    """Fitted lines and boundary models of a `ChainNet`. A cache keeps results for unchanged chains and outlines."""
+    """Lines and boundary models fitted to a `ChainNet`. Results for unchanged chains and outlines are kept."""
 
     def __init__(self, interior: RegionInterior, plan: SolidPlan) -> None:
         self.lifting, self.limits, self.reach = interior.lifting, plan.limits, REACH_SHARE * plan.limits.thickness
@@ -347,7 +346,7 @@ class _Fits:
 
 
 class RegionQuads:
-    """Four-sided regions of a `ChainNet`, cached while their chains do not change. reach : as in `quad_of`, mm."""
+    """Cache of the four-sided regions of a `ChainNet`. reach : length along a chain (mm) to measure its direction."""
 
     def __init__(self, reach: float) -> None:
         self.reach, self.known = reach, dict[int, tuple[list[ChainLoop], list[SampledChain], Quad | None]]()

@@ -29,7 +29,7 @@ PLACES = np.linspace(0, 1, 17)  # parameters of a curve where its distance from 
 
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
-    """Convert curves (4, 6) to poles (2, 4, 2) in a face's parameters; None if the curves do not lie on the face."""
+    """Return poles (2, 4, 2) in a face's parameters for curves with poles (4, 6); None if they are not on the face."""
     if np.abs(face.gaps(bernstein(PLACES) @ poles)).max() > FACE_TOLERANCE:
         return None
     return np.stack([places(surface, axes, poles[:, s]) for surface, axes, s in face.skins])
@@ -38,7 +38,7 @@ def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
     """Return patch parameters (2, 2, 2) of the ends of curves (4, 6); None if the curves extend no side of the patch.
     edge  : (4, 6) poles of the edge that the curves extend.
-    share : (2,) extensions at start and end, as fractions of the edge."""
+    share : (2,) lengths that the curves add at start and end, as fractions of the edge."""
     P = patch.poles
     for axis in (0, 1):
         for fixed in (0, 1):
@@ -68,37 +68,37 @@ def _is_on(P: Floats, uv: Floats, poles: Floats) -> bool:
 
 
 FILLET_SHARE = 1 / 6  # radius of a fillet / thickness; a seam is extended by radius * tan(bend / 2)
-MARGIN = 0.1  # a surface is extended farther than its seam, by this fraction of the seam's extension
+MARGIN = 0.1  # the surface under a seam is extended by (1 + MARGIN) times the extension of the seam
 
 LARGE_FILLET_SHARE = 1 / 8
-"""Radius of the largest fillet at a seam in line with a wall's edge, as a fraction of the thickness.
+"""Radius of the largest fillet at a seam that continues a wall's edge, as a fraction of the thickness.
 OCCT extends the patch at this seam along its tangents. A fillet of larger radius is invalid: its gap is too wide."""
 
 TANGENT_GAP = 3e-5
-"""Largest gap (mm) that OCCT may leave at the end of the largest fillet. For a smaller gap, a seam leaves its patch."""
+"""Largest gap (mm) that OCCT may leave at the end of the largest fillet. With a smaller limit, seams leave patches."""
 
 POLE_OFFSET = 1e-5
-"""Movement (mm) of one pole of a seam that is in line with a wall's edge beside a trimmed face.
-The seam needs a tolerance of 1.4e-5 mm. After the movement, OCCT gives it a tolerance of 4e-5 mm."""
+"""Movement (mm) of one pole of a seam that continues a wall's edge, beside a trimmed face.
+OCCT then gives the seam a tolerance of 4e-5 mm. The seam needs at least 1.4e-5 mm."""
 
 
 @dataclass(frozen=True, eq=False)
 class LongSeam:
     """Extended seam, or a wall's edge beside a corner where an extended seam ends. poles : (4, 6), mm.
-    on : dict: face number (patches, then trimmed faces) -> poles (2, k, 2) in the parameters of its two surfaces."""
+    on : by face (patches are numbered before trimmed faces), poles (2, k, 2) in parameters of its two surfaces."""
 
     poles: Floats
     on: dict[int, Floats]
 
 
 def curves_beyond(model: NetModel) -> dict[int, Floats]:
-    """Return the poles (4, 6) of extended seams, by edge number. Ends where several seams meet are not extended."""
+    """Return poles (4, 6) of seams extended for fillets, by edge number; not at ends where several seams meet."""
     bent = [corner for corner in filled_corners(model) if corner.straight is None]
     return {e: poles for e, (_, poles) in _extensions(model, bent).items()}
 
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
-    """Return a dict: edge number -> extensions (2,) at start and end, as fractions of its length; new poles (4, 6)."""
+    """Return, by edge number: lengths (2,) added at start and end, as fractions of the edge, and new poles (4, 6)."""
     longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
     shares = dict[int, Floats]()
     for corner in corners:
@@ -121,7 +121,7 @@ def _share(poles: Floats, end: int, half: float) -> float:
 
 
 def _share_to_gap(poles: Floats, end: int, half: float) -> float:
-    """Return the extension of a seam / its length, after which OCCT extends the seam with gaps up to `TANGENT_GAP`."""
+    """Return an extension of a seam / its length. OCCT extends the seam further, with gaps up to `TANGENT_GAP`."""
     ahead = poles[::-1] if end else poles
     across = poles[-end, :3] - poles[-end, 3:]
     thick = float(np.linalg.norm(across))
@@ -138,7 +138,7 @@ def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
     """Extend seams and their surfaces, but not a seam that would then run outside one of its two faces.
-    Return the model, the trimmed faces, and a dict: edge number -> `LongSeam`, an extended seam or a wall's edge."""
+    Return the model, the trimmed faces, and `LongSeam`s of seams and of walls' edges beside seams, by edge number."""
     corners = filled_corners(model)
     loops = _edges_around(model, faces, corners)
     seams = _on_both(model, faces, corners, loops)
@@ -185,8 +185,8 @@ def _edges_around(model: NetModel, faces: list[TrimmedFace], corners: list[Fille
 def _beside_straight(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> tuple[dict[int, Floats], dict[int, list[Floats]]]:
-    """Return two dicts, by patch number, for patches beside a seam in line with a wall's edge.
-    First: the new range (2, 2, 2) of the patch's parameters. Second: ends (2, 2, 2) of curves that it must contain."""
+    """Return two dicts, by patch number, for patches beside a seam that continues a wall's edge.
+    First: the new range (2, 2, 2) of its parameters. Second: parameters (2, 2, 2) that the patch must contain."""
     straight = [corner for corner in corners if corner.straight is not None]
     longer, boxes, needed = _extensions(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
     for corner in straight:
@@ -201,7 +201,7 @@ def _beside_straight(
 
 
 def _wider_box(patch: NetPatch) -> Floats:
-    wider = 1 / 100  # extension of a patch / thickness; OCCT extends the seam, and the patch must contain it
+    wider = 1 / 100  # a patch grows by this fraction of the thickness, to contain the seam that OCCT extends
     P = patch.poles[:, :, :3]
     thick = float(np.linalg.norm(patch.poles[0, 0, :3] - patch.poles[0, 0, 3:]))
     long = np.linalg.norm([P[3, 0] - P[0, 0], P[0, 3] - P[0, 0]], axis=1)
@@ -256,19 +256,19 @@ def _polynomial_part(P: Floats, low: float, high: float) -> Floats:
     return np.stack(parts)
 
 
-CLEAR_EDGE = 1 / 7  # radius of a fillet / thickness of the solid; a wall's edge is cut beyond the end of this fillet
+CLEAR_EDGE = 1 / 7  # radius of a fillet / thickness of the solid; cuts of edges are farther from corners than its end
 
 LONGEST_SHARE = 4.0
 """Largest length of an edge at a corner, divided by (thickness * t). t is the tangent of half the bend, but at most 1.
 OCCT looks for the end of a fillet at few samples of the edge. On a longer edge, it may find the wrong end."""
 
-DENSE = np.linspace(0, 1, 129)  # parameters where an edge is compared with its trimmed face
+DENSE = np.linspace(0, 1, 129)  # parameters of an edge where its gap to a trimmed face is measured
 
 
 def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Put the walls around each outline, and their edges, in the order that OCCT needs for fillets.
-    An outline begins at the joint of two walls with the smallest bend. If this joint is a corner, the first edge is
-    reversed. The first wall then needs at least two edges, so a single edge is cut in two."""
+    The first wall begins at the joint with the smallest bend. If there is a corner at this joint, the wall's first edge
+    is reversed. The wall then needs at least two edges, so a single edge is cut in two."""
     work, walls = CutEdges(model), list[NetWall]()
     face_of_edge = {e: face for face in faces for loop in face.loops for e, _ in loop}
     for outline in outlines(model):
@@ -301,8 +301,8 @@ def edge_stops(
     poles: Floats, face: TrimmedFace | None, corners: tuple[float, float], ending: tuple[bool, bool]
 ) -> list[float]:
     """Return where an edge with poles (4, 6) is cut for fillets at its corners, as fractions of its length.
-    Gaps to the trimmed face must be widest at the corner or at the cut, not between the two.
-    corners : tangents of half the bend at start and end; 0 if there is no corner.
+    Between a corner and its cut, the gap to the trimmed face is nowhere wider than at the corner or at the cut.
+    corners : tangents of half the bend angle at the start and the end; 0 if there is no corner.
     ending  : True at a corner where the directed edge ends; there `LONGEST_SHARE` limits the distance to the cut."""
     exact = 1e-6  # OCCT ignores a gap below this (mm)
     thick, long = (float(np.linalg.norm(v)) for v in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3]))
@@ -327,14 +327,14 @@ def edge_stops(
 
 
 class CutEdges:
-    """Edges of a model while they are cut or reversed. forwards : old edge -> new edges, with their directions."""
+    """Edges of a model, which are cut or reversed. forwards : for each old edge, its new edges with directions."""
 
     def __init__(self, model: NetModel) -> None:
         self.given, self.vertices, self.edges = model, list(model.vertices), list(model.edges)
         self.forwards = dict[int, ChainLoop]()
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
-        """Cut an edge at `stops`, fractions from its start (`ahead`) or end. against : reverse the first new edge."""
+        """Cut an edge at fractions `stops` of it, from its start (`ahead`) or end. against : reverse the first part."""
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
         P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()
@@ -355,7 +355,7 @@ class CutEdges:
         return replace(self.given, vertices=self.vertices, edges=self.edges, walls=list(walls)).with_loops(self.loop)
 
     def loop(self, loop: ChainLoop) -> ChainLoop:
-        """Return a loop with new edges in place of the edges that were cut or reversed."""
+        """Return a loop of edges. New edges replace the edges that `cut` has divided or reversed."""
         result: ChainLoop = []
         for e, ahead in loop:
             steps = self.forwards.get(e, [(e, True)])

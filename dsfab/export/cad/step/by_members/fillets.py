@@ -1,4 +1,4 @@
-"""Round corners of openings: regions in fillets join their neighbours; borders of members move to the ends of arcs."""
+"""Round corners of openings: regions inside fillets join neighbouring regions; borders move to the ends of arcs."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -38,7 +38,7 @@ def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
 
 
 def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> ChainNet:
-    """Remove walls shorter than `shortest` mm between the ends of two borders; both borders then end in one place.
+    """Remove walls of outlines shorter than `shortest` mm between two borders; the borders then end at one point.
     OCCT cannot make fillets on most edges beside short walls."""
     fewest_sides = 3  # a region keeps at least three sides
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
@@ -53,7 +53,7 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
             continue
         three = ([net.chains[i].points[-2], *net.chains[j].points[:2]] for i, j in (before[:2], after[:2]))
         turned = [turn_at(P[points]) for points in three]
-        first_gives_way = turned[0] < turned[1]  # the short wall joins the neighbour with the smaller bend
+        first_gives_way = turned[0] < turned[1]  # the short wall joins the neighbour to which it bends less
         joined_wall, border = (before[0], before[2]) if first_gives_way else (after[1], after[2])
         if joined_wall not in chains or chains[joined_wall].left == chain.left or border in moves:
             continue
@@ -66,7 +66,7 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
 
 
 def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
-    """Return the outline chains before and after a node, and its border's end; None unless the node has one border."""
+    """Return the outline chains before and after a node, and its border's end; None without one outline and border."""
     outline, borders = outline_through(net, ends), [end for end in ends if net.chains[end[0]].right != VOID]
     return (*outline, borders[0]) if outline and len(borders) == 1 else None
 
@@ -79,7 +79,7 @@ def turn_at(three: Floats) -> float:
 
 
 class _Arcs:
-    """Arcs of round corners. A short wall beyond the border at an arc's end becomes a part of the arc."""
+    """Arcs of round corners. If a border ends at an arc, a short wall behind the border may become part of the arc."""
 
     def __init__(self, net: ChainNet, P: Floats, arcs: frozenset[int]) -> None:
         self.P, self.chains, self.arcs = P, dict(net.chains), arcs
@@ -119,7 +119,7 @@ class _Arcs:
 
 
 def without_fillets(net: ChainNet, lifting: Lifting) -> ChainNet:
-    """Join the region of each fillet with neighbouring regions. Other regions outside of all stripes do not change."""
+    """Join the region inside each rounded corner with its neighbours; other regions outside stripes do not change."""
     work = _Fillets(net, lifting)
     for region in sorted(net.loose & net.loops.keys()):
         work.take_region(region)
@@ -150,7 +150,7 @@ class _Fillets:
         self.outline = {int(p) for c in net.chains.values() if c.right == VOID for p in (c.points[0], c.points[-1])}
 
     def take_region(self, region: int) -> None:
-        # Largest length of a fillet's inner borders / length of its arc: for three or more borders, and for fewer.
+        # Largest total length of a fillet's inner borders / length of its arc: over two borders; at most two borders.
         detour, flat_detour = 2.2, 4.0
         if len(self.loops[region]) != 1:
             return
@@ -216,7 +216,7 @@ class _Fillets:
 
     def _crossing(self, inner: ChainLoop, neighbours: list[int]) -> int | None:
         """Return the region where the two members beside a fillet cross; None if there is no such region."""
-        smaller = 0.6  # the crossing's border must be shorter than this fraction of the other region's border
+        smaller = 0.6  # largest outline of the crossing, as a fraction of the larger neighbour's outline
         if len(inner) == 3 and len(set(neighbours)) == 3:
             return neighbours[1]
         if len(inner) != 2 or neighbours[0] == neighbours[1]:
@@ -242,7 +242,7 @@ class _Fillets:
         return [k for k in self.at.get(point, []) if k in self.chains]
 
     def _divide_arc(self, inner: ChainLoop, neighbours: list[int], halves: list[Ints]) -> None:
-        """Give the parts of an arc to the first and last of its neighbouring regions. halves : points of each part."""
+        """Give the first part of an arc to the first neighbour, the last to the last. halves : points of the parts."""
         for i, ((k, ahead), neighbour) in enumerate(zip(inner, neighbours, strict=True)):
             replacement: ChainLoop = []
             half = halves[0] if i == 0 else halves[-1] if i == len(inner) - 1 and len(halves) > 1 else None

@@ -29,7 +29,7 @@ class ChainLine:
     at: Floats
 
     def outlines(self, net: ChainNet) -> list[tuple[float, float]]:
-        """Return (start, end) parameters of the parts of this line along outlines, with the material on their left."""
+        """Return (start, end) parameters of each part of this line on an outline; a part has material on its left."""
         pairs = list[tuple[float, float]]()
         for (k, ahead), (a, b) in zip(self.steps, pairwise(self.at.tolist()), strict=True):
             if net.chains[k].right != VOID or net.on_seam(k):
@@ -43,7 +43,7 @@ class ChainLine:
         return pairs
 
     def with_poles_in(self, box: Floats) -> "ChainLine":
-        """Divide the cubics until all poles lie in a box (2, 3): CAD programs compute bounding boxes of poles."""
+        """Divide cubics until all poles lie in a box (2, 3), because CAD programs make bounding boxes from poles."""
         return self._divide(lambda a, b, P: bool(((P.reshape(8, 3) >= box[0]) & (P.reshape(8, 3) <= box[1])).all()))
 
     def with_halved_spans(self, spans: Bools) -> "ChainLine":
@@ -53,9 +53,9 @@ class ChainLine:
         return self._divide(lambda a, b, P: (float(a), float(b)) not in marked)
 
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
-        """Halve cubics until `may_stay` accepts them. If a chain ends near a cubic's middle, the cut is at this end."""
+        """Divide cubics until `may_stay` accepts all: at a chain's end near the middle, or else in the middle."""
         shortest = 1 / 16  # shortest span that is divided; otherwise, division may never end
-        middle_share = 1 / 4  # largest distance of a cut from the middle of a cubic / length of the cubic
+        middle_share = 1 / 4  # a cut at a chain's end is nearer to the cubic's middle than this fraction of the cubic
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
         breaks, spans = [0.0], list[Floats]()
         while todo:
@@ -76,7 +76,7 @@ class ChainLine:
 
 
 class NetLines:
-    """Lines along chains of mesh edges. twins : numbers of lines on opposite sides of a seam.
+    """Lines: curves along one or several chains of mesh edges. twins : pairs of lines on two sides of a seam.
     place : for each chain, the number of its line, and the parameters of the chain's ends on this line."""
 
     def __init__(self, net: ChainNet, lines: list[ChainLine], twins: dict[int, int] | None = None) -> None:
@@ -87,7 +87,7 @@ class NetLines:
                 self.place[k] = (i, a, b) if ahead else (i, b, a)
 
     def line_part(self, step: tuple[int, bool]) -> LinePart:
-        """Return the line of a chain, with its parameters at the chain's ends. step : chain, True to run forwards."""
+        """Return a chain's line, and parameters of the chain's ends. step : chain number, True for its direction."""
         i, a, b = self.place[step[0]]
         return (i, a, b) if step[1] else (i, b, a)
 
@@ -97,7 +97,7 @@ class NetLines:
         return [*(self.net.ends(step)[0] for step in steps), self.net.ends(steps[-1])[1]]
 
     def parts(self, parts: Sequence[LinePart]) -> Floats:
-        """Return poles (k, 4, 6) for parts of lines, in the direction of each part. A part lies within one cubic."""
+        """Return poles (k, 4, 6) of parts of lines, in the direction of each part. Each part lies in a single cubic."""
         if not parts:
             return np.zeros((0, 4, 6))
         i, a, b = (np.array(column) for column in zip(*parts, strict=True))
@@ -114,7 +114,7 @@ class NetLines:
         return np.concatenate([curve.spans for curve in curves]), line, starts, stops
 
     def curve(self, k: int) -> ChainCurve:
-        """Curve of a chain."""
+        """Curve along chain number `k`."""
         return self._curves[k]
 
     @cached_property
@@ -138,7 +138,7 @@ class NetLines:
 
 
 def with_ends_on_lines(lines: NetLines) -> NetLines:
-    """Move the ends of lines that should lie on another line onto that line."""
+    """Where a line ends at an inner node of another line, move its end onto that other line."""
     points = _points_on(lines)
     moved = list[ChainLine]()
     for line in lines.lines:
@@ -168,8 +168,8 @@ def with_twins(lines: NetLines) -> NetLines:
 
 
 def _points_on(lines: NetLines) -> dict[int, Floats]:
-    """Return the points (6,) where chains of a line join, by node.
-    A line may end where chains of other lines join, so a linear system determines all points together."""
+    """Return the points (6,) at inner nodes of lines, where two chains of a line join, by node.
+    Other lines may end at these nodes, so a linear system determines all points together."""
     net, inner_nodes = lines.net, list[tuple[int, int, float]]()
     for i, line in enumerate(lines.lines):
         inner_nodes += [(node, i, x) for node, x in zip(lines.nodes(i)[1:-1], line.at[1:-1].tolist(), strict=True)]
@@ -231,8 +231,8 @@ def with_arcs(
     rounded: Collection[int],
     arcs_on_skins: ArcsOnSkins,
 ) -> NetLines:
-    """Replace lines along round corners by arcs. tolerances : mm, by chain. rounded : chains of round corners."""
-    rounds = 4  # the removal of an arc changes its neighbours, which may then be too far from their chains
+    """Replace lines along round corners by arcs on the skins. tolerances : mm, by chain. rounded : their chains."""
+    rounds = 4  # after the removal of an arc, the arcs beside it change, and may be too far from their chains
     corners = _Corners(lines, rounded)
     arcs = dict[int, ChainCurve]()
     for _ in range(rounds):
@@ -255,7 +255,7 @@ def _largest_distance(Q: Floats, curve: ChainCurve) -> float:
 
 
 def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], tolerances: Mapping[int, float]) -> set[int]:
-    """Return the outline chains of round corners: chains that bend, and chains near an arc (`tolerances`, mm)."""
+    """Return the outline chains of round corners: chains that bend, or are within `tolerances` (mm) of an arc."""
     nodes = _nodes(net, ends_at(net))
     angles = dict(zip(nodes, _turns([(chains[a], chains[b]) for a, b in nodes.values()]), strict=True))
     outlines = [k for k, chain in net.chains.items() if chain.right == VOID]
@@ -288,7 +288,7 @@ class _Corners:
         self.made = dict[int, tuple[Floats | None, Floats | None, ChainCurve | None]]()
 
     def arcs(self) -> dict[int, ChainCurve]:
-        """Return the arcs of round corners, by chain number. An end without a known tangent follows its chain."""
+        """Return the arcs of round corners, by chain. An end without a known tangent has the direction of its chain."""
         result = dict[int, ChainCurve]()
         for k in sorted(self.round):
             arc = self._arc(k, *(self._known_way(int(self.net.chains[k].points[i])) for i in (0, -1)))
@@ -307,7 +307,7 @@ class _Corners:
         return self.made[k][2]
 
     def _known_way(self, node: int) -> Floats | None:
-        """Return the tangent (6,) of an outline at a node; None at a corner, or if a border is nearly tangent."""
+        """Return the tangent (6,) of an outline at a node; None at a corner, or if a border leaves at a small angle."""
         if node not in self.nodes:
             return None
         before, after = self.nodes[node]
@@ -317,7 +317,7 @@ class _Corners:
         return self.known[kind]
 
     def _way(self, node: int, before: int, after: int) -> Floats | None:
-        flattest = 25.0  # smallest angle between border and arc, degrees; patches in smaller angles fold
+        flattest = 25.0  # degrees; smallest angle between a border and an arc; in smaller angles, patches fold over
         P, Q = self.curves[before].spans[-1], self.curves[after].spans[0]
         way_before, way_after = _scaled_direction(P[3] - P[2]), _scaled_direction(Q[1] - Q[0])
         if _mean_direction(way_before) @ _mean_direction(way_after) < np.cos(CORNER_ANGLE):
@@ -331,7 +331,7 @@ class _Corners:
         return d if steep else None
 
     def _on_circle(self, before: int, after: int) -> Floats:
-        """Return the tangent (6,) where two chains meet: it belongs to the circle through all three chain ends."""
+        """Return the tangent (6,), at the joint of two chains, of the circle through the joint and their other ends."""
         spans_before, spans_after = self.curves[before].spans, self.curves[after].spans
         a, b, c = spans_before[0, 0], spans_before[-1, -1], spans_after[-1, -1]
         length_before, length_after = (float(np.linalg.norm(_mean_direction(chord))) for chord in (b - a, c - b))
@@ -360,7 +360,7 @@ def _bends(chains: Sequence[SampledChain]) -> list[bool]:
         return []
     Q, chain_number = np.concatenate(parts), np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     directions = np.diff((Q[:, :3] + Q[:, 3:]) / 2, axis=0)
-    inside = np.flatnonzero(chain_number[2:] == chain_number[:-2])  # index before each inner vertex
+    inside = np.flatnonzero(chain_number[2:] == chain_number[:-2])  # number of the segment before an inner vertex
     cosines = turns(directions[inside], directions[inside + 1], (Q[:, :3] - Q[:, 3:])[inside + 1])
     bent = set(chain_number[inside[cosines < np.cos(BEND_ANGLE)]].tolist())
     return [i in bent for i in range(len(parts))]
@@ -369,7 +369,7 @@ def _bends(chains: Sequence[SampledChain]) -> list[bool]:
 def _arc_between(start: Floats, end: Floats, start_direction: Floats, end_direction: Floats) -> ChainCurve | None:
     """Return the arc between two points (6,) with directions (6,); None if the arc would bend too much.
     The arc is the cubic nearest to a circle. Its handles are chord / (3 cos^2(bend / 4)) long."""
-    widest = 80.0  # degrees; largest angle between the chord of the arc and its direction at an end
+    widest = 80.0  # degrees; largest angle between the arc's chord and the arc's direction at an end
     chord, directions = _mean_direction(end - start), (_mean_direction(start_direction), _mean_direction(end_direction))
     long = float(np.linalg.norm(chord))
     if min(float(direction @ chord) for direction in directions) < np.cos(np.deg2rad(widest)) * long:

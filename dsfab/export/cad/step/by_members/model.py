@@ -1,4 +1,4 @@
-"""Boundary model of a solid with step = 'members': vertices, edges, walls and faces without duplicates, corners."""
+"""Boundary model of a solid with step = 'members': corners; and vertices, edges, walls and faces without duplicates."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -13,7 +13,7 @@ from dsfab.export.cad.step.by_members.patch_sides import Quad, SideGrid, SideSta
 from dsfab.export.cad.step.by_members.patches import PatchBuilder
 from dsfab.export.cad.step.by_members.regions import ChainLoop, mean_width
 
-MOST_CELLS = 2  # a compact region that needs more patches becomes a trimmed face
+MOST_CELLS = 2  # a four-sided region that is not long becomes a trimmed face if it needs more patches
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +36,8 @@ class NetWall:
 @dataclass(frozen=True, eq=False)
 class NetPatch:
     """Four-sided face on each skin.
-    loop  : edges counter-clockwise from outside, one or several along each side.
-    poles : (4, 4, 6), mm.    within : True if the face covers only a part of its surface."""
+    loop  : edges counter-clockwise from outside; each side has one or several edges.
+    poles : (4, 4, 6), mm.    within : True if the surface extends beyond the face."""
 
     loop: ChainLoop
     poles: Floats
@@ -47,8 +47,8 @@ class NetPatch:
 @dataclass(eq=False)
 class NetModel:
     """Boundary model of a solid with step = 'members'.
-    vertices : (6,) points on both skins, mm.    trimmed : loops around regions without patches.
-    compact  : trimmed regions with four sides.
+    vertices : (6,) points on both skins, mm.    trimmed : loops around regions that are not divided into patches.
+    compact  : regions in `trimmed` that have four sides and are not long.
     seam     : True for a one-sided surface that was cut open. At this seam the outer skin meets the inner skin."""
 
     vertices: list[Floats] = field(default_factory=list)
@@ -65,11 +65,11 @@ class NetModel:
         return 2 * (len(self.patches) + len(self.trimmed)) + len(self.walls)
 
     def outline(self, loops: Iterable[ChainLoop]) -> bytes:
-        """Return the poles along loops of edges as bytes, which do not depend on how edges are numbered."""
+        """Return the poles of edges along loops, as bytes. They do not depend on the numbers of the edges."""
         return b"".join(self.poles(step).tobytes() for loop in loops for step in loop)
 
     def poles(self, step: tuple[int, bool]) -> Floats:
-        """(4, 6) poles of an edge in a loop's direction. step : edge, and True if the loop runs along the edge."""
+        """(4, 6) poles of an edge in a loop. step : number of the edge, and True if the loop has its direction."""
         e, ahead = step
         return self.edges[e].poles[:: 1 if ahead else -1]
 
@@ -97,7 +97,7 @@ def net_model(
     patched: Collection[int] = (),
 ) -> NetModel:
     """Build the boundary model of a solid from lines and regions.
-    covering : fits patches to regions. Regions with bad patches become trimmed faces.
+    covering : builder of patches for regions. Regions with bad patches become trimmed faces.
     patched  : four-sided regions that may have more than `MOST_CELLS` patches."""
     stations, quad_list = SideStations(lines, chains), list(quads)
     whole_quads = [quad for quad in quad_list if quad.region not in patched and stations.cells(quad) > MOST_CELLS]
@@ -216,7 +216,7 @@ def backwards(loop: ChainLoop) -> ChainLoop:
 
 
 def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
-    limit = 10.0  # largest length of a region's outline / mean width: 8 for a square, 10.7 for three squares in a row
+    limit = 10.0  # largest perimeter / mean width of a compact region: 8 for a square, 10.7 for three squares in a row
     steps = [step for side in quad.sides for step in side]
     line = np.concatenate([chains[k].middle[:: 1 if ahead else -1][:-1] for k, ahead in steps])
     return sum(float(chains[k].lengths[-1]) for k, _ in steps) <= limit * mean_width(line)
@@ -243,7 +243,7 @@ def corner_tangents(model: NetModel) -> dict[int, float]:
 
 
 def filled_corners(model: NetModel) -> list[FilledCorner]:
-    """Return the corners that a fillet fills with material and where one seam ends; [] for a one-sided surface."""
+    """Return the corners that a fillet fills with material, and where just one seam ends; [] for one-sided surfaces."""
     straight_cosine = np.cos(0.01)  # OCCT 8.0 accepts a bend of 0.01 radians between a seam and its continuation
     if model.seam:
         return []
@@ -277,13 +277,13 @@ def _corners(model: NetModel) -> dict[int, tuple[float, tuple[int, bool], tuple[
 
 
 def half_turn(cosine: float) -> float:
-    """Return tan(bend / 2) for the bend angle at a corner: length of a fillet / its radius; 0 at a smooth corner."""
+    """Return (distance from a corner to a fillet's end) / radius = tan(bend / 2); 0 at a smooth corner."""
     smooth = np.cos(np.deg2rad(10.0))  # walls with a bend of at most 10 degrees need no fillet
     return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < smooth else 0.0
 
 
 def outlines(model: NetModel) -> list[list[NetWall]]:
-    """Group walls into rows; each row is one outline."""
+    """Return the walls of each outline, in order."""
     begin = dict[int, list[NetWall]]()
     for wall in model.walls:
         begin.setdefault(model.vertex(wall.steps[0], True), []).append(wall)

@@ -32,15 +32,15 @@ REACH_SHARE = 3 / 4  # length over which a chain's direction is measured, as a f
 
 @dataclass(frozen=True, eq=False)
 class Quad:
-    """Region with four sides in order. Each side is a row of chains, with the region on the left."""
+    """Region with four sides, in order around it. Each side is a row of chains, with the region on the left."""
 
     region: int
     sides: tuple[ChainLoop, ChainLoop, ChainLoop, ChainLoop]
 
 
 def quad_of(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledChain], reach: float) -> Quad | None:
-    """Return a region with its four sides; None for other regions.
-    reach : length of a chain (mm) over which its direction at a corner is measured."""
+    """Return a region with its four sides; None for a region without four clear corners, or with several loops.
+    reach : length of a chain of edges (mm) over which its direction at a corner is measured."""
     if len(loops) != 1 or len(loops[0]) < 4:
         return None
     loop = loops[0]
@@ -53,7 +53,7 @@ def quad_of(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledCha
 
 
 def _corners(angle: Floats) -> Ints | None:
-    blunt_limit = 60.0  # largest bend (degrees) at nodes other than the four sharpest ones
+    blunt_limit = 60.0  # degrees; a region with a larger bend at a fifth node does not have four sides
     straight_limit = 30.0  # a node with a smaller bend (degrees) is not a corner
     deviation = 180 - angle
     corners = np.flatnonzero(np.abs(deviation) > straight_limit)
@@ -79,7 +79,7 @@ def _angles(loop: ChainLoop, chains: Mapping[int, SampledChain], reach: float) -
 
 @dataclass(frozen=True, eq=False)
 class QuadSide:
-    """Side of a region. parts : consecutive parts of lines.    at : (k + 1,) their ends along the side, from 0 to 1."""
+    """Side of a region. parts : consecutive parts of lines.    at : (k + 1,) positions of parts' ends, from 0 to 1."""
 
     parts: list[LinePart]
     at: Floats
@@ -94,14 +94,14 @@ SideGrid = tuple[list[LinePart], list[LinePart], list[LinePart], list[LinePart]]
 
 
 class SideStations:
-    """Stations: points where two opposite sides of a region are divided. stops : parameters of each line's stations."""
+    """Stations: points where two opposite sides of a region are divided. stops : by line, parameters of stations."""
 
     def __init__(self, lines: NetLines, chains: Mapping[int, SampledChain]) -> None:
         self.lines, self.chains = lines, chains
         self.stops = [{*line.at.tolist(), *line.curve.breaks.tolist()} for line in lines.lines]
 
     def cells(self, quad: Quad) -> int:
-        """Number of patches of a region, whose sides are divided at stations (see `SideStations`)."""
+        """Number of patches of a region after its sides are divided at stations (see `SideStations`)."""
         bottom_side, right_side, top_side, left_side = (self._side(steps) for steps in quad.sides)
         pairs = (bottom_side, top_side.backwards()), (left_side.backwards(), right_side)
         along, up = (1 + len(paired_shares(*(np.array(list(self._breaks(side))) for side in two))[0]) for two in pairs)
@@ -145,7 +145,7 @@ class SideStations:
         return first_parts, self._parts_between(second_side, second_breaks, pairs[1])
 
     def _parts_between(self, side: QuadSide, breaks: Mapping[float, tuple[int, float]], cuts: Floats) -> list[LinePart]:
-        """Divide a side at fractions (k,) of its length. A cut inside a cubic becomes a dividing point (station)."""
+        """Divide a side at `cuts`, fractions (k,) of its length. A cut that is not in `breaks` becomes a station."""
         ends, parts = np.concatenate([[0.0], cuts, [1.0]]), list[LinePart]()
         p, x = 0, side.parts[0][1]
         for before, share, after in zip(ends, ends[1:-1].tolist(), ends[2:], strict=False):
@@ -156,7 +156,7 @@ class SideStations:
         return parts
 
     def _add_station(self, side: QuadSide, share: float, before: float, after: float) -> tuple[int, float]:
-        snap_share = 0.15  # largest distance of an old station that replaces a cut / distance from cut to next cut
+        snap_share = 0.15  # an old station replaces a cut if it is nearer than this fraction of the way to the next cut
         p = int(np.clip(np.searchsorted(side.at, share, side="right") - 1, 0, len(side.parts) - 1))
         i, a, b = side.parts[p]
         long = side.at[p + 1] - side.at[p]
@@ -173,7 +173,7 @@ class SideStations:
 def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, Floats]:
     """Pair the dividing points of two opposite sides; return positions (k,), ascending, as fractions of each side.
     Points at similar fractions form pairs. Each remaining point gets a new partner, interpolated between pairs."""
-    tolerance = 0.1  # fractions of two points in a pair differ by less than this
+    tolerance = 0.1  # two dividing points are a pair only if their fractions of the sides differ by less than this
     if len(first_shares) == len(second_shares) and (np.abs(first_shares - second_shares) < tolerance).all():
         return first_shares, second_shares
     pairs = [(0.0, 0.0), (1.0, 1.0)]
@@ -193,15 +193,14 @@ def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, 
 
 
 CHORD_SHARE = 1 / 8
-"""Factor on the mesh's chord error in the tolerance of lines. With a larger factor, tori are too far from the mesh."""
+"""Fraction of the mesh's chord error that is added to the tolerance of lines. Larger values make tori too inexact."""
 
 
 class LineFits:
-    """Lines fitted to chains, with a cache for chains whose points did not change.
+    """Lines fitted to chains of mesh edges, with a cache for chains whose points did not change.
     distance : allowed distance of the solid from the mesh, mm.    box : (2, 3) box that must contain all poles, mm.
-    skins    : (2, 3) box around both skins of the sheet. It must contain the poles of parabolas, mm.
-    away     : function of points (k, 6); returns the vectors to both skins.
-    closely  : True to halve cubics that are too far from the skins."""
+    skins    : (2, 3) box around both skins of the sheet, mm. Poles of parabolas are at most `distance` outside of it.
+    away     : function of points (k, 6); returns vectors to skins.    closely : True to halve cubics far from skins."""
 
     def __init__(
         self, distance: float, box: Floats, skins: Floats, away: Callable[[Floats], Floats], closely: bool = False
@@ -212,7 +211,7 @@ class LineFits:
         self.pulled, self.arcs = dict[int, tuple[ChainLine, ChainLine]](), ArcsOnSkins(away)
 
     def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
-        """Fit lines along the chains of a net. A line for several chains needs fewer spans than separate lines."""
+        """Fit lines along the chains of a net. A line follows several chains if it then has fewer spans in total."""
         turns, self.within = partial(chain_turn, chains, reach), chain_tolerances(net, chains, self.distance)
         arced = {k: OUTLINE_SHARE * self.distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
         rounded = round_chains(net, chains, arced)
@@ -243,15 +242,15 @@ class LineFits:
         return min(self.within[k] for k, _ in row)
 
     def _are_good(self, net: ChainNet, chains: Mapping[int, SampledChain], lines: list[ChainLine]) -> list[bool]:
-        """Return True for each line along one chain.
-        A line along several chains must be close, and have fewer spans than separate lines along these chains."""
+        """Return True for each line along a single chain. A line along several chains must be near the chains, and have
+        fewer spans than separate lines along these chains."""
         maybe = [x for x in lines if len(x.curve.spans) > 1 and self._is_near(net, x)]
         runs = iter(self._fits(net, chains, [[step] for x in maybe for step in x.steps]))
         fewer = {id(x): len(x.curve.spans) < sum(len(next(runs).curve.spans) for _ in x.steps) for x in maybe}
         return [len(x.steps) == 1 or fewer.get(id(x), len(x.curve.spans) == 1 and self._is_near(net, x)) for x in lines]
 
     def _is_near(self, net: ChainNet, line: ChainLine) -> bool:
-        least_distance = 0.1  # smallest distance from a chain's end to a span's end / length of the shortest span
+        least_distance = 0.1  # smallest distance from chains' ends to spans' ends, as a fraction of the shortest span
         nodes, breaks = line.at[1:-1], line.curve.breaks
         if not len(nodes) or line.curve.off > self._tolerance(line.steps) or len(set(ends_of(net, line))) == 1:
             return False
@@ -268,7 +267,7 @@ class LineFits:
         return [self.pulled[id(line)][1] for line in lines]
 
     def halved_strays(self, lines: list[ChainLine]) -> list[ChainLine]:
-        """Halve the cubics that leave the skins; `on_skins` moves only some of their points onto the skins."""
+        """Halve long cubics that are too far from the skins even after `on_skins`."""
         curves = on_skins([line.curve for line in lines], self.away)
         if not curves:
             return lines
@@ -305,11 +304,11 @@ def _samples(row: Iterable[tuple[int, bool]], chains: Mapping[int, SampledChain]
 
 
 Turn = Callable[[ChainEnd, ChainEnd], float]
-"""Function that returns the bend (degrees) of a line between the end of one chain and the end of the next chain."""
+"""Function that returns the bend (degrees) between the ends of two consecutive chains of mesh edges."""
 
 
 def chain_turn(chains: Mapping[int, SampledChain], reach: float, first_end: ChainEnd, second_end: ChainEnd) -> float:
-    """Return the bend as in `Turn`. reach : length (mm) along a chain in which its direction is measured."""
+    """Return the bend (degrees) between the ends of two chains. reach : length (mm) to measure a chain's direction."""
     directions = [chains[k].direction(end == 0, reach)[0] for k, end in (first_end, second_end)]
     a, b = (direction / np.linalg.norm(direction) for direction in directions)
     return float(np.degrees(np.arccos(np.clip(-a @ b, -1, 1))))
@@ -317,8 +316,8 @@ def chain_turn(chains: Mapping[int, SampledChain], reach: float, first_end: Chai
 
 def line_links(net: ChainNet, quads: Iterable[Quad], turn: Turn, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
     """Pair the ends of consecutive chains that one line can follow: on a side of a region, or on a smooth outline.
-    Chains in `arcs` are paired only along outlines, not along sides of regions."""
-    smooth = 10.0  # largest bend, degrees, between two chains of an outline that become one line
+    Chains in `arcs` (round corners) are paired only along outlines, not along sides of regions."""
+    smooth = 10.0  # degrees; one line follows two consecutive chains of an outline only if they bend by less
     candidates = list[tuple[int, float, ChainEnd, ChainEnd]]()
     for quad in quads:
         for side in quad.sides:

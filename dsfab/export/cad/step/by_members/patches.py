@@ -26,7 +26,7 @@ def height_rows(uv: Floats, degree: int) -> Floats:
 
 
 def rows_at(uv: Floats) -> Callable[[int], Floats]:
-    """Return a function, with a cache: for a degree, it returns `height_rows` at the parameters (k, 2)."""
+    """Return a cached function of the degree. It returns `height_rows` at the parameters uv (k, 2)."""
     return cache(partial(height_rows, uv))
 
 
@@ -70,7 +70,7 @@ ROWS = rows_at(PLACES)
 class FaceLimits:
     """Limits of faces, millimetres.
     gap : largest gap between trimmed faces and their edges.
-    off : largest distance of a face from the points inside its edges to which the face is fitted.
+    off : largest distance of a face from the inner points to which the face is fitted.
     box : (2, 3) box that must hold the poles.
     beyond_mesh : function of points (k, 3); returns distance from the mesh minus limit (k,). None: no limit."""
 
@@ -85,7 +85,7 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Return by how much (mm) surfaces inside outlines (., 3) are too far from the mesh; -inf without a limit."""
+    """Return the largest result (mm) of `beyond_mesh` on surfaces inside outlines (., 3); -inf without a function."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
@@ -160,7 +160,7 @@ def _break_shares(side_spans: Floats, opposite_spans: Floats) -> Floats:
 
 
 def least_jacobian(P: Floats) -> float:
-    """Return the smallest Jacobian of a patch divided by its largest; the minimum of all patches (..., 4, 4, 3).
+    """Return the smallest Jacobian of a patch / its largest Jacobian, for the worst of all patches (..., 4, 4, 3).
     This Jacobian is the component of the surface's normal vector along the patch's mean normal."""
     P, x = P.reshape(-1, 4, 4, 3), np.linspace(0, 1, 5)
     B, C = bernstein(x), np.stack([(1 - x) ** 2, 2 * x * (1 - x), x**2], axis=1)
@@ -202,7 +202,7 @@ class PatchBuilder:
 
 
 def stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:
-    """Return for each region (k,) the largest distance of a patch's middle from the surface of the solid, mm."""
+    """Return for each region (k,) the largest distance (mm) of a patch's middle from the skins of the sheet."""
     half = bernstein(np.array([0.5]))[0]
     middles = [np.einsum("a,b,uvabi->uvi", half, half, P).reshape(-1, 6) for P in patches]
     distances = np.linalg.norm(away(np.concatenate(middles)).reshape(-1, 2, 3), axis=2).max(axis=1)
@@ -210,7 +210,7 @@ def stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats])
 
 
 def patch_excess(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
-    """Return by how much (k,) the patches of each region exceed their distance limit, mm; -inf without a limit."""
+    """Return for each region (k,) the largest (distance of patches from the mesh - limit), mm; -inf without a limit."""
     if not patches or limits.beyond_mesh is None:
         return np.full(len(patches), -np.inf)
     poles, B = [P.reshape(-1, 4, 4, 6) for P in patches], bernstein(np.linspace(0, 1, 7))

@@ -21,7 +21,7 @@ from dsfab.surface import edge_table, half_edges, link_components
 
 
 def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width: float) -> ChainNet:
-    """Cut off both ends of each region that has two long walls. The cut-off ends become new regions.
+    """Cut off both ends of each region with two long walls (chains of its outline). The ends become new regions.
     An end narrower than `width` mm is not cut off."""
     points_each = 9  # a chain that divides a region has 9 points
     P = np.asarray(net.weights @ lifting.skins.points)
@@ -78,7 +78,7 @@ def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, 
 
 
 def is_narrow_end(net: ChainNet, end: ChainLoop, P: Floats, width: float, region_area: Floats) -> bool:
-    """Return True if a straight line across a region's end cuts off a narrow piece or leaves the region. P : (n, 3)."""
+    """Return True if a straight cut across a region's end leaves the region, or the end is narrower than `width`."""
     line = P[_points(net, end)]
     return mean_width(line) < width or float(vector_area(line) @ region_area) < 0
 
@@ -92,7 +92,7 @@ LEAST_COSINE = 0.75
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:
-    """Divide regions that bend too much and have a single outline. The net's first points are the sheet's points."""
+    """Divide regions that bend too much and have one outline. The first points of `net` are the points of `sheet`."""
     most_seams = 200  # a sheet gets at most 200 seams
     work = _BendSeams(net, sheet, lifting, limits.thickness)
     bends = {r: work.least_cosine(r) for r, loops in net.loops.items() if len(loops) == 1}
@@ -122,7 +122,7 @@ class _BendSeams:
         self.net, self.F, self.skins = net, sheet.F, lifting.skins
         self.P = np.asarray(sheet.weights @ self.skins.points)
         a, b, c = (self.P[self.F[:, i]] for i in range(3))
-        N = np.asarray(sheet.weights @ self.skins.normals)[self.F].sum(axis=1)  # normals of slivers are inexact
+        N = np.asarray(sheet.weights @ self.skins.normals)[self.F].sum(axis=1)  # vertex normals: exact for slivers
         self.N = unit_vectors(N) * np.linalg.norm(cross(b - a, c - a), axis=1)[:, None]
 
     def least_cosine(self, region: int) -> float:
@@ -135,7 +135,7 @@ class _BendSeams:
         return float((N @ mean).min() / max(np.linalg.norm(mean), 1e-300))
 
     def is_stout(self, region: int) -> bool:
-        stout_limit = 32.0  # largest outline^2 / area; 16 for a square, 29 for a row of five squares
+        stout_limit = 32.0  # largest perimeter^2 / area; 16 for a square, 29 for a row of five squares
         area = np.linalg.norm(self.N[self.net.cell == region], axis=1).sum() / 2
         outline = sum(self._length(self.net.chains[k].points) for k, _ in self.net.loops[region][0])
         return bool(outline**2 < stout_limit * area)
@@ -153,7 +153,7 @@ class _BendSeams:
         return -1 if seam is None else self._with_seam(region, *seam)
 
     def _seam(self, region: int) -> tuple[Ints, Ints] | None:
-        most_left = 0.8  # largest cost (bending and seam) after the division of a region / cost before
+        most_left = 0.8  # the cost (bending and seam) of a divided region must be below this fraction of its old cost
         seam_cost = 0.1  # cost of a seam whose length is the square root of the region's area
         cells = np.flatnonzero(self.net.cell == region)
         nodes = [self.net.ends(step)[0] for step in self.net.loops[region][0]]
@@ -167,7 +167,7 @@ class _BendSeams:
         return result
 
     def _halve_chains(self, region: int) -> bool:
-        few = 8  # a chain is halved only if it is longer than an eighth of the outline
+        few = 8  # a chain of edges is halved only if it is longer than an eighth of the region's outline
         long = {k: self._length(self.net.chains[k].points) for k, _ in self.net.loops[region][0]}
         longest = [k for k, x in long.items() if few * x > sum(long.values()) and len(self.net.chains[k].points) > 2]
         for k in longest:
@@ -215,7 +215,7 @@ def _paths(F: Ints, P: Floats, nodes: list[int], wall_distance: float) -> Iterat
     border = np.zeros(len(used), dtype=bool)
     border[edges.ends[edges.boundary]] = True
     away = np.asarray(cKDTree(P[used[border]]).query(P[used])[0])
-    # paths keep away from the region's walls: they are straightened later, and could then cross a wall
+    # paths keep away from the region's walls, because a path is straightened later and could then cross a wall
     wall_factor = 1 + wall_distance / np.maximum(away[ends].mean(axis=1), wall_distance / 4)
     long = np.tile(wall_factor * np.linalg.norm(P[used[ends[:, 0]]] - P[used[ends[:, 1]]], axis=1), 2)
     start, end = np.concatenate([ends, ends[:, ::-1]]).T

@@ -16,7 +16,7 @@ CORNER_COSINE = np.cos(np.deg2rad(40.0))  # cosine of the smallest bend at a cor
 
 ROUND_COSINE = np.cos(np.deg2rad(10.0))
 """Cosine of the smallest bend at a vertex of a round corner. Nodes mark the ends of round corners.
-Bends are measured in the plane of the sheet, because an outline also follows the bends of a coarse mesh."""
+Bends are measured in the plane of the sheet. Bends out of this plane come from the coarse mesh."""
 
 VOID = -1  # number in place of a region, for the space beyond an outline
 ChainLoop = list[tuple[int, bool]]  # chain numbers in order; True if the loop runs along the chain
@@ -47,11 +47,11 @@ class Chain:
 @dataclass(frozen=True, eq=False)
 class ChainNet:
     """Regions of a sheet and the chains of mesh edges between regions.
-    weights : (p, n) barycentric weights of all points on the uncut surface.    chains : by number.
-    loops   : by region, with the region on the left.    loose : regions outside of all stripes.
-    cell    : (m,) region of each cell of the sheet. Cut-off regions have the number of their parent.
+    weights : (p, n) barycentric weights of all points on the uncut surface.    chains : by number of the chain.
+    loops   : by region, chains around it, with the region on the left.    loose : regions outside of all stripes.
+    cell    : (m,) region of each cell of the sheet. Cells of a cut-off region have the number of its parent.
     parent  : by number of a cut-off region, number of the region that it was cut from.
-    twins   : pairs of points on both sides of a seam, see `StripedSheet`."""
+    twins   : by point on a side of the seam, the coincident point on the opposite side, see `StripedSheet`."""
 
     weights: csr_array
     chains: dict[int, Chain]
@@ -62,18 +62,18 @@ class ChainNet:
     twins: dict[int, int] = field(default_factory=dict)
 
     def on_seam(self, k: int) -> bool:
-        """Return True if a chain runs along a seam. The region beyond it is VOID, but the solid continues there."""
+        """Return True if a chain runs along the seam. Its right region is VOID, but the solid continues across it."""
         points = self.chains[k].points
         return bool(self.twins) and self.chains[k].right == VOID and all(int(p) in self.twins for p in points)
 
     def ends(self, step: tuple[int, bool]) -> tuple[int, int]:
-        """Return the first and the last node of a step: the number of a chain, and True for the chain's direction."""
+        """Return the first and the last node of a chain. step : chain number, True for the chain's own direction."""
         points = self.chains[step[0]].directed_points(step[1])
         return int(points[0]), int(points[-1])
 
 
 CreaseTest = Callable[[csr_array, Ints, Ints], Bools]
-"""Function that tells which lines between points lie on a crease, see `CreaseSides.lines_on_creases`."""
+"""Function that tells which segments between two points lie on a crease, see `CreaseSides.lines_on_creases`."""
 
 
 def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased: CreaseTest | None = None) -> ChainNet:
@@ -97,7 +97,7 @@ def ends_at(net: ChainNet) -> dict[int, list[tuple[int, int]]]:
 
 
 def outline_through(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int] | None:
-    """Return the outline chains that end and begin at a node; None unless exactly one outline passes the node."""
+    """Return the outline chains that end and begin at a node; None if no outline or several outlines pass the node."""
     before, after = ([k for k, end in ends if end == which and net.chains[k].right == VOID] for which in (-1, 0))
     return (before[0], after[0]) if len(before) == len(after) == 1 and before != after else None
 
@@ -182,7 +182,7 @@ class _BorderWalk:
         return np.stack([np.append(self.start[side], self.end[side]) for side in (side_a, side_b)])
 
     def _round_ends(self, bent: Bools, void: Bools) -> Bools:
-        """Return (k,) True for border half-edges that end where a round corner of an outline begins or ends.
+        """Return (k,) True for half-edges at whose end a round corner of an outline begins or ends.
         bent : (k,) True for half-edges that end at a bend.    void : (k,) True for half-edges of an outline."""
         h, position = self.along, np.full(len(self.border), -1)
         position[h] = np.arange(len(h))
@@ -243,7 +243,7 @@ class _BorderWalk:
 
 
 def joined_outlines(net: ChainNet, P: Floats, N: Floats) -> ChainNet:
-    """Join consecutive outline chains of a round corner or a straight wall. P, N : (p, 3) net's points and normals."""
+    """Join consecutive chains along a round corner or a straight wall of an outline. P, N : (p, 3) points, normals."""
     ends = [int(p) for chain in net.chains.values() for p in (chain.points[0], chain.points[-1])]
     degree = np.bincount(ends, minlength=len(P))
     degree[list(net.twins)] = 0  # chains on the two sides of a seam are not joined
@@ -253,7 +253,7 @@ def joined_outlines(net: ChainNet, P: Floats, N: Floats) -> ChainNet:
 
 
 def _joined_loop(loop: ChainLoop, chains: dict[int, Chain], P: Floats, N: Floats, degree: Ints) -> ChainLoop:
-    fewest = 4  # a loop has at least 4 chains
+    fewest = 4  # a loop around a region keeps at least 4 chains
     if all(chains[k].right == VOID for k, _ in loop):
         return loop
     steps, position = list(loop), 0
@@ -281,7 +281,7 @@ def _outline_points(loop: ChainLoop, position: int, chains: dict[int, Chain]) ->
 
 
 def _is_outline_end(line: Floats, N: Floats) -> bool:
-    """Return True if an outline has a sharp corner at the middle of points (5, 3), or if a round corner ends there."""
+    """Return True if the third of 5 points (5, 3) on an outline is a sharp corner or the end of a round corner."""
     if len(line) < 5:
         return True
     d = np.diff(line, axis=0)
@@ -324,10 +324,10 @@ def vector_area(line: Floats) -> Floats:
 
 
 INNER = ((1 / 3, 1 / 3, 1 / 3), (2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1 / 6, 1 / 6, 2 / 3))
-"""Barycentric points of each cell near which a trimmed face must pass. Centres alone would allow waves."""
+"""Barycentric points of each cell, to which a trimmed face is fitted. With centres alone, the face could have waves."""
 
 MORE = tuple((a / 7, b / 7, 1 - (a + b) / 7) for a in range(1, 6) for b in range(1, 7 - a))
-"""Additional barycentric points in cells longer than the thickness, so that a fitted face has no waves there."""
+"""More barycentric points, for cells longer than the sheet is thick, so that a fitted face has no waves in them."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from dsfab.export.splines import bernstein
 
 @dataclass(frozen=True)
 class MovedRim:
-    """Movement of edges of walls onto a face. pieces : moved edges.    edges, vertices : new edges, new points (6,)."""
+    """Edges of walls that move onto a face (`pieces`). edges, vertices : changed edges and points (6,), by number."""
 
     pieces: list[int]
     edges: dict[int, NetEdge]
@@ -24,8 +24,8 @@ class MovedRim:
 
 
 class Rims:
-    """Edges of walls (rims), and their movement onto neighbouring faces.
-    pieces : rims at sharp corners.    ends : numbers of the edges that end at each vertex."""
+    """Edges of walls (rims). At sharp corners of outlines, rims can move onto neighbouring faces.
+    pieces : rims at sharp corners.    ends : by vertex, numbers of the edges that meet there."""
 
     def __init__(self, model: NetModel, pieces: Collection[int]) -> None:
         self.model, self.edges, self.vertices = model, list(model.edges), list(model.vertices)
@@ -38,7 +38,7 @@ class Rims:
         self.moved = set[int]()
 
     def pieces_around(self, face: TrimmedFace) -> set[int]:
-        """Edges of walls (rims) at sharp corners, on the outline of a face."""
+        """Return the rims (edges of walls) at sharp corners that lie on the outline of a face."""
         return self.pieces & _edges_of_face(face)
 
     def seams(self, face: TrimmedFace, curves: Mapping[int, Floats]) -> dict[int, Floats]:
@@ -47,8 +47,8 @@ class Rims:
         return {e: poles for e, poles in curves.items() if e in around and e not in self.rims}
 
     def moved_onto(self, face: TrimmedFace, on_seams: bool) -> MovedRim | None:
-        """Return the changes that move walls' edges (rims) at sharp corners onto a face; None if no rim can move.
-        on_seams : True if the face contains the seams at its corners; then rims that meet these seams can also move."""
+        """Return the changes that move rims (edges of walls) at sharp corners onto a face; None if no rim can move.
+        on_seams : True if the face contains all other edges at its corners; then rims that meet these can also move."""
         nodes, around = np.linspace(0, 1, 4)[:, None], _edges_of_face(face)  # heights at 4 places determine a cubic
         free = {v for v, ends in self.ends.items() if len(ends) == 2 and around & self.rims >= set(ends)}
         ends = {e: (self.edges[e].start, self.edges[e].end) for e in around}
@@ -71,7 +71,7 @@ class Rims:
         return MovedRim(face_pieces, edges, vertices)
 
     def take(self, change: MovedRim) -> None:
-        """Apply the changes of `moved_onto`."""
+        """Apply a result of `moved_onto` to the edges and vertices."""
         for e, edge in change.edges.items():
             self.edges[e] = edge
         for v, point in change.vertices.items():
@@ -79,7 +79,7 @@ class Rims:
         self.moved |= change.edges.keys()
 
     def result(self) -> NetModel:
-        """Return the model with new walls along the rims (edges of walls) that were moved."""
+        """Return the model with the moved rims (edges of walls), and with new walls along these rims."""
         model, walls = replace(self.model, edges=self.edges, vertices=self.vertices), list[NetWall]()
         for wall in self.model.walls:
             still = self.moved.isdisjoint(e for e, _ in wall.steps)
@@ -100,18 +100,18 @@ Edges on the inner skin are shorter at openings, so large fillets do not fit the
 TEST_PLACES = np.linspace(0, 1, 33)  # parameters of the samples along an edge
 
 FLUSH_TOLERANCE = 1e-6
-"""Largest distance (mm) of an edge at a sharp corner from its surface. With 5e-7 OCCT makes all fillets of a dome."""
+"""Largest distance (mm) of an edge at a sharp corner from its face. With 5e-7, OCCT makes all fillets of a dome."""
 
 STILL_ROWS = rows_at(np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2))
-"""Basis at places where a surface must not move. Without these places, the surface of a 2 m sphere moved by 1.4 mm."""
+"""Basis at a grid of places where a surface must stay. Without them, the surface of a 2 m sphere moved by 1.4 mm."""
 
-MOVED = 1 / 400  # largest movement of points inside a face / thickness
+MOVED = 1 / 400  # largest movement of points inside a face, as a fraction of the thickness
 
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Cut edges near sharp corners beside trimmed faces, and fit each face exactly to its edges at the corners.
-    If a face would move by more than `SPLIT` or `MOVED`, the edges of its walls move onto the face instead.
-    These edges move by at most `SPLIT`."""
+    If the fit leaves gaps wider than `SPLIT`, or moves a face by more than `MOVED`, edges of walls move onto the face
+    instead. These edges move by at most `SPLIT`."""
     face_edges = {e for face in faces for loop in face.loops for e, _ in loop}
     near_vertices = {v for e in face_edges for v in (model.edges[e].start, model.edges[e].end)}
     corners = {v: half for v, half in corner_tangents(model).items() if v in near_vertices}
@@ -169,7 +169,7 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
-    """Return where to cut an edge, so that fillets fit at its ends: fractions of the edge's length.
+    """Return where to cut an edge with `poles` (4, 6), so that fillets fit at its ends: fractions of the edge's length.
     halves : length of the fillet at each end, divided by its radius."""
     shortest_cut = 0.1  # the part between two cuts, or beyond a single cut, is at least this fraction of the edge
     radius = FILLET_SHARE * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
@@ -178,7 +178,7 @@ def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
         if half:
             away = np.linalg.norm((line - line[-end]).reshape(-1, 2, 3), axis=2)[:: -1 if end else 1]
             limits = zip((radius * half, INNER_SHARE * radius * half), np.maximum.accumulate(away).T, strict=True)
-            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # 1: edge too short
+            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # 1 if no fillet fits
             if x > 1 - shortest_cut:
                 return []
             shares.append(1 - x if end else x)
@@ -187,7 +187,7 @@ def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
 
 
 def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Floats]) -> TrimmedFace:
-    """Return a face fitted exactly to `held_curves`: edge -> poles (4, 6); the old face if that fails."""
+    """Return a face fitted exactly to `held_curves` (by edge, poles (4, 6)), or the old face if no exact fit exists."""
     curves = [held_curves[e] for e in sorted({e for loop in face.loops for e, _ in loop} & held_curves.keys())]
     if not curves:
         return face
@@ -207,13 +207,13 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
-    """Return the poles of a surface refitted through points; None if that fails. points : four groups (k, 3).
-    The surface passes through group 1, within `FLUSH_TOLERANCE` of group 2 (test points), and within `SPLIT` of
-    group 3 (all edges). At group 4 (inside points), it moves by at most `largest_move`."""
+    """Return the poles of a surface refitted through points, or None. points : four groups (k, 3).
+    The surface must contain group 1, be within `FLUSH_TOLERANCE` of group 2 (test points), and within `SPLIT` of
+    group 3 (all edges). At the points of group 4 (inside), it may move by at most `largest_move`."""
     hopeless = 20.0  # the search ends after three polynomial degrees if a residual is over 20 times its limit
     more_degrees = 6  # the degree of a surface rises by at most 6
-    exact = 5e-8  # mm; OCCT ignores gaps up to twice this, but rounded poles widen the gap
-    weights = (1.0, 1e-2), (0.1, 1e-4)  # for two trials: weight of keeping the old surface, weight of smooth changes
+    exact = 5e-8  # mm; goal of the fit. OCCT ignores gaps up to twice this, but rounding of poles widens gaps
+    weights = (1.0, 1e-2), (0.1, 1e-4)  # in the first and the second trial: of the old surface, of smooth changes
     local, limits = poles @ axes.T, (FLUSH_TOLERANCE, SPLIT, largest_move)
     parameters, heights = [places(poles, axes, group) for group in points], [group @ axes[2] for group in points[:3]]
     heights.append(height_rows(parameters[3], len(poles) - 1) @ local[..., 2].ravel())
@@ -239,9 +239,9 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
-    """Return movements (k,) of pole heights that move a surface through the first group of points, near the third.
+    """Return movements (k,) of pole heights, so that a surface contains the points of group 1 and is near group 3.
     rows : basis (., k) at the points of each group.    distances : distances of these points from the surface."""
-    held_weight, move_weight = 1e6, 1e-4  # weights of the first group of points, and of pole movements
+    held_weight, move_weight = 1e6, 1e-4  # weights of points that the surface must contain, of small pole movements
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), move_weight * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]
     right = np.concatenate([held_weight * distances[0], distances[2], np.zeros(sum(map(len, still)))])

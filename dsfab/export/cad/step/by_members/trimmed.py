@@ -1,4 +1,4 @@
-"""Trimmed faces for regions without four sides: Bezier surfaces over the mean plane, with measured gaps."""
+"""Trimmed faces for regions without four sides: Bezier surfaces over a region's mean plane, and gaps at their edges."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ class FaceDomain:
 
     @classmethod
     def from_edges(cls, points: Floats, edges: Floats, axes: Floats, sides: Floats) -> "FaceDomain":
-        """Return the domain around edges (j, 3), 1 mm larger on all sides."""
+        """Return the domain around edges (j, 3), with 1 mm more in each direction. axes, sides : as in the class."""
         origin, across = edges.mean(axis=0), np.linalg.inv(sides)
         inside, around = (points - origin) @ axes.T, (edges - origin) @ axes.T
         inner_places, ends = inside[:, :2] @ across, around[:, :2] @ across
@@ -58,16 +58,16 @@ class FaceDomain:
         return np.asarray(self.origin + np.concatenate([plane, z[..., None]], axis=2) @ self.axes)
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
-        """Choose two right-handed directions of `ways` (k, 2) for a parallelogram that is least outside `box`.
+        """Choose two right-handed sides among directions `ways` (k, 2) for a parallelogram that leaves `box` least.
         A quadratic surface that is fitted to all points gives the heights of the parallelogram's corners."""
-        least_sine = 1 / 4  # in a parallelogram with smaller angles, a bent surface would have folds
+        least_sine = 1 / 4  # sine of the angle of the sides; at smaller angles, a bent surface would have folds
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
         long = np.linalg.norm(ways, axis=1)[:, None]
         ways = ways[long[:, 0] > 0] / long[long > 0][:, None]  # a closed edge has no chord
         turned = np.stack([-ways[:, 1], ways[:, 0]])
         leftwards = places_in_plane @ turned
-        ends = np.stack([leftwards.min(axis=0), leftwards.max(axis=0)])  # (2, k) range across each of the directions
+        ends = np.stack([leftwards.min(axis=0), leftwards.max(axis=0)])  # (2, k) extent of points across `ways`
         i, j = np.triu_indices(len(ways), 1)
         sine = (ways @ turned)[j, i]
         i, j = np.where(sine > 0, (i, j), (j, i))  # right-handed axes make the surface face outwards
@@ -98,21 +98,20 @@ def _outside(points: Floats, box: Floats) -> Floats:
 
 
 SPLIT = 0.045
-"""Widest gap (mm) at an edge that OCCT may cut. OCCT measures the gap at 23 points of an edge.
-A cut part has other points, where the gap may be wider. OCCT then allows at most 0.05 mm
-(`BOPAlgo_Builder::PostTreat`)."""
+"""Widest gap (mm) between an edge that OCCT may cut and its face, measured at 23 points. A part of the cut edge has its
+own 23 points. There the gap may be wider, but OCCT allows at most 0.05 mm (`BOPAlgo_Builder::PostTreat`)."""
 
 EDGE_WEIGHTS = (100.0, 10.0)
-"""Weights of edge points in trial fits of a face; inner points have weight 1. The smaller weight is tried last."""
+"""Weights of edge points in trial fits of a face; inner points have weight 1. The last trials have the smaller one."""
 
 SMOOTH_WEIGHTS = (1e-1, 1e-2)
 """Weights of smooth pole movements (second differences) in trial fits; the smaller weight is for later trials.
-Smoothness keeps poles far from all points in place, so that OCCT's bounding box does not grow."""
+Poles that are far from all points then hardly move, so that OCCT's bounding box does not grow."""
 
 BASE_DEGREE = 2  # degree of the surface to which corrections of higher degree are added
 
 USUAL_TRIALS = tuple((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[0], degree) for degree in (2, 3, 4, 5, 6, 7, 8, 9))
-"""Trial fits of a face: weight of edges, weight of second differences, degree. They end once the gap is narrow."""
+"""Trial fits of a face: weight of edges, weight of second differences, degree. A fit within all limits ends them."""
 
 FURTHER_TRIALS = (
     *((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[1], degree) for degree in (7, 9, 11, 13, 15)),
@@ -131,10 +130,10 @@ LEAST_NORMAL_COSINE = 0.35  # smallest cosine between mean normal and normals of
 
 @dataclass(frozen=True, eq=False)
 class TrimmedFace:
-    """Faces of a region on both skins.
+    """Faces of a region, one on each skin of the sheet.
     loops : loops of edges, the outer loop first.    outer, inner : poles (p + 1, p + 1, 3), mm.
     axes  : (3, 3) for each surface: two axes of its plane, and the direction of its heights.
-    gap   : widest gap at the edges, mm.    off : largest distance of inner points along the mean normal, mm.
+    gap   : widest gap at the edges, mm.    off : largest distance of inner points along that direction, mm.
     exact : True if edges lie exactly, or nearly, on the surfaces. The file then has all digits of the poles.
     astray : largest (distance from the mesh - allowed distance), mm; -inf if no distance is set."""
 
@@ -149,7 +148,7 @@ class TrimmedFace:
 
     @property
     def skins(self) -> tuple[tuple[Floats, Floats, slice], ...]:
-        """For each skin: poles and axes of its surface, and the columns of its points in (k, 6), as a slice."""
+        """For each skin: poles and axes of its surface, and the columns of its points (a slice) in arrays (k, 6)."""
         return (self.outer, self.axes[0], slice(3)), (self.inner, self.axes[1], slice(3, 6))
 
     def gaps(self, points: Floats) -> Floats:
@@ -169,12 +168,12 @@ def trimmed_face(
     allowed = np.concatenate([points, edges])
     mean = middle_normal(allowed)
     if (_skin_normals(allowed) @ mean).min() < LEAST_NORMAL_COSINE:
-        raise ExportError("a region without four sides bends too much for one surface")
+        raise ExportError("a region of the sheet bends too much for a single surface")
     axes = axes_of(mean)
     area = [signed_area(line[:, :3] @ axes[:2].T) for line in lines]
     order = sorted(range(len(loops)), key=lambda i: -area[i])
     if sum(a > 0 for a in area) != 1:
-        raise ExportError("a region without four sides has no single outline")
+        raise ExportError("a region of the sheet does not have exactly one outer outline")
     ways = np.stack([P[3] - P[0] for loop in loops for P in map(model.poles, loop)])
     surfaces = [height_surface(points[s], edges[s], ways[s], axes, limits) for s in (np.s_[:, :3], np.s_[:, 3:])]
     (outer, A, *outer_distances), (inner, B, *inner_distances) = surfaces
@@ -184,7 +183,7 @@ def trimmed_face(
 
 
 def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
-    """Return (k,) True for points (k, 6) inside closed lines (., 6) and on the same side of the sheet."""
+    """Return (k,) True for points (k, 6) inside closed lines (., 6), with normals near the mean normal of the lines."""
     mean = middle_normal(np.concatenate(lines))
     plane = axes_of(mean)[:2].T
     is_inside = points_inside(points[:, :3] @ plane, [line[:, :3] @ plane for line in lines])
@@ -192,14 +191,14 @@ def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
 
 
 def inside_of(line: Floats) -> Floats:
-    """Return (k, d) points inside an outline (n, d) at which the movement of a surface is measured."""
-    shares, middle = np.array([0.3, 0.5, 0.7, 0.85, 0.95]), line.mean(axis=0)  # fractions of the way to the outline
+    """Return (k, d) test points inside an outline (n, d), to measure how far a fitted surface moves."""
+    shares, middle = np.array([0.3, 0.5, 0.7, 0.85, 0.95]), line.mean(axis=0)  # fractions from middle to outline
     return np.asarray((middle + shares[:, None, None] * (line - middle)).reshape(-1, line.shape[1]))
 
 
 def loop_samples(model: NetModel, loop: ChainLoop) -> Floats:
     """Return (k, 6) points along a loop, denser at the ends of edges, where gaps to the surface are widest."""
-    fewest, step_share = 12, 1 / 160  # smallest number of steps along an edge; usual step / length of the loop
+    fewest, step_share = 12, 1 / 160  # fewest steps along an edge; usual step, as a fraction of the loop's length
     poles = [model.poles(step) for step in loop]
     long = np.array([polyline_length(P[:, :3]) for P in poles])
     steps = np.maximum(fewest, np.ceil(long / (step_share * max(long.sum(), 1e-300)))).astype(int)
@@ -238,9 +237,9 @@ def signed_area(P: Floats) -> float:
 def height_surface(
     points: Floats, edges: Floats, ways: Floats, axes: Floats, limits: FaceLimits
 ) -> tuple[Floats, Floats, float, float]:
-    """Fit a surface to inner points (k, 3) and edges (j, 3); return poles, axes, gap, and distance from inner points.
-    The surface covers a rectangle in its mean plane. If poles leave `limits.box`, a parallelogram is tried instead.
-    The sides of the parallelogram are parallel to two of the chords `ways` (c, 3)."""
+    """Fit a surface to inner points (k, 3) and edges (j, 3); return poles, axes, distance from edges, and from points.
+    The surface covers a rectangle in its mean plane. If poles are outside `limits.box`, a parallelogram is tried: two
+    of the edges' chords `ways` (c, 3) are the directions of its sides."""
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
     over = FaceDomain.from_edges(points, edges, axes, np.eye(2))
     poles, gap, inner_distance = _fit_domain(over, limits)
@@ -254,7 +253,7 @@ def height_surface(
 
 
 def _fit_domain(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
-    high = 2.0  # the degree rises if a pole is more than 2 * `limits.off` above or below all points
+    high = 2.0  # the degree rises if a pole is above or below all points by more than 2 * `limits.off`
     z, gap, inner_distance = _best(over, limits)
     if len(z) == BASE_DEGREE + 1 and max(z.max() - over.z.max(), over.z.min() - z.min()) > high * limits.off:
         z = raised_poles(z, BASE_DEGREE + 1)
@@ -267,8 +266,8 @@ def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
 
 
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
-    """Return the distances (k,) in mm of a closed line (k, 6) from a surface fitted to it and to inner points (j, 6).
-    Of the distances on the two skins, the larger counts. All are infinite if the region bends too much."""
+    """Fit a surface to a closed line (k, 6) and inner points (j, 6); return the line's distances (k,) from it, mm.
+    The larger of the distances on both skins counts. All distances are infinite if the region bends too much."""
     return np.maximum(*misfits(points, line, degree))
 
 
@@ -293,8 +292,8 @@ def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
 
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
     """Rotate axes (3, 3) about the last axis if this makes the rectangle around a line (k, 3) much smaller.
-    A smaller rectangle has fewer poles in empty corners, far from all points."""
-    least_gain = 3 / 4  # axes rotate only if area of the new rectangle / area of the old rectangle is smaller
+    In a smaller rectangle, fewer poles are far from all points."""
+    least_gain = 3 / 4  # axes rotate only if the area of the new rectangle is below this fraction of the old area
     turned = TURNED @ axes[:2]
     area = np.ptp(line @ turned.transpose(0, 2, 1), axis=1).prod(axis=1)
     smallest = int(np.argmin(area))
@@ -308,9 +307,9 @@ def _base_poles(over: FaceDomain) -> Floats:
 
 def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
     """Fit a surface to the points of a domain. Return the heights of its poles, and its largest distances from points
-    of edges and from inner points. Low degrees come first, because high degrees have waves between points.
-    The first fit within both `limits` is chosen. Otherwise, the fit nearest to the inner points is chosen among fits
-    with gaps of at most `SPLIT`. If all gaps are wider, the fit with the smallest sum of distances is chosen."""
+    of edges (gap) and from inner points. Low degrees come first, because high degrees have waves between points.
+    The first fit within the limits of both distances is chosen. If there is none, gaps up to `SPLIT` are accepted, and
+    the fit nearest to the inner points is chosen. Otherwise, the fit with the smallest sum of distances is chosen."""
     z, inside, base = over.z, over.inside, _base_poles(over)
     fits, splittable = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
     for i, (edge, smooth, degree) in enumerate((*USUAL_TRIALS, *FURTHER_TRIALS)):
@@ -328,7 +327,7 @@ def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
 
 
 def _heights(A: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) -> Floats:
-    """Fit pole heights (p + 1, p + 1) to heights z (k,), with a smooth change from `base`. A : basis (k, (p + 1)^2)."""
+    """Fit pole heights (p + 1, p + 1) to heights z (k,), with a smooth change of `base`. A : basis (k, (p + 1)^2)."""
     rows = np.concatenate([weight[:, None] * A, smooth * differences(len(base))])
     right = np.zeros(len(rows))
     right[: len(z)] = weight * (z - A @ base.ravel())

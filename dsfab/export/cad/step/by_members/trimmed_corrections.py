@@ -1,4 +1,4 @@
-"""Corrections of trimmed faces: distances from the skins, and gaps at edges that are widest between OCCT's samples."""
+"""Corrections of trimmed faces that are far from the skins, or whose widest gaps lie between OCCT's samples."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ from dsfab.export.cad.step.by_members.trimmed import (
 from dsfab.export.splines import bernstein
 
 ROWS = rows_at(np.stack(np.meshgrid(*[np.arange(0.5, 12) / 12] * 2, indexing="ij"), axis=2).reshape(-1, 2))
-"""Basis at sample places of a surface, by degree."""
+"""Function of a degree: it returns the basis of a Bezier surface at sample places."""
 
 
 def without_strays(
@@ -34,10 +34,10 @@ def without_strays(
     away: Callable[[Floats], Floats],
     limits: FaceLimits,
 ) -> dict[int, TrimmedFace]:
-    """Fit faces again, with more points, if they are too far from the skins.
+    """Fit faces again, with more points, if they are too far from the skins of the sheet.
     points : (k, 6) that each face was fitted to.    away : function of points; returns the vectors to both skins.
-    If the distance from the mesh is limited, no face changes: `divided_faces` divides these faces later."""
-    rounds = 2  # a face that is corrected in one place may leave the skins in another place
+    If `limits` has a limit for the distance from the mesh, no face changes here; `divided_faces` divides them later."""
+    rounds = 2  # after a correction in one place, a face may be too far from the skins in another place
     result, todo, fit_points = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
     for _ in range(rounds):
         if not todo:
@@ -49,7 +49,7 @@ def without_strays(
             fit_points[i] = np.concatenate([fit_points[i], face_points])
             try:
                 result[i] = trimmed_face(model, result[i].loops, fit_points[i], limits, True)
-            except ExportError:  # the face bends too much with the new points
+            except ExportError:  # no single surface fits the old and the added points
                 continue
             todo.append(i)
     return result
@@ -58,7 +58,7 @@ def without_strays(
 def _skins_beside(
     model: NetModel, faces: Sequence[TrimmedFace], away: Callable[[Floats], Floats], tolerance: float
 ) -> list[Floats]:
-    """Return points (k, 6) on both skins near samples of each face; none for a face within `tolerance` of the skins."""
+    """Return points (k, 6) on both skins near samples of each face; none for a face within `tolerance` of them."""
     samples = [_places(model, face) for face in faces]
     ways = away(np.concatenate(samples))
     result = list[Floats]()
@@ -74,12 +74,12 @@ def _places(model: NetModel, face: TrimmedFace) -> Floats:
 
 
 SAMPLES = 23  # number of OCCT's points along an edge, ends included
-BETWEEN = 8  # number of dsfab's steps between two of OCCT's points
+BETWEEN = 8  # number of dsfab's steps along an edge between two of the points where OCCT measures gaps
 SLOPE_STEP = 1e-3  # distance (mm) of two points that determine the slope of a surface
 
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
-    """Change faces so that the gap along each seam that ends at a wall is widest where OCCT measures gaps.
+    """Change faces so that OCCT's measured points include the widest gap along each seam that ends at a wall.
     A face does not change if its gap, or the movement of its inner points, would be larger than `SPLIT`."""
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
@@ -90,8 +90,8 @@ def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[Trimme
 def _with_peaks(
     face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int], exact_poles: Mapping[int, Floats]
 ) -> TrimmedFace:
-    """Return a face whose gaps along seams are widest at points where OCCT measures gaps, if possible.
-    exact_poles : dict: edge -> poles of the curve that an exact face must contain."""
+    """Return a face on which OCCT's samples include the widest gap of a seam, for as many seams as possible.
+    exact_poles : by edge, poles of the curve that an exact face must contain."""
     fine = 5e-4  # mm; if an edge has a smaller gap, the poles of its face are written with all digits
     face_edges = sorted({e for loop in face.loops for e, _ in loop})
     seams = [e for e in face_edges if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
@@ -112,7 +112,7 @@ def _with_peaks(
 
 @dataclass(frozen=True, eq=False)
 class _PeakSurface:
-    """One surface of a face: poles (p + 1, p + 1, 3), axes (3, 3), and points in mm.
+    """Surface of a face on one skin: poles (p + 1, p + 1, 3), axes (3, 3), and points in mm.
     seams : (e, k, 3) along seams.  edges : (j, 3) along all edges.  held : (h, 6, 3) on edges, to keep exact edges."""
 
     poles: Floats
@@ -122,7 +122,7 @@ class _PeakSurface:
     edges: Floats
 
     def with_peaks_at_samples(self, exact: bool) -> Floats:
-        """Return poles of a surface whose gaps along seams are widest at OCCT's samples, for as many seams as possible.
+        """Return poles of a surface, so that OCCT's samples include the widest gap of as many seams as possible.
         Low degrees are preferred. exact : True if exact edges must stay exact."""
         more_degrees = 2  # the degree of a surface may rise by 2
         exact_gap = 1e-6  # an edge with at most this gap (mm) is exact and stays exact
@@ -141,9 +141,9 @@ class _PeakSurface:
         return float(np.abs(self._gaps_and_cosines(poles @ self.axes.T)[0]).max(axis=1).min())
 
     def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
-        """Return pole heights after each round of moves, and how many seams have their widest gap between samples."""
-        rounds = 6  # largest number of rounds; in each round, the poles move
-        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of widest gaps, smooth pole movements, small pole movements
+        """Move poles in rounds; return for each: pole heights, number of seams with the widest gap between samples."""
+        rounds = 6  # largest number of times that all poles move
+        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights: gaps at samples, smooth pole movements, small pole movements
         degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
         gaps, cosines = self._gaps_and_cosines(local)
         rows, pinned = self._seam_rows(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
@@ -183,7 +183,7 @@ class _PeakSurface:
         return rows_at(self._places(self.seams + ways[:, None, None]))
 
     def _seam_rows(self, degree: int) -> Floats:
-        """(3, e, k, poles) basis at points of seams, and at points moved by `SLOPE_STEP` along axis 0 and axis 1."""
+        """(3, e, k, poles) basis at points of seams: in place, and moved by `SLOPE_STEP` along axis 0 and axis 1."""
         return self._step_rows(degree).reshape(3, *self.seams.shape[:2], -1)
 
     def _gaps_and_cosines(self, local: Floats) -> tuple[Floats, Floats]:
@@ -194,7 +194,7 @@ class _PeakSurface:
     def _misplaced(self, gaps: Floats) -> Bools:
         """Return (e,) True for seams whose widest gap lies between two points where OCCT measures gaps."""
         exact = 1e-7  # OCCT ignores a gap below this (mm)
-        short = 3e-6  # OCCT's samples may miss at most this fraction of the widest gap; OCCT allows 1e-5
+        short = 3e-6  # the gap at OCCT's samples may be less than the widest gap by this fraction; OCCT allows 1e-5
         wide = np.abs(gaps).max(axis=1)
         sampled = np.abs(gaps[:, ::BETWEEN]).max(axis=1)
         return np.asarray((sampled < (1 - short) * _summits(np.abs(gaps))) & (wide > exact) & (wide <= SPLIT))
@@ -209,16 +209,16 @@ def _summits(gaps: Floats) -> Floats:
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
-    """Return the index of OCCT's sample nearest to the widest of gaps (k,), and the wanted gap; 0 accepts any gap."""
+    """Return the index of OCCT's sample nearest to the widest of gaps (k,), and the gap wanted there; 0 for any gap."""
     higher = 1.003  # in later rounds, the wanted gap is this factor times the widest gap of the previous round
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
-    """Return linear equations for poles, so that gaps of seams are widest at OCCT's samples: (j, poles) and (j,).
+    """Return linear equations for pole movements: (j, poles) and (j,). They make gaps widest at the samples `pinned`.
     At a sample inside a seam, the derivative of the gap along the seam must be zero."""
-    slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # derivative from five consecutive gaps
+    slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # derivative of a gap from five points in a row
     pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():
         if 0 < k < gaps.shape[1] - 1:

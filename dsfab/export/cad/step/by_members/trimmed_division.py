@@ -1,4 +1,4 @@
-"""Division of trimmed regions by seams, if the surface of a region is too far from the edges or from the mesh."""
+"""Division of trimmed regions by seams, if the surface of a region is too far from its own edges or from the mesh."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,13 +27,13 @@ from dsfab.export.cad.step.by_members.trimmed import (
 from dsfab.export.cad.step.by_members.trimmed_corrections import without_strays
 from dsfab.export.splines import bernstein
 
-TRIED = 24  # largest number of tried chords across a region; half begin where a fitted surface is far from the outline
+TRIED = 24  # largest number of tried chords across a region; half of these chords begin at the widest gaps
 POINTS = 8  # number of points of the outline along half an edge
 
 
 @dataclass(frozen=True, eq=False)
 class HalvedOutline:
-    """Outline of a region, with each edge cut into halves. A place is the start of a half edge, given by its number.
+    """Outline of a region, with each edge cut into halves. Place i is the start of half edge i.
     poles : (2 e, 4, 6) consecutive cubics, two for each edge of the loop."""
 
     poles: Floats
@@ -59,7 +59,7 @@ class HalvedOutline:
         return np.concatenate([turned, back.reshape(-1, 6)])
 
     def chords(self, worst: Ints, times: int = 1) -> Iterator[tuple[int, int]]:
-        """Yield pairs of places (starts of half edges), the smaller first, whose chord lies well inside the outline.
+        """Yield pairs (i, j) of places, i < j, whose chord lies well inside the outline.
         Chords that end at the `worst` places (k,), with the widest gaps, are the first group, all others the second.
         Each group has at most `times * TRIED / 2` chords, sorted by length / area of the smaller part of the region."""
         least_width = 1 / 20  # smallest width of a part / thickness; OCCT fails on narrower parts
@@ -81,7 +81,7 @@ class HalvedOutline:
 
 def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
     """Return True if the chord between points a and b (2,) of a closed line (k, 2) does not come close to the line."""
-    clear = 0.3  # smallest distance of a chord's point from the outline / distance from the chord's end
+    clear = 0.3  # smallest distance of a chord's point from the outline, as a fraction of that from the chord's end
     shares = np.linspace(0, 1, 17)[1:-1]
     P, directions = a + shares[:, None] * (b - a), np.roll(line, -1, axis=0) - line
     from_start = P[:, None] - line
@@ -96,11 +96,11 @@ TIMES = 3
 """Largest multiple of the usual number of seams. More seams are tried if parts still exceed a limit."""
 
 OUT, OFF = 1 / 150, 2.0
-"""Limits of a face that need not be divided. OUT : distance of poles from the box, as a fraction of its diagonal.
-OFF : distance of the face from inner points, as a multiple of `limits.off`."""
+"""A face beyond these limits is divided. OUT : distance of poles from `limits.box`, as a fraction of its diagonal.
+OFF : distance of the face from the inner points of its region, as a multiple of `limits.off`."""
 
 CUBIC_COUNTS, STRAY_SHARE = (1, 2, 4), 1 / 2
-"""Numbers of cubics that are tried for a seam; largest distance of the seam from the skins, divided by `limits.off`.
+"""CUBIC_COUNTS : tried numbers of cubics in a seam. STRAY_SHARE : largest distance from the skins / `limits.off`.
 If the distance from the mesh is limited, a seam is a single cubic. OCCT would fail beside a seam of several cubics."""
 
 
@@ -112,8 +112,8 @@ def divided_faces(
     limits: FaceLimits,
 ) -> list[TrimmedFace]:
     """Divide each face that exceeds its limits (see `allowance_used`), and add the new edges to the model.
-    inside : function of regions; returns inner points (k, 6) by region.
-    away   : function of points (k, 6); returns the vectors to both skins."""
+    inside : function that returns points (k, 6) inside given regions, by region.
+    away   : function of points (k, 6); returns the vectors to both skins of the sheet."""
     bad = [region for region, face in faces.items() if allowance_used(face, limits) > 1 and len(face.loops) == 1]
     if not bad:
         return list(faces.values())
@@ -123,16 +123,16 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Return the largest ratio value / limit of a face: gap, distances from points and mesh, poles outside the box."""
+    """Return the largest ratio of a face's measures to limits: gap, distance from points or mesh, poles outside box."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
-    astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # + distance of OCCT's triangles from the face
+    astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # includes the error of OCCT's triangles
     return max(face.gap / SPLIT, face.off / (OFF * limits.off), out / (OUT * size), astray)
 
 
 class FaceDivision:
     """Division of several regions of a model. away, limits : see `divided_faces`.
-    halves : the two new edges of each halved edge.    times : number of tried seams / usual number."""
+    halves : the two new edges of each halved edge.    times : factor on the number of seams that are tried."""
 
     def __init__(self, model: NetModel, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
         self.model, self.away, self.limits = model, away, limits
@@ -140,7 +140,7 @@ class FaceDivision:
         self.times = 1
 
     def parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face. points : (k, 6) inside it. More seams are tried if the distance from the mesh is limited."""
+        """Divide a face with inner points (k, 6). More seams are tried if the distance from the mesh has a limit."""
         edges, vertices, halves = len(self.model.edges), len(self.model.vertices), dict(self.halves)
         for times in range(1, TIMES + 1 if self.limits.beyond_mesh else 2):
             del self.model.edges[edges:], self.model.vertices[vertices:]
@@ -170,16 +170,16 @@ class FaceDivision:
         return steps
 
     def two_parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face with inner points (k, 6) by the first (`times` = 1) or best seam that improves both parts."""
-        less = 0.9  # `allowance_used` of each part must be below this fraction of the whole face's `allowance_used`
-        loop, model = self.over_halves(face.loops[0]), self.model  # an earlier division may have halved an edge
+        """Divide a face by a seam that improves both parts: the first such seam (`times` = 1), or else the best."""
+        less = 0.9  # each part must have an `allowance_used` below this fraction of that of the undivided face
+        loop, model = self.over_halves(face.loops[0]), self.model  # divisions of other faces may have halved edges
         best_seam: tuple[int, int, Floats] | None = None
         least = less * allowance_used(face, self.limits)
         for ends, cubics in self.seams(HalvedOutline.from_loop(model, loop), points):
             edges, vertices, halves = len(model.edges), len(model.vertices), dict(self.halves)
             two = self.part_faces(self.seam_loops(loop, *ends, cubics), points)
             worse = max((allowance_used(part, self.limits) for part in two), default=np.inf)
-            # CAD programs cannot cut an edge with a gap wider than SPLIT
+            # CAD programs cannot cut an edge whose gap to its face is wider than SPLIT
             wide = face.gap <= SPLIT < max((part.gap for part in two), default=0.0)
             if worse < least and not wide:
                 if self.times == 1:
@@ -198,8 +198,8 @@ class FaceDivision:
         return list(without_strays(self.model, two, dict.fromkeys(two, points), self.away, self.limits).values())
 
     def seams(self, outline: HalvedOutline, points: Floats) -> list[tuple[tuple[int, int], Floats]]:
-        """Return the best seams across a region: the places of both ends on its outline, and the cubics (c, 4, 6)."""
-        full = 3  # faces are usually built for the 3 seams with the smallest errors
+        """Return the best seams across a region: their ends as places on the outline, and their cubics (c, 4, 6)."""
+        full = 3  # for `times` = 1, the 3 seams with the smallest errors are returned
         many = 2000  # largest number of points in a trial
         at_gap = 4  # half of the tried seams begin at the four places with the widest gaps
         points = points[:: 1 + len(points) // many]
@@ -265,7 +265,7 @@ class FaceDivision:
         edges += [NetEdge(edge.start, middle, first_poles), NetEdge(middle, edge.end, second_poles)]
 
     def finish(self, faces: list[TrimmedFace]) -> list[TrimmedFace]:
-        """Remove halved edges from the model; returns the faces with the new numbers of edges."""
+        """Remove the edges that `halve` divided from the model; return the faces with the new edge numbers."""
         model = self.model
         remaining = [e for e in range(len(model.edges)) if e not in self.halves]
         number = {e: i for i, e in enumerate(remaining)}

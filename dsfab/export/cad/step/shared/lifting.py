@@ -21,16 +21,16 @@ OTHER_EDGES = [[1, 2], [2, 0], [0, 1]]  # the two other edges of a face, for eac
 
 def crease_edges(surface: Surface) -> Bools:
     """Return (e,) True for edges that are parts of creases."""
-    shortest = 6  # smallest number of edges of a crease; single sharp edges are noise of the mesh
+    shortest = 6  # a crease has at least 6 edges; single sharp edges are noise of the mesh
     edges = surface.edges
     inner = edges.count == 2
     bend = np.zeros(len(edges.ends))
     normals_left, normals_right = surface.normals[edges.pairs // 3].transpose(1, 0, 2)
     bend[inner] = np.degrees(np.arccos(np.clip(np.einsum("ei,ei->e", normals_left, normals_right), -1, 1)))
     crease = np.zeros(len(bend), dtype=bool)
-    for _ in range(2):  # the second round finds creases at faces with two sharp edges
+    for _ in range(2):  # the second round ignores known creases, to find the second sharp edge of a face
         rest = np.where(crease | ~inner, 0.0, bend)
-        sharper_other = rest[edges.of[:, OTHER_EDGES]].max(axis=2)  # (m, 3) larger bend of the face's other edges
+        sharper_other = rest[edges.of[:, OTHER_EDGES]].max(axis=2)  # (m, 3) larger bend of a face's two remaining edges
         around = np.zeros(len(bend))
         np.maximum.at(around, edges.of, sharper_other)
         crease |= inner & (bend >= np.maximum(LEAST_BEND, BEND_RATIO * around))
@@ -47,7 +47,7 @@ def crease_edges(surface: Surface) -> Bools:
 
 def _extended_creases(surface: Surface, bend: Floats, inner: Bools, crease: Bools) -> Bools:
     """Extend creases straight from their ends; return (e,) True for all edges of creases.
-    An added edge bends far more than its neighbours: in both faces, at least one other side must bend far less."""
+    An added edge bends far more than at least one other edge of each of its two faces."""
     edges = surface.edges
     around = np.zeros(len(bend))
     np.maximum.at(around, edges.of, np.where(inner, bend, 0.0)[edges.of[:, OTHER_EDGES]].min(axis=2))
@@ -105,7 +105,7 @@ class CreaseSides:
         return cls(surface, creases, vertex, corner, N, half, mitre)
 
     def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
-        """Convert barycentric weights (k, n) to two matrices (k, s). At a crease, each matrix is for one side."""
+        """Convert weights (k, n) to two matrices (k, s); s counts columns. On a crease, each matrix is for one side."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         columns = np.tile(weights.indices, (2, 1)).astype(np.int64)
@@ -121,7 +121,7 @@ class CreaseSides:
         return first_rows, second_rows
 
     def between_faces(self, weights: csr_array) -> Ints:
-        """Return the indices (j,) of points, with weights (k, n), that lie beside a crease but in no single face."""
+        """Return indices (j,) of points, with weights (k, n) at a crease vertex, whose vertices are not in one face."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         faces = self._faces(weights.indices[is_beside].astype(np.int64), row[is_beside], weights.shape[0])
@@ -136,7 +136,7 @@ class CreaseSides:
         return row, np.isin(row, row[split[weights.indices] & real]) & real
 
     def _faces(self, vertices: Ints, row: Ints, count: int) -> Ints:
-        """Return two faces (count, 2) that contain all vertices of each row: equal if there is only one; -1 if none."""
+        """Return faces (count, 2) with all vertices of each row: two faces of an edge, or a face twice; -1 if none."""
         row_faces = np.full((count, 2), -1)
         order = np.lexsort([vertices, row])
         vertices, row = vertices[order], row[order]
@@ -175,7 +175,7 @@ class CreaseSides:
 
 
 def ends_of_rows(weights: csr_array) -> tuple[Ints, Ints]:
-    """Smaller and larger vertex (k,) of the edge with each point (a row of weights); -1 for a point inside a face."""
+    """(k,) smaller and larger vertex of the edge on which each point (a row of `weights`) lies; -1 inside a face."""
     row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
     real = np.abs(weights.data) > ZERO_WEIGHT
     row, vertex = row[real], weights.indices[real].astype(np.int64)
@@ -235,7 +235,7 @@ class Lifting:
 
     @classmethod
     def from_sheet(cls, surface: Surface, curved: Curved) -> "Lifting":
-        """Return the mapping for the uncut surface of a sheet."""
+        """Return the mapping for the uncut surface of a sheet. curved : half-thickness vectors of the sheet."""
         return cls(dense_surface(surface, curved))
 
     def points(self, weights: csr_array) -> Floats:
@@ -246,7 +246,7 @@ class Lifting:
         return np.asarray((self._points(left_weights) + self._points(right_weights)) / 2)
 
     def _in_faces(self, weights: csr_array) -> csr_array:
-        """Move points beside a crease that lie in no face to the nearest face, which is on one side of the crease."""
+        """Move the points that `between_faces` returns to the nearest face, which is on one side of the crease."""
         between = self.sides.between_faces(weights)
         if not len(between):
             return weights
@@ -272,7 +272,7 @@ class Lifting:
         return np.concatenate([middle + D, middle - D], axis=1)
 
     def vectors_to_skins(self, Q: Floats) -> Floats:
-        """Return (k, 6) vectors from point pairs (k, 6) to the outer and inner skin, perpendicular to the sheet."""
+        """Return vectors (k, 6) perpendicular to the sheet: from Q[:, :3] to the outer skin, Q[:, 3:] to the inner."""
         targets = self.points(self.weights_at((Q[:, :3] + Q[:, 3:]) / 2))
         across = targets[:, :3] - targets[:, 3:]
         is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # on a one-sided surface, skins may swap
@@ -298,7 +298,7 @@ class Lifting:
 
     @cached_property
     def sides(self) -> CreaseSides:
-        """Sides of the surface's creases."""
+        """Creases of the surface, with a copy of each crease vertex for each side of the crease."""
         return CreaseSides.from_skins(self.skins)
 
     @cached_property

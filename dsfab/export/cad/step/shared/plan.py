@@ -57,7 +57,7 @@ class MeshSolids:
         return tree
 
     def solids_at(self, points: Floats) -> Ints:
-        """Return (k,) the solid of the vertex nearest to each point."""
+        """Return (k,) the solid of the mesh vertex nearest to each point."""
         shell, solids = self._shells
         vertex_shell = np.full(len(self.part.V), -1)
         vertex_shell[self.part.F] = shell[:, None]
@@ -88,7 +88,7 @@ class PieceJudge:
 
     @cached_property
     def solid(self) -> Ints:
-        """(p,) solid of the mesh for each piece of the sheet. This solid has the vertex nearest to the piece."""
+        """(p,) solid of the mesh for each piece of the sheet: the solid that is nearest to a vertex of the piece."""
         sample_vertices = self.sheet.F[np.unique(self.sheet.piece, return_index=True)[1], 0]
         return self.solids.solids_at((self.sheet.V + self.sheet.D)[sample_vertices])
 
@@ -110,14 +110,14 @@ class PieceJudge:
         return np.asarray(np.bincount(sheet.piece, volumes, sheet.count), dtype=np.float64)
 
     def distances(self, V: Floats, F: Ints) -> tuple[MeshDistances, MeshDistances]:
-        """Return distances from triangles V (n, 3), F (m, 3) of all solids to the mesh, and from the mesh to these."""
+        """Return distances from triangles V (n, 3), F (m, 3) of all solids to the mesh, and from the mesh to V, F."""
         part = self.solids.part
         return self.farthest(V, F, part.V, part.F), self.farthest(part.V, part.F, V, F)
 
     def excess_distances(self, points: Floats) -> Floats:
         """(k,) distances of points (k, 3) from the mesh minus the allowed distances; negative for allowed points."""
         away = self.solids.distances(points)
-        is_far = away > self.limits.distance / 2  # only far points need the local limit, which takes time
+        is_far = away > self.limits.distance / 2  # near points pass without their chord error, which takes time
         away[is_far] -= self.limits.allowed_distances(points[is_far])
         away[~is_far] -= self.limits.distance
         return away
@@ -146,10 +146,10 @@ class SolidPlan:
 
     @cached_property
     def whole(self) -> SheetOutline:
-        """Regions and outlines of the sheet, which is not divided into charts (smaller parts)."""
+        """Regions and outlines of the sheet without division into charts (smaller parts)."""
         return sheet_of(self.curved.divided(np.ones((self.surface.n, 1))), self.curved.shift)
 
     @cached_property
     def gate(self) -> PieceJudge:
-        """Comparison of the sheet's separate pieces with the mesh."""
+        """Comparison of the pieces of the sheet with the solids of the part."""
         return PieceJudge(self.solids, self.whole, self.limits)

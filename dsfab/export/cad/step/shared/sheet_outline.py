@@ -19,8 +19,8 @@ WALL = -1  # number of the neighbouring chart where the sheet ends at a wall
 @dataclass(frozen=True, eq=False)
 class OutlineRun:
     """Part of the outline of a chart (a part of the sheet).
-    vertices : (k,) in order, with the material on their left.    beyond : number of the next chart, or `WALL`.
-    width    : twice the area of the loop / its length, mm. It is the width of a slit, or the radius of a circle."""
+    vertices : (k,) in order, with the material on their left.    beyond : chart on their right, or `WALL`.
+    width    : width of its whole loop, mm: the width of a slit, or the radius of a circle, see `loop_width`."""
 
     vertices: Ints
     beyond: int
@@ -140,13 +140,13 @@ def _runs(V: Floats, loop: Ints, special: Bools, beyond: _HalfEdgeCharts, touchi
 
 
 def loop_width(line: Floats, length: float) -> float:
-    """Return the radius of a circle, or the width of a slit: twice the area of a closed line (k, 3) / its length."""
+    """Return twice the area of a closed line (k, 3), divided by its length: radius of a circle, or width of a slit."""
     P = line - line.mean(axis=0)
     return float(np.linalg.norm(np.cross(P, np.roll(P, -1, axis=0)).sum(axis=0))) / max(length, 1e-300)
 
 
 def _run_starts(V: Floats, loop: Ints, starts: Ints) -> Ints:
-    """Return the positions where parts of a loop begin: at least two. Both sides of a seam get the same positions."""
+    """Return at least two positions where parts of a loop begin. A chart beyond the loop gets the same points."""
     if len(starts) > 1:
         return starts
     start = int(starts[0]) if len(starts) else int(np.argmin(loop))

@@ -17,8 +17,7 @@ from dsfab.surface.topology import on_boundary
 @dataclass(frozen=True, eq=False)
 class DenseSurface:
     """Surface with its skins; its triangles may be divided. `surface` and `half` are in metres, results in mm.
-    half   : (n,) half the thickness of the faces.    shift, twins : as in `Curved`.
-    parent : (m,) original face of each face."""
+    half : (n,) half the thickness at each vertex.    shift, twins : see `Curved`.    parent : (m,) original face."""
 
     surface: Surface
     half: Floats
@@ -42,7 +41,7 @@ class DenseSurface:
 
     @cached_property
     def half_vectors(self) -> Floats:
-        """(n, 3) vectors from the middle to a skin along mean normals. Along other normals, skins would be uneven."""
+        """(n, 3) vectors from `middle` to the upper skin, along `normals`. Other means of normals give uneven skins."""
         return np.asarray(MM_PER_M * self.half[:, None] * self.normals)
 
     @cached_property
@@ -71,7 +70,7 @@ class DenseSurface:
 
 
 def dense_surface(surface: Surface, curved: Curved) -> DenseSurface:
-    """Return the undivided surface with its skins."""
+    """Return a surface with its skins; no triangle is divided yet. curved : half-thickness vectors of the sheet."""
     D = curved.D[surface.F]  # vectors are longer at creases, so that faces keep their thickness
     seen = np.bincount(surface.F.ravel(), np.einsum("mci,mi->mc", D, surface.normals).ravel(), surface.n)
     half = seen / np.bincount(surface.F.ravel(), minlength=surface.n)
@@ -103,7 +102,7 @@ def chord_errors(skins: DenseSurface) -> Floats:
 
 def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
     """Return the (m,) fraction by which the smooth solid of each triangle is larger than the mesh's prism.
-    Division of each triangle in four removes 3/4 of the difference. So the difference is 4/3 of the change."""
+    If each triangle is divided in four, the volume changes by 3/4 of this difference."""
     coarse, D = prisms(skins.middle, skins.half_vectors, skins.surface.F), MM_PER_M * curved.D
     fine = skins.finer
     parts = np.bincount(fine.parent, prisms(fine.middle, fine.half_vectors, fine.surface.F), skins.surface.m)
@@ -119,9 +118,9 @@ def prisms(V: Floats, D: Floats, F: Ints) -> Floats:
     return np.asarray(np.einsum("mi,mi->m", across, D[a] + D[b] + D[c]) / 3)
 
 
-GAP_SHARE = 1 / 20  # widest accepted gap between a skin and its edges / thickness
+GAP_SHARE = 1 / 20  # widest accepted gap between a skin and its edges, as a fraction of the thickness
 OUTLINE_SHARE = 0.55  # tolerance of outlines, as a fraction of the allowed distance from the mesh
-LOOP_SHARE = 0.03  # largest tolerance of a loop / width of the loop, to keep slits open
+LOOP_SHARE = 0.03  # largest tolerance of an outline loop, as a fraction of the loop's width; so slits stay open
 
 
 def decimals(thickness: float) -> int:
@@ -130,12 +129,12 @@ def decimals(thickness: float) -> int:
     return int(np.clip(np.ceil(-np.log10(rounding * thickness)), 2, 6))
 
 
-MOST_CHORD = 1 / 4  # largest chord error, divided by the thickness; larger estimates at creases are wrong
+MOST_CHORD = 1 / 4  # limit of chord errors, as a fraction of the thickness, because estimates at creases are too large
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothLimits:
-    """Thickness, and distance between smooth solid and mesh that is allowed beside the mesh's chord error, mm.
+    """Thickness, and allowed distance between smooth solid and mesh in addition to the mesh's chord error, mm.
     V, F    : (n, 3) and (m, 3) triangles of both skins of the uncut surface.
     chord   : (m,) chord error of these triangles, mm.
     rounder : (m,) fraction by which the curved volume of each triangle may exceed the volume of the plane triangle."""
@@ -154,12 +153,12 @@ class SmoothLimits:
 
     @property
     def summary(self) -> str:
-        """Phrase for a message: the allowed distances, and if necessary the larger distance at coarse triangles."""
-        coarse = 2  # the message states the largest chord error if it exceeds twice the usual chord error
+        """Phrase for a message: the allowed distance, the usual chord error, and the largest one if it is unusual."""
+        coarse = 2  # the phrase has the largest chord error if it exceeds twice `usual_chord`
         largest = float(self.chord.max())
         usual_text = f"usually under {self.usual_chord:.2g} mm" if self.usual_chord > 0 else "usually none"
         is_coarse = largest > coarse * self.usual_chord and largest > self.distance
-        coarsest_text = f", {largest:.2g} mm at the coarsest triangles" if is_coarse else ""
+        coarsest_text = f", up to {largest:.2g} mm at coarse triangles" if is_coarse else ""
         return f"allowed: {self.distance:.2g} mm plus the mesh's own chord error, {usual_text}{coarsest_text}"
 
     def allowed_distances(self, points: Floats) -> Floats:
@@ -178,7 +177,7 @@ class SmoothLimits:
 
 
 def smooth_limits(surface: Surface, curved: Curved, tolerance: float = 0.0) -> SmoothLimits:
-    """Return the limits for a solid cut from a surface. tolerance : of the user, mm; 0 means `OFF_SURFACE`.
+    """Return limits for the distance of a solid from the mesh. tolerance : of the user, mm; 0 means `OFF_SURFACE`.
     The exporter and `dsfab check` use the same limits."""
     mesh = dense_surface(surface, curved)
     t = 2 * MM_PER_M * float(np.median(np.linalg.norm(curved.D, axis=1)))

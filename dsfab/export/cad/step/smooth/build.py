@@ -59,7 +59,7 @@ _NOWHERE = MeshDistances(0.0, 0.0, 0.0, np.zeros((0, 3)))
 def all_verdicts(
     gate: PieceJudge, pieces: dict[int, SmoothPiece], findings: dict[int, OcctFinding]
 ) -> dict[int, Acceptance]:
-    """Judge pieces, by number, from OCCT's findings; a piece without findings is refused."""
+    """Return the verdict on each piece, by number, from OCCT's findings. Pieces without findings are refused."""
     distances = _distances(gate, {k: findings[k] for k in pieces if k in findings and findings[k].tessellates})
     return {
         k: piece_verdict(gate, k, piece, findings.get(k), distances.get(k, (_NOWHERE, _NOWHERE)))
@@ -70,9 +70,9 @@ def all_verdicts(
 def piece_verdict(
     gate: PieceJudge, k: int, piece: SmoothPiece, finding: OcctFinding | None, away: tuple[MeshDistances, MeshDistances]
 ) -> Acceptance:
-    """Judge piece k of the sheet from OCCT's finding. away : distances from piece to mesh, and from mesh to piece."""
+    """Accept or refuse piece k of the sheet (`Acceptance`). away : distances from piece to mesh, from mesh to piece."""
     if piece.refused or finding is None:
-        return Acceptance(piece.refused or "OCCT did not read the smooth piece within the time limit")
+        return Acceptance(piece.refused or "OCCT did not read a smooth piece of the sheet within the time limit")
     mesh_volume, gap, widest = gate.volumes[k], max(piece.gap, finding.gap), GAP_SHARE * gate.limits.thickness
     forth, back = away
     worst_way = max(away, key=lambda distances: distances.worst - distances.allowed)
@@ -85,7 +85,7 @@ def piece_verdict(
         (finding.tessellates, "OCCT makes no triangles of a face"),
         (gap <= widest, f"a gap of {gap:.3g} mm is wider than {widest:.3g} mm"),
         (is_near, f"a smooth piece is {worst_way.worst:.2g} mm off the mesh, more than {worst_way.allowed:.2g} mm"),
-        (is_kept, f"its volume is off by {finding.volume / mesh_volume - 1:.1%}"),
+        (is_kept, f"the volume of a smooth piece is off by {finding.volume / mesh_volume - 1:.1%}"),
     )
     reason = next((text for passed, text in tests if not passed), "")
     bad = np.concatenate([forth.bad, back.bad])
@@ -115,14 +115,14 @@ def _distances(gate: PieceJudge, findings: dict[int, OcctFinding]) -> dict[int, 
 FIT_SHARE = 1 / 3  # tolerance of the skins / allowed distance from the mesh
 
 LAYOUTS = ((68.0, 1, 0), (58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2), (40.0, 24, 3))
-"""Layouts: largest angle (degrees) between normals of a chart and their mean, smallest number of charts, and seed."""
+"""For each division into charts: largest angle (degrees) of normals to their mean, fewest charts, random seed."""
 
 MOST_WALLS = 1500  # largest number of walls without a request for a smooth file; more take over half a minute
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothSolid:
-    """Pieces of the sheet for one layout of charts. gate : accepts or refuses pieces.    asked : pieces to build."""
+    """Pieces of the sheet for one division into charts. gate : judges pieces.    asked : numbers of pieces to build."""
 
     gate: PieceJudge
     builder: PieceBuilder
@@ -131,7 +131,7 @@ class SmoothSolid:
 
 
 class SmoothPlan(SolidPlan):
-    """Plan for a smooth STEP file; raises ExportError for an unknown sheet, or more walls than `hurry` allows."""
+    """Data for a smooth STEP file. Raises ExportError if the sheet is unknown or, with `hurry`, has too many walls."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
@@ -140,8 +140,8 @@ class SmoothPlan(SolidPlan):
         limit = MOST_WALLS * part.hurry
         if part.hurry and (count := sum(run.beyond == WALL for loop in self._loops for run in loop)) > limit:
             raise ExportError(
-                f"its smooth solid would have {count} walls, more than the {limit} that dsfab makes without a request; "
-                "write step = 'smooth'"
+                f"its smooth solid would have {count} walls; for more than {limit} walls, dsfab writes a smooth file "
+                "only on request: write step = 'smooth'"
             )
 
     @property
@@ -149,8 +149,8 @@ class SmoothPlan(SolidPlan):
         return [loop for region in self.whole.regions for loop in region.loops]
 
     def layouts(self) -> Iterator[Floats]:
-        """Yield the fields (n, c) of different layouts: chart k covers the part where field k is largest.
-        The first layout is for open sheets only, because its charts become too steep on a closed surface."""
+        """Yield the fields (n, c) of different divisions into charts: chart k is the part where field k is largest.
+        The first division is for open sheets only, because its charts become too steep on a closed surface."""
         if len(self.curved.twins):
             raise ExportError("the surface has one side only, so it has no two skins")
         outlines = 40  # outlines per chart (part of the sheet); OCCT's time grows with the square of their number
@@ -166,7 +166,7 @@ class SmoothPlan(SolidPlan):
 
     def build(self, fields: Floats, finished: Collection[int] = ()) -> SmoothSolid:
         """Build the pieces of all solids that are not finished, in the charts of fields (n, c), see `layouts`.
-        Raises ExportError if a chart of the only solid fails, because this solid is lost and other charts take long."""
+        If the part has only one solid, a failed chart raises ExportError at once: further fits would be useless."""
         atlas = ChartAtlas(self.surface, self.curved, fields, FIT_SHARE * self.limits.distance)
         needed = set[int]()
 
@@ -194,7 +194,7 @@ class SmoothPlan(SolidPlan):
         return SmoothSolid(gate, builder, model, requested)
 
     def unfinished_vertices(self, finished: Collection[int]) -> Ints:
-        """Return the vertices (k,) of the surface at solids that are not in `finished`, and next to these solids."""
+        """Return the surface vertices (k,) at solids that are not in `finished`, and neighbours of these vertices."""
         is_unfinished = np.isin(self.whole.piece, _unfinished_pieces(self.gate, finished))
         points = self.whole.V[np.unique(self.whole.F[is_unfinished])]
         marks = np.zeros(self.surface.n, dtype=bool)
@@ -206,8 +206,8 @@ def _unfinished_pieces(gate: PieceJudge, finished: Collection[int]) -> list[int]
     return [k for k in range(gate.sheet.count) if int(gate.solid[k]) not in finished]
 
 
-REFITS = 2  # refused pieces are built again with tighter curves up to two times
-CLOSEST = len(LEVEL_FACTORS) - 1  # highest level; curves of a higher level have a smaller tolerance
+REFITS = 2  # a refused piece is built again at most twice, with smaller tolerances of its curves
+CLOSEST = len(LEVEL_FACTORS) - 1  # highest level of a curve; a higher level means a smaller tolerance
 
 
 class _AcceptedPiece(NamedTuple):
@@ -218,7 +218,7 @@ class _AcceptedPiece(NamedTuple):
 
 @derived
 def smooth_file(part: Part) -> SmoothPieceFile:
-    """Return the smooth STEP file of a part, computed only once; raises ExportError if no piece is accepted."""
+    """Return a part's smooth STEP file, computed only once; raises ExportError if all pieces are refused."""
     return _SmoothSearch(part).search()
 
 
@@ -236,14 +236,14 @@ def first_draft(part: Part) -> tuple[int, int]:
 class _SmoothSearch:
     def __init__(self, part: Part) -> None:
         self.part, self.plan = part, SmoothPlan(part)
-        self.inspected, self.most = 0, 6000  # after 6000 faces (1 to 2 minutes of OCCT), no other charts are tried
+        self.inspected, self.most = 0, 6000  # after 6000 faces (1 to 2 minutes of OCCT), the search ends
         self.taken, self.reason, self.pieces = list[_AcceptedPiece](), "", 0
         self.left: Ints = part.F
         self.done = set[int]()
         self.last, self.text = list[tuple[SmoothModel, int]](), ""
 
     def search(self) -> SmoothPieceFile:
-        """Try layouts of charts in turn. Accept each solid in the first layout in which all its pieces pass."""
+        """Try divisions into charts in turn. Accept a solid if a division gives no refused piece of this solid."""
         for turn, fields in enumerate(self.plan.layouts(), 1):
             try:
                 with ExitStack() as programs:
@@ -262,7 +262,7 @@ class _SmoothSearch:
         return self._file()
 
     def _judge_layout(self, programs: ExitStack, fields: Floats) -> None:
-        hopeless = 40  # with more than 40 bad points, a new fit with tighter curves does not help
+        hopeless = 40  # with faults at more than 40 points, a new fit with smaller tolerances does not help
         program = programs.enter_context(occt())
         with one_blas_thread():  # several threads on two busy cores take ten times as long
             built = self.plan.build(fields, self.done)
@@ -319,7 +319,7 @@ class _SmoothSearch:
 
 
 def raise_levels(model: SmoothModel, k: int, level: dict[RunKey, int], bad: Floats) -> bool:
-    """Tighten the outline curves nearest to the `bad` points (k, 3), mm; return False if no curve can be tighter."""
+    """Reduce the tolerance of the outline curves nearest to `bad` points (k, 3), mm; return False if that fails."""
     piece = model.pieces[k]
     x = np.linspace(0, 1, 9)
     tree = cKDTree(np.concatenate([curve(x) for edge in piece.edges for curve in (edge.upper, edge.lower)]))
@@ -331,7 +331,7 @@ def raise_levels(model: SmoothModel, k: int, level: dict[RunKey, int], bad: Floa
 
 
 def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) -> None:
-    """Rebuild a piece until its curves have no crossings or gaps and stay near the mesh, or no tighter fit exists."""
+    """Rebuild a piece with smaller tolerances, if possible, while curves cross, leave gaps or are far from the mesh."""
     model, corners = built.model, _corners(built.gate.sheet, k)
     for _ in range(CLOSEST):
         piece = model.pieces[k]
@@ -343,8 +343,8 @@ def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) ->
 
 
 def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
-    """Return the corners (k, 3) that are too far from the edges of the piece. corners : (n, 3) mesh corners at walls.
-    This test is faster than a test of OCCT's triangles."""
+    """Return the corners (k, 3) whose distance from the piece's edges is larger than `limits` allows.
+    corners : (n, 3) mesh corners at walls. This test is faster than a test of OCCT's triangles."""
     chord_count, nearest_count = 64, 4  # chords of each edge; number of chords whose distance from a corner is computed
     x = np.linspace(0, 1, chord_count + 1)
     lines = np.stack([curve(x) for edge in piece.edges if edge.wall for curve in (edge.upper, edge.lower)])

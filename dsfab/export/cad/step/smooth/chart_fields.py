@@ -14,8 +14,8 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import link_components
 
-CONE_SLACK = np.deg2rad(12.0)  # angle added to `cone`, because straight borders change the faces of charts
-REACH = 0.25  # diffusion length of the fields that define charts / radius of small charts
+CONE_SLACK = np.deg2rad(12.0)  # added to `cone` (largest angle), because straight borders move faces to other charts
+REACH = 0.25  # diffusion length of the fields that define charts, as a fraction of the radius of small charts
 
 SYMMETRIC: dict[str, Any] = {
     "permc_spec": "MMD_AT_PLUS_A",
@@ -24,13 +24,13 @@ SYMMETRIC: dict[str, Any] = {
 }
 """SuperLU options for symmetric matrices; the factors then have fewer entries."""
 
-SWEEPS = 4  # number of rounds; a round diffuses the fields of charts, and gives each vertex to its largest field
+SWEEPS = 4  # number of diffusions of the fields; before each repetition, a vertex counts only for its largest field
 
 
 def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Floats:
-    """Return fields (n, c) on the vertices; chart k is where field k is largest.
+    """Return fields (n, c) on the vertices; chart k is the part where field k is largest.
     cone   : largest angle (radians) between the normals of a cluster of faces and their mean.
-    fewest : smallest number of charts.    start : seed; another seed gives another layout."""
+    fewest : smallest number of charts.    start : seed of random numbers; another seed gives other charts."""
     label = _clusters(surface, cone, fewest, start)
     if label.max() == 0:
         return np.ones((surface.n, 1))
@@ -38,8 +38,8 @@ def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0)
 
 
 def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
-    """Return (m,) the cluster of each face. If possible, normals are within `cone` of their cluster's mean."""
-    rounds = 30  # largest number of rounds that add clusters
+    """Return (m,) the cluster of each face; normals are, if possible, within `cone` of the mean. See `chart_fields`."""
+    rounds = 30  # largest number of rounds that add clusters of faces
     graph = _dual(surface)
     count, piece = connected_components(graph, directed=False)
     rng = np.random.default_rng(start)
@@ -65,7 +65,7 @@ def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
 
 def _dual(surface: Surface) -> csr_array:
     """Return the graph of distances between neighbouring faces. Bends add distance, so that clusters end at bends."""
-    turn_cost = 0.2  # cost of an angle of one radian / square root of the surface's area
+    turn_cost = 0.2  # distance added for a bend of one radian, as a fraction of the root of the surface's area
     f, g = (surface.edges.pairs // 3).T
     away = np.linalg.norm(surface.centroids[f] - surface.centroids[g], axis=1)
     angle = np.arccos(np.clip(np.einsum("ki,ki->k", surface.normals[f], surface.normals[g]), -1, 1))
@@ -96,12 +96,12 @@ def _cosines(surface: Surface, label: Ints) -> Floats:
     mean = np.stack([np.bincount(label, x) for x in (surface.areas[:, None] * surface.normals).T], axis=1)
     size = np.linalg.norm(mean, axis=1, keepdims=True)
     area = np.bincount(label, surface.areas)[:, None]
-    mean = np.where(size > 1e-3 * area, mean / np.maximum(size, 1e-300), 0.0)  # zero for a closed cluster
+    mean = np.where(size > 1e-3 * area, mean / np.maximum(size, 1e-300), 0.0)  # zero if the normals cancel
     return np.asarray(np.einsum("mi,mi->m", surface.normals, mean[label]))
 
 
 def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
-    """Straighten the borders of charts. Divide charts that bend too far or are not connected, and straighten again."""
+    """Repeat: straighten the borders of charts; divide charts with normals beyond `least` or several parts."""
     f, g = (surface.edges.pairs // 3).T
     for turn in range(5):
         fields = diffused_fields(surface, label, 1.0 if turn == 0 else 0.7)
@@ -118,7 +118,7 @@ def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
 
 
 def diffused_fields(surface: Surface, label: Ints, share: float) -> Floats:
-    """Diffuse labels (m,) of faces over `share` of the usual length; returns a field (n, c) for each label."""
+    """Diffuse clusters `label` (m,) of faces to fields (n, c), one for each. share : factor of the diffusion length."""
     count = int(label.max()) + 1
     stiffness = -igl.cotmatrix(surface.V, surface.F)
     mass = voronoi_mass(surface)
@@ -133,7 +133,7 @@ def diffused_fields(surface: Surface, label: Ints, share: float) -> Floats:
         for _ in range(SWEEPS - 1):
             chosen = np.zeros_like(load)
             chosen[np.arange(surface.n), fields.argmax(axis=1)] = mass
-            moved = (chosen != load).any(axis=0)  # skip charts without a change
+            moved = (chosen != load).any(axis=0)  # only these fields must be solved again
             fields[:, moved] = step.solve(chosen[:, moved])
             load = chosen
     return fields

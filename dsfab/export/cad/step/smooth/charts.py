@@ -78,10 +78,10 @@ class SplinePatch:
         return uv
 
 
-SMOOTHING = 1e-5  # weight of the differences between poles, against the distances from points
+SMOOTHING = 1e-5  # weight of second differences of the poles in the fit; distances from points have weights up to 1
 FEWEST_POLES, MOST_POLES = 6, 48  # smallest and largest number of poles of a fit in one direction
-FEW_POLES = 24  # largest number of poles in one direction if a chart can still be divided; OCCT is slow with more
-FIRST_POLES = 8.0  # number of poles of the first attempt: geometric mean of both directions
+FEW_POLES = 24  # largest number of poles in one direction before a chart is divided; OCCT is slow with more
+FIRST_POLES = 8.0  # poles of the first attempt: geometric mean of the numbers along u and along v
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,9 +107,9 @@ def fitted_surface(
     most_poles: int = MOST_POLES,
 ) -> SurfaceFit:
     """Fit a surface with few poles to Q (k, 6), one point on each skin. The tolerance applies to the points `inside`.
-    first_poles : number of poles at the start, the geometric mean of both directions.
+    first_poles : number of poles at the start, the geometric mean of the numbers along u and along v.
     most_poles  : largest number of poles in each direction.
-    The next number of poles follows from the fourth root of the error."""
+    After a failed fit, the number of poles grows with the fourth root of the error."""
     points_per_pole = 2.5  # with fewer points, surfaces have waves between the points and gaps at seams
     extent = np.ptp(uv, axis=0)
     aspect = np.sqrt(np.clip(extent[0] / extent[1], 0.1, 10.0))
@@ -147,8 +147,8 @@ def patch_through(
 
 @dataclass(frozen=True, eq=False)
 class _Cells:
-    """Points sorted by knot cell, and the basis functions of the 16 poles around each cell.
-    Points of one cell share poles, so one matrix product for each cell gives fast sums.
+    """Points sorted by cell of the knot grid, and the basis functions of the 16 poles that influence each cell.
+    Points of one cell have the same 16 poles, so one matrix product for each cell gives fast sums.
     order : (k,) points, cell after cell.    start : first index of each cell in `order`.
     poles : (c, 16) poles of each cell.      hats  : (k, 16) values of the basis functions at the points of `order`."""
 
@@ -170,7 +170,7 @@ class _Cells:
         return (slice(a, b) for a, b in pairwise([*self.start.tolist(), len(self.order)]))
 
     def normal(self, weight: Floats, Q: Floats, p: int, q: int) -> tuple[Floats, Floats]:
-        """Return the normal equations: the lower band (3 q + 4, p q) of the matrix, and the right side."""
+        """Return normal equations for p x q poles and points Q: lower band (3 q + 4, p q), right side (p q, d)."""
         weighted = (weight[self.order, None] * self.hats).T
         hats_and_points = np.concatenate([self.hats, Q[self.order]], axis=1)
         sums = np.stack([weighted[:, part] @ hats_and_points[part] for part in self.parts])
@@ -181,7 +181,7 @@ class _Cells:
         return band.reshape(3 * q + 4, p * q), np.stack(right, axis=1)
 
     def sums(self, poles: Floats) -> Floats:
-        """(k, d) points of the surface with poles (p q, d)."""
+        """Return the points (k, d) of the surface with p x q poles, given as an array (p q, d)."""
         points = np.empty((len(self.order), poles.shape[1]))
         for part, cell_poles in zip(self.parts, self.poles, strict=True):
             points[self.order[part]] = self.hats[part] @ poles[cell_poles]
@@ -209,11 +209,11 @@ def _diagonal(table: Floats, below: int) -> Floats:
 
 
 OUTSIDE, BOUNDARY = 0.2, 0.5
-"""Weights of points outside a chart, where its skins must meet the next chart, and of points on the sheet's boundary.
+"""Weights in a chart's fit: OUTSIDE for points of next charts, to meet their skins; BOUNDARY for the sheet's boundary.
 Boundary points have inexact normals. The tolerance does not apply to points outside a chart or on the boundary."""
 
 FOLDED = 0.01
-"""Largest fraction of a chart's faces that face away from its axis. Some faces of coarse meshes fold when divided."""
+"""Largest fraction of a chart's faces that face away from its axis. Division of coarse meshes turns some faces over."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,7 +267,7 @@ def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPo
 
 
 def mean_half_vectors(d: Floats, ends: Ints) -> Floats:
-    """Return (e, 3) means of half-thickness vectors (n, 3) at the ends (e, 2) of edges. They keep the mean length."""
+    """Return (e, 3) means of half-thickness vectors (n, 3) at the ends (e, 2) of edges, scaled to the mean length."""
     middle, length = end_means(d, ends), end_means(np.linalg.norm(d, axis=1), ends)
     return np.asarray(middle * (length / np.maximum(np.linalg.norm(middle, axis=1), 1e-300))[:, None])
 
@@ -294,7 +294,7 @@ class SkinChart:
     origin, axes : (3,) point of the plane, and (3, 3) axes: two axes in the plane, and its normal.
     upper, lower, middle : surfaces of both skins, and the surface half way between them.
     tolerance    : tolerance of the fit; larger on a coarse mesh.
-    steepest     : cosine of an angle between faces and the plane; 1 % of the faces have a larger angle.
+    steepest     : cosine of the angle between face and plane that only 1 % of the faces exceed.
     off          : largest distance of the skins from the inner points to which they were fitted."""
 
     origin: Floats
@@ -318,9 +318,8 @@ class SkinChart:
 
 class ChartAtlas:
     """Charts of a surface, fitted on demand.
-    fields : (n, c) on the vertices; chart k is where field k is largest. Divided charts add fields.
-    charts : by number; only charts with a spline within the tolerance.
-    failed : reasons for missing charts, by number."""
+    fields : (n, c) on the vertices; chart k is where field k is largest. Each division of a chart adds a field.
+    charts, failed : by number; surfaces of the fitted charts, and reasons for missing charts."""
 
     def __init__(self, surface: Surface, curved: Curved, fields: Floats, tolerance: float) -> None:
         self.surface, self.fields, self.tolerance = surface, fields, tolerance
@@ -331,8 +330,8 @@ class ChartAtlas:
     def make(
         self, numbers: Iterable[int], halve: bool = True, hopeless: Callable[[int], bool] = lambda _: False
     ) -> None:
-        """Fit the charts with the given numbers, or their parts if charts must be divided.
-        hopeless : function of a failed chart's number; returns True if further charts are useless."""
+        """Fit the charts with the given numbers. `halve` allows divisions; then the parts of a chart are fitted.
+        hopeless : function of a failed chart's number; returns True to stop before the remaining fits."""
         useless = 3  # a chart fails if its error exceeds 3 times the tolerance; OCCT checks all pieces later
         fewest = 12  # a chart with fewer vertices is not divided
         todo = [(int(k), 0) for k in numbers if k not in self.charts and k not in self.failed]
@@ -353,8 +352,8 @@ class ChartAtlas:
                     continue
                 if chart.off > useless * chart.tolerance:
                     raise ExportError(
-                        f"no spline surface follows chart {k + 1} of {self.fields.shape[1]} of the sheet "
-                        f"within {chart.tolerance:.2g} mm ({chart.off:.2g} mm)"
+                        f"no spline surface follows chart {k + 1} of {self.fields.shape[1]} (part of the sheet) "
+                        f"within {chart.tolerance:.2g} mm; the fitted surface is {chart.off:.2g} mm off"
                     )
                 self.charts[k] = chart
             except ExportError as error:
@@ -374,7 +373,7 @@ class ChartAtlas:
         return np.asarray(self._levels[0].normals @ (N[(N @ steepest_normal).argmin()] - steepest_normal))
 
     def _divide(self, k: int, along: Floats) -> None:
-        part_width = 0.25  # width of the strip where the two new fields change / width of the chart
+        part_width = 0.25  # width of the strip where the fields of the two halves change / width of the chart
         inside = self._best[0] == k
         low, high = along[inside].min(), along[inside].max()
         steep = np.clip((along - (low + high) / 2) / (part_width * (high - low) / 2), -1, 1)

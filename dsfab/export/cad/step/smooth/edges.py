@@ -20,8 +20,8 @@ class OutlineNodes:
     uv     : by chart, (n, 2) positions in its plane; nan for vertices outside of the chart.
     steep  : by chart, (n,) largest ratio of a length on the surface to its length in the plane; 1 or more.
     around : by vertex, its charts.
-    at     : by vertex, (2, 3) points on both skins. Only for ends of runs and for vertices given to `add`.
-    gap    : by vertex, largest distance of these two points from the skins of its charts."""
+    at     : by vertex, (2, 3) points on both skins. Only for ends of runs and for vertices that were added later.
+    gap    : by vertex, largest distance of the points `at` from the skins of its charts."""
 
     charts: dict[int, SkinChart]
     uv: dict[int, Floats]
@@ -31,7 +31,7 @@ class OutlineNodes:
     gap: dict[int, float]
 
     def add(self, vertices: Ints) -> None:
-        """Add points on both skins at vertices (k,). Each point is the mean over all charts of the vertex."""
+        """Add points on both skins at vertices (k,): means of the points that the charts around a vertex give."""
         missing = [v for v in vertices.tolist() if v not in self.at]
         by_chart_number, positions = dict[int, list[int]](), dict[int, list[Floats]]({v: [] for v in missing})
         for v in missing:
@@ -64,17 +64,16 @@ def nodes_of(sheet: SheetOutline, charts: dict[int, SkinChart]) -> OutlineNodes:
     return nodes
 
 
-LEVEL_FACTORS = (1.0, 0.2, 0.04)  # factors on a run's tolerance, if the run's curves were refused 0, 1 or 2 times
+LEVEL_FACTORS = (1.0, 0.2, 0.04)  # factors of the tolerance of an outline part, after 0, 1 or 2 refusals of its curves
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothEdge:
     """Curves along a part of an outline.
-    start, end   : vertices of the sheet.
+    start, end   : vertices of the sheet.    wall : True where the sheet ends at a wall; False where two charts meet.
     upper, lower : cubics with equal knots, or lines.
     flat         : curve in the plane of each chart, by the number of the chart.
-    gap          : largest distance between the curves in space and the curves on the skins, mm.
-    wall         : True under a wall; False where two charts meet."""
+    gap          : largest distance between the curves in space and the curves on the skins, mm."""
 
     start: int
     end: int
@@ -86,7 +85,7 @@ class SmoothEdge:
 
     @cached_property
     def spans(self) -> int:
-        """Smallest power of two whose product with each knot is a whole number; whole numbers are short in the file."""
+        """Smallest power of two whose product with each knot is a whole number, because these are short in the file."""
         knots = np.concatenate([self.upper.knots, *(curve.knots for curve in self.flat.values())])
         return next(1 << k for k in range(30) if not np.any((1 << k) * knots % 1))
 
@@ -100,19 +99,19 @@ class EdgeTolerances:
     chord: float
 
     def outline(self, run: OutlineRun, steep: float, level: int) -> float:
-        """Tolerance of the curve along `run` in the plane of its chart. level : how often the run was refused."""
+        """Tolerance of the curve along an outline part, in the plane of its chart, after `level` refusals of curves."""
         of_chord = 0.5  # fraction of the mesh's chord error that is added to the tolerance of an outline
         limit = min(OUTLINE_SHARE * self.distance + of_chord * self.chord, LOOP_SHARE * run.width)
         return LEVEL_FACTORS[level] * limit / steep
 
     def in_space(self, run: OutlineRun, level: int) -> float:
-        """Tolerance of the curves along `run` on the two skins."""
+        """Tolerance of the curves along an outline part on the two skins, after `level` refusals of such curves."""
         share = 1 / 50  # largest tolerance / thickness
         return LEVEL_FACTORS[level] * min(share * self.thickness, LOOP_SHARE * run.width)
 
 
 class RunRequest(NamedTuple):
-    """A run in a chart, and how often its curves were refused (level)."""
+    """Request for curves along `run`, a part of a chart's outline. level : how often its curves were refused."""
 
     run: OutlineRun
     chart: int
@@ -120,14 +119,14 @@ class RunRequest(NamedTuple):
 
 
 class RunPart(NamedTuple):
-    """Part of a chart's outline, and its curve in the plane of the chart. asked : request for the edges of the part."""
+    """Part of a chart's outline, and its curve in the plane of the chart. asked : request with the outline part."""
 
     asked: RunRequest
     flat: Spline
 
 
 def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTolerances) -> list[list[SmoothEdge]]:
-    """Fit the edges of all requests at once; return a list of edges for each request."""
+    """Fit the curves along outline parts at walls, all at once; return a list of edges for each request."""
     run_parts = flat_parts(requests, nodes, allowed)
     parts = [part for group in run_parts for part in group]
     nodes.add(np.unique([v for part in parts for v in part.asked.run.vertices[[0, -1]]]))
@@ -154,7 +153,7 @@ def skin_curves(parts: list[RunPart], nodes: OutlineNodes, tolerances: list[floa
 
 
 def flat_parts(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTolerances) -> list[list[RunPart]]:
-    """Fit plane curves to the outlines of the requests. An outline is divided if no curve is within its tolerance."""
+    """Fit plane curves to outline parts, one per request. A part is divided if no curve is within its tolerance."""
     lines = [nodes.uv[request.chart][request.run.vertices] for request in requests]
     results = {i: [RunPart(requests[i], segment_spline(*line))] for i, line in enumerate(lines) if len(line) == 2}
     curved_numbers = [i for i in range(len(requests)) if i not in results]
@@ -208,7 +207,7 @@ def _parameters(knots: bytes, finer: int) -> Floats:
 def edge_on_nodes(
     run: OutlineRun, space: Spline, flat: dict[int, Spline], distance: float, nodes: OutlineNodes, wall: bool
 ) -> SmoothEdge:
-    """Return the edge along `run`. The edge's curves end exactly at the nodes of the first and the last vertex."""
+    """Return the edge along `run`, a part of an outline. Its curves end exactly at the points that `nodes` contains."""
     start, end = int(run.vertices[0]), int(run.vertices[-1])
     poles = space.poles.copy()
     node_points = np.concatenate([nodes.at[start].reshape(1, 6), nodes.at[end].reshape(1, 6)])
@@ -220,15 +219,15 @@ def edge_on_nodes(
 
 T = TypeVar("T")
 
-RunKey = tuple[int, int, int, int]  # first two and last two vertices of a run
+RunKey = tuple[int, int, int, int]  # first two and last two vertices of a part of an outline
 
 
 def seam_edges(
     requests: list[RunRequest], nodes: OutlineNodes, sheet: SheetOutline, allowed: EdgeTolerances
 ) -> list[SmoothEdge]:
-    """Fit curves along each seam of two charts, on the upper and the lower skin, half way between the charts."""
-    of_edge = 0.05  # tolerance of a curve between two charts / length of the longest mesh edge along the curve
-    of_thickness = 1 / 1000  # tolerance of a seam in each chart / thickness
+    """Fit curves along seams (borders of two charts) on both skins. A curve is the mean of curves on the two charts."""
+    of_edge = 0.05  # tolerance of the first curve along a seam, as a fraction of the longest mesh edge along it
+    of_thickness = 1 / 1000  # tolerance of a seam's curves in the charts and on the skins / thickness of the sheet
     runs, factors = [request.run for request in requests], [LEVEL_FACTORS[request.level] for request in requests]
     charts = [k for request in requests for k in (request.chart, request.run.beyond)]
     tight = [factor * of_thickness * allowed.thickness for factor in factors]
@@ -269,7 +268,7 @@ def _in_space(lines: list[Floats], shares: list[float]) -> list[Spline]:
 
 
 def run_key(run: OutlineRun) -> tuple[RunKey, bool]:
-    """Return a key for a part of an outline, equal on both sides of a seam, and True if `run` follows the key."""
+    """Return a key for a part of an outline, the same in both directions, and True if `run` has the key's direction."""
     v: Ints = run.vertices
     ahead = (int(v[0]), int(v[1]), int(v[-1]), int(v[-2]))
     back = (ahead[2], ahead[3], ahead[0], ahead[1])

@@ -53,7 +53,7 @@ class SmoothSkin:
 
 @dataclass(eq=False)
 class SmoothPiece:
-    """Piece of the sheet: edges, the key of the run of each edge, skins, and the widest gap, mm.
+    """Piece of the sheet: edges, the outline part of each edge (by its key), skins, and the widest gap, mm.
     traced  : True if the file also contains the curves of edges on skins and walls.
     refused : reason why the piece is not a single closed shell, or ''."""
 
@@ -71,7 +71,7 @@ class SmoothPiece:
 
     @property
     def ends(self) -> Floats:
-        """(k, 3) start points of the edges on the upper skin."""
+        """(k, 3) points on the upper skin where the edges start."""
         return np.array([edge.upper.poles[0] for edge in self.edges])
 
 
@@ -95,7 +95,7 @@ class PieceBuilder:
         self._make(sheet.regions, {})
 
     def piece(self, number: int, level: dict[RunKey, int], traced: bool = False) -> SmoothPiece:
-        """Build a piece. level : by part of its outlines, number of failed fits; traced : see `SmoothPiece`."""
+        """Build a piece. level : number of refusals of each outline part, by its key; traced : see `SmoothPiece`."""
         result, seams = SmoothPiece(traced=traced), dict[RunKey, int]()
         regions = [region for region in self.sheet.regions if region.piece == number]
         self._make(regions, level)
@@ -105,7 +105,7 @@ class PieceBuilder:
             area = [signed_loop_area(_polygon(result, loop, region.chart)) for loop in loops]
             order = sorted(range(len(loops)), key=lambda i: -area[i])
             if not loops or sum(a > 0 for a in area) != 1:
-                result.refused = "a part of the sheet has no single outline in the plane of its chart"
+                result.refused = "a part of the sheet, projected onto its plane, has no outer outline, or several"
             result.skins.append(SmoothSkin(region.chart, tuple(loops[i] for i in order)))
         if not any(edge.wall for edge in result.edges):
             result.refused = "it has no outline"
@@ -148,7 +148,7 @@ def _polygon(owner: SmoothPiece, loop: tuple[tuple[int, bool], ...], chart: int)
     return np.concatenate([poles[:-1] for poles in pole_rows])
 
 
-ROUNDED = 1e-9  # a point is on a chord if its distance / length of the chord is smaller
+ROUNDED = 1e-9  # a point counts as on a chord if its distance is below this fraction of the chord's length
 
 
 def crossings(piece: SmoothPiece) -> Floats:
@@ -169,8 +169,8 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
 
 
 def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
-    """Return the ends of edges (2 k and 2 k + 1 for edge k) at sharp corners whose two sides cross near the corner.
-    Sides A and B cross if A begins on the left of B, and the middle of A is on the right of B."""
+    """Return edge ends (2 k and 2 k + 1 for edge k) at sharp corners where the two edges cross near the corner.
+    Edges A and B cross if A begins on the left of B, and the middle of A is on the right of B."""
     least_cosine = 0.5  # the sides of a sharp corner enclose at most 60 degrees
     forwards = np.array([forwards for loop in skin.loops for _, forwards in loop])
     number = np.split(np.arange(len(forwards)), np.cumsum([len(loop) for loop in skin.loops])[:-1])
@@ -213,7 +213,7 @@ def _lies_across(start: Floats, end: Floats, line: Ints, chord: Ints) -> Bools:
 
 
 class SmoothText:
-    """Writer of pieces of a sheet; it adds STEP entities to `new`."""
+    """Writer of pieces of a sheet: adds their entities to a STEP file."""
 
     def __init__(self, entity_list: StepEntities, model: SmoothModel) -> None:
         self.new, self.model = entity_list, model
@@ -315,11 +315,10 @@ def _knot_text_of_bytes(knots: bytes) -> KnotText:
 
 @dataclass(frozen=True, eq=False)
 class SmoothPieceFile:
-    """Text of the file and its measured properties.
-    pieces  : number of pieces of the sheet.    smooth : number of accepted pieces.
-    gap     : widest gap of accepted pieces, mm.
+    """Text of a file and its measured properties.
+    pieces  : number of pieces of the sheet.    smooth : number of pieces with smooth faces; the rest is faceted.
+    gap     : widest gap of smooth pieces, mm.    volume : volume of all smooth solids according to OCCT, mm3.
     there   : largest distance of the file from the mesh, mm.    back : largest distance of the mesh from the file, mm.
-    volume  : volume of all smooth solids according to OCCT, mm3.
     refused : reason why pieces were refused, or ''."""
 
     text: str
@@ -339,8 +338,8 @@ class SmoothPieceFile:
         count_text = "" if self.smooth == self.pieces else f"{self.smooth} of {self.pieces} pieces (others faceted), "
         why = f" ({self.refused})" if self.refused else ""
         return (
-            f"{count_text}at most {self.there:.2g} mm from the solid to the mesh and {self.back:.2g} mm from the mesh "
-            f"to the solid ({self.limits.summary}); gaps under {self.gap:.2g} mm{why}"
+            f"{count_text}distance at most {self.there:.2g} mm from solid to mesh and {self.back:.2g} mm from mesh to "
+            f"solid ({self.limits.summary}); gaps between faces are under {self.gap:.2g} mm{why}"
         )
 
 
@@ -360,7 +359,7 @@ def file_text(part: Part, which: list[tuple[SmoothModel, int]], rest: Part | Non
 
 
 def rest_of(part: Part, F: Ints) -> Part:
-    """Return a part with only these triangles (m, 3), simplified if possible."""
+    """Return a part with only the triangles F (m, 3), which no smooth piece replaces; simplified if possible."""
     used, local = np.unique(F, return_inverse=True)
     remainder = replace(part, V=part.V[used], F=local.reshape(F.shape))
     try:

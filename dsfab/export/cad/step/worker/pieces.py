@@ -60,7 +60,7 @@ class ForkedWork:
         return json.loads(text)
 
     def stop(self) -> None:
-        """End the fork without its result."""
+        """Kill the forked process; its result is lost."""
         os.close(self._result)
         os.kill(self._copy, signal.SIGKILL)
         os.waitpid(self._copy, 0)

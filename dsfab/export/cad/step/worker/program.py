@@ -56,7 +56,7 @@ COMMANDS: dict[str, Callable[..., Any]] = {
 
 
 def _enter_package() -> None:
-    """Let Python import the modules beside this one without the packages around them, which load half of dsfab."""
+    """Let Python import this folder's modules without their packages, whose code would load half of dsfab."""
     folder, names = Path(__file__).resolve().parent, ("dsfab", "export", "cad", "step")
     for depth in range(len(names)):
         package = ModuleType(".".join(names[: depth + 1]))

@@ -71,8 +71,8 @@ def _drawn(path: Path, folder: str, *how: str) -> dict[str, float]:
 
 
 def mesh_in(folder: str, facts: dict[str, float], shape: bytes = b"") -> StepMesh:
-    """Read the triangles that a program wrote to a folder; raises OSError if there are none.
-    facts : `deflection`, and `solids` if known.    shape : OCCT's binary shape; by default the one in the folder."""
+    """Read the triangles that OCCT's program wrote to a folder; raises OSError if there are none.
+    facts : `deflection`, and `solids` if known.    shape : OCCT's binary shape; by default, the file in the folder."""
     shape = shape or (Path(folder) / "shape.bin").read_bytes()
     with np.load(Path(folder) / "mesh.npz") as mesh:
         solids = int(facts["solids"] if "solids" in facts else mesh["solids"])
@@ -135,7 +135,7 @@ def solid_records(
     limit: float,
     look: Callable[[], None] | None = None,
 ) -> list[dict[str, Any]]:
-    """Return what the program reports about each solid of a file; arguments as in `findings`."""
+    """Return OCCT's record of each solid of a file, see `findings`. look : function to call when triangles exist."""
     program.send("pieces", path, folder, str(deflection), *(["whole"] if look else []))
     mesh_path = Path(folder) / "mesh.npz"
     line = program.answer_with_work(mesh_path.exists, look, limit) if look else program.answer(limit)

@@ -67,7 +67,7 @@ def faces_of(shape: Any) -> list[Any]:
 
 
 def compound(shapes: list[Any]) -> Any:
-    """Join shapes into one without changes."""
+    """Return a compound (OCCT's group) of unchanged shapes."""
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS_Compound
 

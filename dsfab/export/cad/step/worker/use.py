@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 from dsfab.export.cad.step.worker.shapes import bounds, compound, faces_of, gauss_kronrod_volume, is_valid, parts, read
 
-TOGETHER_LIMIT = 1e-5  # largest relative volume error of a cut solid, if its two halves are measured as one shape
-ALONE_LIMIT = 1e-4  # largest relative error of the volume of two halves, each measured alone
+TOGETHER_LIMIT = 1e-5  # largest relative error of the volume of a cut solid's two halves, measured as one shape
+ALONE_LIMIT = 1e-4  # largest relative error of the volume of a cut solid's two halves, measured separately
 
 PLANES = (
     *((1.0, 0.11, 0.07, 0.03), (0.09, 1.0, -0.13, -0.05), (0.05, 0.08, 1.0, 0.02), (1.0, 0.9, 0.2, 0.07)),
@@ -35,7 +35,7 @@ def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, An
     box           : OCCT's bounding box of the solids, six numbers, mm.
     sound         : number of half-space cuts with two valid halves and volume errors below both limits. Trials end
                     with the first failure, unless `every_cut` is set.
-    worst, alone  : largest relative volume error of the valid cuts: both halves as one shape, and each measured alone.
+    worst, alone  : largest `together` and largest `alone` of the valid cuts, see `VolumeErrors`.
     missed        : relative volume error of each unsound cut; 1 for an invalid half, 0 for a sound cut.
     boxed         : True if a cut with a box gives two sound parts.    box_missed : as `missed`, for this cut.
     closed        : True if the curves in which a plane cuts the solid have no open ends.
@@ -95,8 +95,8 @@ def _plain_volume(shape: Any) -> float:
 
 
 class VolumeErrors(NamedTuple):
-    """Relative errors of the volume of two halves: `alone` if measured separately, `together` if measured as one shape.
-    `together` is measured only if `alone` is between `TOGETHER_LIMIT` and `ALONE_LIMIT`. An invalid half gives 1 and 1.
+    """Relative errors of the volume of a cut solid's halves: `alone` if measured separately, `together` as one shape.
+    `together` is measured only if `alone` is between `TOGETHER_LIMIT` and `ALONE_LIMIT`. Both are 1 for invalid halves.
     A gap between two trimmed faces adds an error to each half. In one shape, the errors of both halves cancel."""
 
     alone: float
@@ -104,7 +104,7 @@ class VolumeErrors(NamedTuple):
 
     @property
     def fault(self) -> float:
-        """Relative error if the error is too large, otherwise 0."""
+        """The error `together` if it is too large, otherwise 0."""
         return self.together if self.together > TOGETHER_LIMIT else 0.0
 
 
@@ -112,7 +112,7 @@ INVALID = VolumeErrors(1.0, 1.0)
 
 
 def volume_errors(halves: list[Any], whole_volume: float) -> VolumeErrors:
-    """Return the volume errors of a cut from its two halves; `INVALID` without halves. whole_volume : solid, mm3."""
+    """Return the volume errors of the two halves of a cut solid; `INVALID` if the list is empty. whole_volume : mm3."""
     if not halves:
         return INVALID
     alone = abs(sum(map(_volume, halves)) / whole_volume - 1)
@@ -234,7 +234,7 @@ def fillet_counts(shape: Any) -> tuple[int, int]:
 
 
 def thickness_edges(shape: Any) -> list[tuple[Any, float]]:
-    """Return the sharp straight edges between the two skins, with lengths: edges near the most frequent length.
+    """Return sharp straight edges with lengths: the edges between the skins, of about the most frequent length.
     Edges that smoothly continue other edges are excluded, because they lie between skin and wall."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve
@@ -260,7 +260,7 @@ def thickness_edges(shape: Any) -> list[tuple[Any, float]]:
 
 
 def _ends_at_corners(edge: Any, edges: Any) -> bool:
-    """Return True if no other edge continues a straight edge. edges : edges of the shape, by vertex."""
+    """Return True if no other edge continues the straight edge `edge`. edges : edges of the shape, by vertex."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve
     from OCP.TopExp import TopExp

@@ -14,7 +14,7 @@ MANY_EDGES = 16  # faces with at least this many edges are integrated by Green's
 
 
 class PlaneSpline(NamedTuple):
-    """Curve in a surface's parameters. knots : with multiplicity.    way : -1 if it runs against the face, else 1."""
+    """Curve in a surface's parameters. knots : with multiplicity.    way : 1 if the face's edge follows it, else -1."""
 
     degree: int
     knots: list[float]
@@ -38,7 +38,7 @@ def volume(solid: Any) -> float:
 
 def _cone(face: Any, about: Any) -> float:
     """Return the volume (mm3) between a face and a point, positive if the point lies behind the face.
-    For many edges, `_cone_on_spline` is faster than OCCT's adaptive rule."""
+    For a face with many edges, `_cone_on_spline` is faster than OCCT's adaptive rule."""
     from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Vinert
     from OCP.TopAbs import TopAbs_Orientation
     from OCP.TopoDS import TopoDS
@@ -129,7 +129,7 @@ def _local(knots: list[float], t: Any) -> tuple[Any, Any]:
 
 
 def _outline_points(outline: Sequence[PlaneSpline]) -> tuple[Any, Any]:
-    """Gauss points (k, 2) between the knots of an outline's curves, and weights of dv (k,)."""
+    """Gauss points (k, 2) between the knots of an outline's curves, and weights (k,) of an integral over v."""
     points = 4  # Gauss points in a span, as in OCCT
     places, weights = [], []
     for degree in sorted({curve.degree for curve in outline}):
@@ -144,7 +144,7 @@ def _outline_points(outline: Sequence[PlaneSpline]) -> tuple[Any, Any]:
 
 
 def _spans(curve: PlaneSpline) -> tuple[Any, Any, Any]:
-    """Spans of a curve of degree d: the 2 d knots around each span (k, 2 d), poles (k, d + 1, 2), direction (k,)."""
+    """Spans of a curve of degree d: the 2 d knots around each span (k, 2 d), poles (k, d + 1, 2), `way` (k,)."""
     d = curve.degree
     K = sliding_window_view(np.array(curve.knots[1:-1]), 2 * d)
     poles = sliding_window_view(np.array(curve.poles), d + 1, axis=0).swapaxes(1, 2)
@@ -153,7 +153,7 @@ def _spans(curve: PlaneSpline) -> tuple[Any, Any, Any]:
 
 
 def _de_boor(K: Any, poles: Any, t: Any) -> tuple[Any, Any]:
-    """Points (k, 2) and derivatives at t (k,), one in each span: K and poles as from `_spans`."""
+    """Points (k, 2) of a curve at parameters t (k,), one in each span, and derivatives. K, poles : from `_spans`."""
     d = K.shape[1] // 2
     slope = d * (poles[:, 1:] - poles[:, :-1]) / (K[:, d:] - K[:, :d])[:, :, None]
     K1, K2 = K, K[:, 1:-1]
