@@ -78,7 +78,7 @@ def build(
     files: Files = Files(),
     step: StepFlags = NO_FLAGS,
     fix: Annotated[
-        bool, Switch(help="Change member widths and stripe frequencies until the limits of [fabrication] are met.")
+        bool, Switch(help="Change widths and stripe spacings until the limits of [fabrication] are met.")
     ] = False,
     pictures: PictureFlags = PictureFlags(),
     output: Output = USUAL,

@@ -36,7 +36,7 @@ class Expected:
     """Options for the design that the checked file should contain."""
 
     preset: Annotated[
-        str | None, Parameter(help="Design that the file should hold: preset or built folder [preset.toml beside it].")
+        str | None, Parameter(help="Expected design: a preset, or a built folder [preset.toml beside the file].")
     ] = None
     set_: Set = ()
 

@@ -116,7 +116,7 @@ class Questions:
         Parameter(help="Competitors (list): isotropic, rotated, thinner, von_mises, grid, simp [isotropic,thinner]."),
     ] = None
     volumes: Annotated[
-        str | None, Parameter(help="Also compare designs with these shares of material: LOW:HIGH:COUNT (0.2:0.8:7).")
+        str | None, Parameter(help="Also compare designs with shares of material LOW:HIGH:COUNT, such as 0.2:0.8:7.")
     ] = None
     level: Annotated[
         Literal["quick", "full"] | None,
@@ -292,7 +292,7 @@ def _print_results(comparisons: list[ComparisonAtShare], findings: "Findings | N
 FILES = ("summary.html", "summary.csv")
 
 SummaryRow = dict[str, Any]
-"""Row of the summary: `name`, `folder` and `error`. Without an error it also has results of the design, or None:
+"""Row of the summary: `name`, `folder` and `error`. Without an error also results of the design, None if unknown:
 `verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `bound`, `ratio_to_full`, `seconds`.
 `NAME_ratio` is the compliance of a competitor, divided by the design's."""
 

@@ -65,7 +65,7 @@ class FirstPicture:
             raise
 
     def draw(self, sketch: "Design", path: Path, pixels: tuple[int, int], options: dict[str, Any]) -> None:
-        """Start to draw the sketch; later calls do nothing. Draw nothing if the file at `path` cannot be read first.
+        """Start to draw the sketch; later calls do nothing. Draw nothing if `path` is an unreadable file.
         sketch  : see `Design.sketch`.    options : options of `dsfab.render.previewer.Previewer`."""
         if self._sketched:
             return

@@ -105,8 +105,7 @@ def _built_facts(folder: Path) -> dict[str, Any]:
 
 
 def _measured_facts(preset: str, source: Source, picture: Path | None) -> dict[str, Any]:
-    """Make a design, print its supports and loads, and return its measures; draw them if `picture` is a path.
-    The user sees supports and loads even if a later stage fails."""
+    """Return the measures of a new design. Its supports and loads are printed first, in case a later stage fails."""
     from dsfab.design import Design
     from dsfab.render.fabrication import write_workshop_picture
     from dsfab.study.fabrication import fabrication
@@ -153,8 +152,8 @@ def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str, str
         return False, "refuses it: " + choices["pieces"], unit
     mended, sheets = ([x.choice for x in proposal.decisions if x.topic == topic] for topic in ("mended", "sheets"))
     turned = [text for text in proposal.given.repaired if "turned over" in text]
-    then = f"the surface then has {count_phrase(proposal.given.surface.m, 'triangle')} and "
-    size = [f"{then}{proposal.given.surface.area:.4g} m2"] if mended else []
+    triangles, area = count_phrase(proposal.given.surface.m, "triangle"), proposal.given.surface.area
+    size = [f"the surface then has {triangles} and {area:.4g} m2"] if mended else []
     return True, "; ".join(["takes it", *(f"it mends: {text}" for text in mended), *size, *turned, *sheets]), unit
 
 

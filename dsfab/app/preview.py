@@ -239,8 +239,7 @@ def _draw_structure(
     reporter: Reporter,
     first_picture: FirstPicture | None,
 ) -> bool:
-    """Draw the built sheet of evenly spaced stripes; return False if that is impossible.
-    The uncut pattern would have loose ends, holes and sharp corners that the built sheet lacks."""
+    """Draw the built sheet, without loose ends and sharp corners of an uncut pattern; return False if impossible."""
     from dsfab.render.design_picture import structure_drawing
     from dsfab.render.opengl import require_rendering
     from dsfab.render.picture import write_png

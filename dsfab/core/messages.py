@@ -28,12 +28,6 @@ def count_phrase(number: int, thing: str, verb: str = "") -> str:
     return f"{number:,} {plural} {verb}".rstrip()
 
 
-def stopping_clause(count: int) -> str:
-    """Return 'stops before its ends, where it would run into' for one bar, and a plural form for several bars."""
-    ends = "stops before its ends, where it" if count == 1 else "stop before their ends, where they"
-    return f"{ends} would run into"
-
-
 def coordinates(point: Sequence[float]) -> str:
     """Return the coordinates of a point, with spaces between thousands: '(452 341, 5 567 120, 0)'."""
     return f"({', '.join(f'{x:,.10g}'.replace(',', ' ') for x in point)})"

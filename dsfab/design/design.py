@@ -61,7 +61,7 @@ class StageResults:
     results : results of the stages.
     derived : values computed from results, each with the last stage on which it depends. A pickled design has none.
     inputs  : large intermediate values, each with the stage that needs it. They are deleted after this stage.
-    After a change of the preset, the new design shares results of the stages before the first changed section."""
+    A changed design shares the results and derived values of the stages before the first changed section."""
 
     results: dict[str, Any] = field(default_factory=dict)
     derived: dict[str, tuple[str, Any]] = field(default_factory=dict)
@@ -248,8 +248,7 @@ class Design:
         return chosen_method(self.preset, analysis, self._log, self._results.existing_input("earlier stripes"))
 
     def _rough_design(self) -> "Design | None":
-        """Return a design with statics by fast elements, for a sketch before accurate elements are solved.
-        Return None if the accurate statics exist, or if fast elements save no time."""
+        """Return a design with fast statics; None if accurate statics exist, or if fast elements save no time."""
         if self.has("statics"):
             return None
         return self._results.input_of("pattern", "rough design", self._design_with_rough_statics)

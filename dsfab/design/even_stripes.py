@@ -106,7 +106,7 @@ class StripeDirections:
         return cross(self.frames.normal, self.along), self.along
 
     def steered_with_members(self, families: Sequence[FamilyLines]) -> StripeSteering | None:
-        """Return the user's changes of directions, with a note on each guide curve that becomes a member."""
+        """Return the record of changed directions, with a note on each guide curve that becomes a member."""
         if self.steered is None or not self.members:
             return self.steered
         surface, messages = self.frames.surface, [self.steered.told] * bool(self.steered.told)
@@ -321,8 +321,7 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
 def _redrawn_lines(
     directions: StripeDirections, courses: dict[int, FamilyCourse], families: list[FamilyLines], spacings: list[float]
 ) -> "_DividedFamilies":
-    """Return both families of lines. If the mean spacing of a family differs by over 5 % from its value in `spacings`
-    (m), new lines are computed. If it still differs by over 30 %, new lines are computed without halving."""
+    """Draw families again if their mean spacing is off by over 5 %, and without halving if still off by over 30 %."""
     surface, result = directions.frames.surface, _DividedFamilies.from_lines(directions, *families)
     tries = [result]
     for limit, halve in ((0.05, True), (0.3, False)):
@@ -375,8 +374,7 @@ def _digits(length: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _DividedFamilies:
-    """Both families of lines after halving, which ends crowded lines on crossing members.
-    density : (n, 2) remaining lines per metre at each vertex, for each family; the mean of all symmetric images."""
+    """Families of lines after halving. density : (n, 2) remaining lines per metre, the mean of all symmetric images."""
 
     both: tuple[FamilyLines, FamilyLines]
     halved: LineHalving

@@ -168,8 +168,7 @@ def beam_agreement(
 def _sheet_and_bar_answers(
     model: SheetModel, loads: Mapping[str, LoadCase]
 ) -> tuple[Mapping[str, Equilibrium], Mapping[str, Equilibrium]]:
-    """Return two results: for ribs with the torsional stiffness of a sheet, and for ribs with that of bars. They are
-    equal if the sheet is loaded in its plane, or if the solve with bars fails."""
+    """Return results for ribs that twist like a sheet, and like bars; equal for loads in plane, or if bars fail."""
     try:
         as_bars = solve_for(model, loads, "displacement", bars=True)
     except StaticsError:

@@ -185,7 +185,7 @@ def uncrowded_candidate(
     listed = "; ".join(_attempt_description(candidate.attempt) for candidate in candidates)
     outcome = f"dsfab took {selected.attempt.name} instead"
     if selected is candidates[0]:
-        selected, outcome = candidate, "no other pattern is better, first by its flaws, then by its stiffness"
+        selected, outcome = candidate, "no other pattern has fewer flaws, or is stiffer with equal flaws"
     note = Note("pattern", f"{plate.message}: {outcome}; compliance relative to the uncut sheet: {listed}")
     return replace(selected, preset=selected.preset.with_pattern(crowding="note"), notes=(*selected.notes, note))
 
@@ -259,8 +259,7 @@ def _with_quality(
     cells: Sheet,
     sheet: Sheet,
 ) -> MethodCandidate:
-    """Return a candidate with its sheet, and with the number of dead ends and narrow openings (slits) of this sheet.
-    worth : compliance (J), compliance divided by that of the uncut sheet, and share of material."""
+    """Return a candidate with sheet and flaws. worth : compliance (J), its ratio to the uncut sheet, material share."""
     drafted = DesignDraft(candidate.preset, analysis.surface, analysis.statics, analysis.diffusion, pattern)
     quality = measured_pattern(drafted, symmetry=False, cells=cells, sheet=sheet)
     attempt = Attempt(candidate.attempt.name, *worth, quality.dead_ends, quality.slits)
@@ -272,8 +271,7 @@ def _exchangeable(width: Width) -> bool:
 
 
 def _width_variants(width: Width) -> dict[str, Width]:
-    """Return width rules to try, by name. The third rule is `graded` with half of the exponent q, because smaller
-    differences of width suit structures that mainly carry their own weight."""
+    """Return width rules to try, by name. Half of q suits structures that mainly carry their own weight."""
     if not _exchangeable(width):
         return {width.rule: width}
     gentle = 0.5 * width.q
@@ -312,8 +310,7 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
 
 
 def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return the candidates for the pattern. If the best are nearly equal, cut and solve up to four of them again, as
-    in a build. The best of all is cut last, so that slicing can continue from its cut."""
+    """Return candidates, with up to four nearly equal ones as built. Slicing can continue from the last, best cut."""
     *flaws, soft = min(candidate.attempt.rank for candidate in candidates)
     limit = (*flaws, (1 + NEAR_BEST) * soft)
     shares = [other for other in candidates if other.sheet and other.preset.pattern.width.solid_fraction]

@@ -95,10 +95,8 @@ def _sheet_quality(
 
 
 def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
-    """Return the quality of a family, with only those dead ends that remain in the cut sheet. An end that continues as
-    a member of the other family is no dead end.
-    reach      : metres; an end is not in the cut sheet if no material is within this distance.
-    half_width : (n,) half-width of the family's members at each vertex, in periods."""
+    """Keep dead ends within `reach` of the cut sheet's material that do not continue as a member of the other family.
+    reach : m.    half_width : (n,) half-width of the family's members at each vertex, in periods."""
     width = 2 * float(np.median(half_width)) * family.spacing[1]
 
     def remaining(places: Floats, dead: Callable[[Arms, float], bool]) -> Floats:
@@ -206,10 +204,7 @@ def _asymmetric_share(
     surface: Surface, faces: Surface, symmetry: Symmetry, material: Callable[[Floats], Bools], samples: int = 120_000
 ) -> float:
     """Return the share of the area where material differs from its symmetric image, for the worst image.
-    surface  : uncut surface; its centroid is the centre of rotations and mirrors.
-    faces    : faces with sample points. Each point stands for the same area. The points do not lie in rows.
-    material : function of points (p, 3); returns True (p,) if the nearest place on the faces is material.
-    samples  : approximate number of points times number of images."""
+    material : function of points (p, 3); returns True (p,) if the nearest place on the faces is material."""
     centre = centroid(surface)
     cumulated_area = np.cumsum(faces.areas)
     number = np.arange(samples // symmetry.order)

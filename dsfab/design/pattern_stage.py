@@ -49,7 +49,7 @@ def stripes_under_own_weight(preset: Preset, analysis: StressedSurface, log: Log
         log.note(
             "pattern",
             f"directions follow the stress under the weight of the stripes ({share @ surface.areas / surface.area:.0%} "
-            f"of the uncut sheet's weight); the weight turned directions by {mean_turn:.2g} degrees on average, by at "
+            f"of the uncut sheet's weight); this turned directions by {mean_turn:.2g} degrees on average, by at "
             f"most {largest_turn:.2g} degrees on 95 % of the surface",
         )
     return even

@@ -268,9 +268,7 @@ def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
 
 
 def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
-    """Return forces (k, 3), N, at places (k, 3), as in bolt groups. The forces of each group have zero sum, and the
-    moment `moment` of the group. Places on a line take no moment about this line.
-    group  : (k,) group of each place.    weight : (k,) bolt areas.    moment : (g, 3) moments of g groups, N m."""
+    """Return zero-sum forces with each group's moment, as in bolt groups. Places on a line take no moment about it."""
     count = len(moment)
     total = np.bincount(group, weight, count)
     middle = group_sums(group, weight[:, None] * place, count) / np.where(total > 0, total, 1.0)[:, None]

@@ -9,7 +9,7 @@ import numpy as np
 
 from dsfab.core.arrays import Floats, Ints, first_few
 from dsfab.core.errors import PatternError, SolidError
-from dsfab.core.messages import force, length
+from dsfab.core.messages import count_phrase, force, length
 from dsfab.design.pattern_measures import largest_filling, merged_members
 from dsfab.design.regions_and_loads import LOST_LOAD_REMEDY, held_vertices, lost_load
 from dsfab.pattern import small_loops
@@ -45,7 +45,7 @@ def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) 
 
 def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
     """Return the kind of slits that are filled, so that members merge.
-    Without `pattern.tidy` no slit is filled: it would add mass to a topology optimisation of the same preset."""
+    Without `pattern.tidy` no slit is filled: filling would add mass to a topology optimisation of the same preset."""
     has_stripes = pattern.even is not None or pattern.preset_with_choices(preset).pattern.method == "modes"
     return merging_rule(preset) if pattern.tidy is not None and has_stripes else "none"
 
@@ -223,21 +223,21 @@ def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingO
     names = "filled", "merged", "bridged", "spikes", "widened"
     filled, merged, bridged, spikes, widened = (finished.counts[name] for name in names)
     if stubs:
-        which = "ends of members beyond their last crossings, and members beside a singular point of the stress,"
-        log.note("slicing", f"{which} were cut off or straightened at {places_phrase(stubs)}")
+        places = places_phrase(stubs)
+        log.note("slicing", f"dsfab cut off or straightened members near singular points of the stress at {places}")
     if filled:
-        than = length(options.opening) + (", or far smaller than most openings," * (preset.slicing.min_opening is None))
-        openings, verb = _count_phrase(filled, "an opening", "openings"), "were" if filled > 1 else "was"
-        log.note("slicing", f"{openings} smaller than {than} {verb} filled")
+        openings, limit = count_phrase(filled, "opening"), length(options.opening)
+        by_limit = f"dsfab filled {openings} smaller than {limit}"
+        by_others = f"dsfab filled {openings} smaller than {limit}, or far smaller than most openings"
+        log.note("slicing", by_others if preset.slicing.min_opening is None else by_limit)
     if merged:
-        openings = _count_phrase(merged, "1 opening was", "openings were")
-        log.note("slicing", f"{openings} narrower than the neighbouring members: dsfab joined these members")
+        openings = count_phrase(merged, "opening")
+        log.note("slicing", f"dsfab closed {openings} narrower than the neighbouring members, which are now joined")
     if bridged:
-        bridges = _count_phrase(bridged, "a bridge was", "bridges were")
-        log.note("slicing", f"{bridges} built where openings are narrower than {length(options.neck)}")
+        bridges = count_phrase(bridged, "bridge")
+        log.note("slicing", f"dsfab built {bridges} where openings are narrower than {length(options.neck)}")
     if spikes:
-        teeth = _count_phrase(spikes, "a tooth of a member was", "teeth of members were")
-        log.note("slicing", f"{teeth} cut off where members projected into openings")
+        log.note("slicing", f"dsfab cut off {count_phrase(spikes, 'short projection')} of members into openings")
     if widened:
         least = length(preset.slicing.min_member or 0)
         log.note("slicing", f"members were widened to {least} at {places_phrase(widened)}")
@@ -261,10 +261,6 @@ def filled_plate(
         if np.linalg.norm(filling.place - centre) < np.linalg.norm(surface.V[loop] - centre, axis=1).max():
             return None
     return filling
-
-
-def _count_phrase(count: int, single: str, several: str) -> str:
-    return f"{count} {several}" if count > 1 else single
 
 
 def _fillet_message(radius: float, radii: Floats) -> str:
@@ -315,7 +311,7 @@ def _note_slicing(
         message = f"{len(loose)} of {len(all_pieces)} pieces reach no support and were {outcome} ({area:.3g} m2)"
         log.note("slicing", f"{message}{_one_family_hint(preset)}")
     if pinches:
-        contacts = _count_phrase(pinches, "a point contact was", "point contacts were")
+        contacts = f"{pinches} point contacts were" if pinches > 1 else "a point contact was"
         log.note("slicing", f"{contacts} {'joined' if preset.slicing.pinch == 'join' else 'split'}")
     unsupported_loads = np.flatnonzero(load.loaded & (sheet.same_vertex() < 0))
     if lost:

@@ -188,8 +188,7 @@ class WidthSearch(NamedTuple):
 @dataclass
 class _MeasuredShares:
     """Function that cuts the surface along layers (stripes and kept regions), and returns the share with material.
-    reached  : all returned shares.    layers : the latest layers.
-    polygons : surface cut along the latest layers.    trial : latest cut, finished up to the first rounding."""
+    reached : all returned shares.    layers, polygons : the latest.    trial : latest cut, up to the first rounding."""
 
     preset: Preset
     given: StressedSurface
@@ -395,8 +394,7 @@ def layers_with_share(
 
 @dataclass
 class _CachedLayers:
-    """Cache of the latest layers (stripes and kept regions). Their width factors are multiples of `factor`.
-    layers : function of a width factor and of `closing`, the width factor that decides which openings close."""
+    """Cache of the latest result of `layers`. closing : width factor that decides which openings close."""
 
     layers: Callable[[float, float], list[Layer]]
     factor: float

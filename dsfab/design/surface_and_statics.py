@@ -148,7 +148,7 @@ def _note_answers(
         log.note(
             "statics",
             "each flat face bends under pressure and weight, so the largest stress is too high by a fraction of up to "
-            f"{facets:.2g} (edge length x fold angle / thickness). Make the mesh finer, until this fraction is below "
+            f"{facets:.2g} (edge length x fold angle / thickness); make the mesh finer, until this fraction is below "
             f"{FACETS} (surface.edge, or surface.refine with smooth)",
         )
     for name, answers in named_answers:
@@ -279,7 +279,7 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
         log.note("statics", f"the surface is {length(surface.size)} large: check its unit")
     if not USUAL_SLENDERNESS[0] < slenderness < USUAL_SLENDERNESS[1]:
         log.note(
-            "statics", f"{message}: statics are valid for size / thickness of about 20 to 2000; check units, thickness"
+            "statics", f"{message}: statics need a size / thickness of about 20 to 2000; check units and thickness"
         )
 
 

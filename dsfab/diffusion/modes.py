@@ -176,8 +176,7 @@ def _scaled_operator(surface: Surface, L: csr_array, mass: Floats) -> csr_array:
 
 
 def _factor(surface: Surface, A: csr_array) -> Factor:
-    """Factorise with PARDISO if it is installed, else with SuperLU.
-    For 30 to 50 single solves, both are faster than the multifrontal factor."""
+    """Factorise with PARDISO or SuperLU: for 30 to 50 single solves, both are faster than the multifrontal factor."""
     if solver_name() == "PARDISO":
         return factorise(A, surface.V)
     results = derived_results(surface)  # all operators of a surface use the same order of elimination
@@ -187,9 +186,8 @@ def _factor(surface: Surface, A: csr_array) -> Factor:
 
 
 def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int) -> tuple[Floats, Floats]:
-    """Return the smallest `count` eigenpairs of A (n, n), ascending. solve : function that returns (A + shift)^-1 b.
-    Four Lanczos vectors for each pair make restarts rare. The tolerance is 0, because the Lanczos method finds copies
-    of a repeated eigenvalue only late, through rounding errors."""
+    """Return the smallest eigenpairs, ascending. solve : (A + shift)^-1 b.    Four vectors per pair make restarts rare.
+    The tolerance is 0, because rounding errors reveal copies of a repeated eigenvalue only late."""
     inverse = LinearOperator((n, n), matvec=solve, dtype=np.float64)
     start = 1 + 0.5 * np.sin(np.arange(n))  # always the same start, so the same modes
     try:
@@ -203,9 +201,8 @@ def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int
 
 
 def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Floats) -> Floats:
-    """Return the same eigenspaces in a basis that does not depend on the solver.
-    Reference fields (x, y, z along the axes, then their products) are projected on the space of a repeated eigenvalue,
-    and orthonormalised. A mode's third moment decides its sign; if it is about zero, the reference fields decide."""
+    """Return the eigenspaces in bases that do not depend on the solver, by projection of reference fields.
+    A mode's third moment decides its sign; if it is about zero, the reference fields decide."""
     fields = _reference_fields(surface, mass, axes)
     out = X.copy()
     start = 0
@@ -235,8 +232,7 @@ def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
 
 
 def _aligned_basis(space: Floats, fields: Floats, mass: Floats) -> Floats:
-    """Return an M-orthonormal basis of `space` (n, c) that does not depend on the solver.
-    The reference fields are projected on `space`, and orthonormalised in turn until the basis is complete."""
+    """Return an M-orthonormal basis of `space` from projections of the reference fields, independent of the solver."""
     coordinates = space.T @ (mass[:, None] * fields)  # (c, fields)
     basis: list[Floats] = []
     for candidate in [*coordinates.T, *np.eye(space.shape[1])]:

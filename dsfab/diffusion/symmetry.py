@@ -212,8 +212,7 @@ def _check_supports(surface: Surface, symmetry: Symmetry, words: str, load: Load
 
 
 def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats, centre: Floats) -> None:
-    """Raise PatternError unless the forces equal the mirrored or rotated forces.
-    First resultants and moments are compared, then the forces, smoothed because meshes are irregular."""
+    """Refuse asymmetric loads by resultants and moments, then by forces, smoothed because meshes are irregular."""
     total = float(np.linalg.norm(force, axis=1).sum())
     arm = surface.V - centre
     for R, T in zip(symmetry.R[1:], symmetry.maps[1:], strict=True):
@@ -294,8 +293,7 @@ class _QuickCheck:
 
     @cached_property
     def _moments(self) -> list[tuple[Floats, Floats, float]]:
-        """Resultant (N), moments (3, 3) about the centroid (N m), and sum of the magnitudes (N) of the forces in each
-        load case."""
+        """Resultant, moments about the centroid, and sum of the magnitudes of the forces in each load case (N, N m)."""
         arm = self.surface.V - self.centre
         forces = [load.force for load in self.loads]
         return [(f.sum(axis=0), arm.T @ f, float(np.linalg.norm(f, axis=1).sum())) for f in forces]
@@ -337,9 +335,7 @@ def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator
 
 
 def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
-    """Return the normal (3,) of the best mirror for an irregular mesh of a round surface. Each candidate points to one
-    of the points farthest from the axis. The best mirror maps the outermost points (at least `samples`) most closely
-    onto vertices. Among equal mirrors, the best has most of these points near its plane or the perpendicular plane."""
+    """Return the normal of the mirror that best maps the outermost points of a round, irregular mesh to each other."""
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))
     outer = V[distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * surface.size]

@@ -84,7 +84,7 @@ def diffusion_tensors(
     r         : anisotropy, >= 1; 1 gives the Laplacian.
     gamma     : force magnitude of Madan et al., a factor on the stress.
     labelling : choice of the primary stress. `signed`: the algebraically larger one (tension). `magnitude`: the one
-                with the larger absolute value (Madan et al.). Rounding decides if absolute values are almost equal.
+                with the larger absolute value (Madan et al.). If absolute values are almost equal, rounding decides.
     isotropy  : tolerance of isotropic faces. ref : RMS of the principal stresses over the area, without gamma.
                 `signed`: gamma (s1 - s2) <= isotropy ref. `magnitude`: (gamma |s1| + eps) / (gamma |s2| + eps) <= 1 +
                 isotropy, with eps = isotropy ref."""

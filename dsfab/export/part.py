@@ -48,7 +48,7 @@ class StripedSheet(NamedTuple):
     F       : (m, 3) cells, oriented as the uncut surface.
     weights : (n', n) barycentric weights of the sheet's vertices on the vertices of the uncut surface.
     label   : (m,) number of the combination of stripes that cover a cell.    loose : (m,) True outside of stripes.
-    seam    : (k, 2) pairs of half-edges with the same start and end, at the cut through a one-sided surface."""
+    seam    : (k, 2) pairs of half-edges in one place and direction, at the cut through a one-sided surface."""
 
     F: Ints
     weights: csr_array

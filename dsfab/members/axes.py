@@ -156,8 +156,7 @@ def _turns(line: MiddleLine, x: Floats) -> Floats:
 
 
 def _turning(step: Floats, normals: Floats, closed: bool) -> Floats:
-    """Return angles (radians) between the steps (k - 1, 3) of a line, in the tangent planes with normals (k, 3).
-    A closed line has k - 1 angles, an open line k - 2 at its inner points."""
+    """Return angles (radians) between steps in the tangent planes, at inner points and at a closed line's start."""
     a, b = (np.roll(step, 1, axis=0), step) if closed else (step[:-1], step[1:])
     N = normals[:-1] if closed else normals[1:-1]
     a, b = (y - np.einsum("ki,ki->k", y, N)[:, None] * N for y in (a, b))

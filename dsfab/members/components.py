@@ -57,8 +57,7 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 
 
 def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
-    """Return the kind of a field of kept material, and its stripes. x : (n,) or (n, 2) values at the vertices.
-    "reach": all points within a distance. "plate": a region. "band": a strip along an outline, with x (n, 2)."""
+    """Return "reach" (within a distance), "plate" (a region) or "band" (a strip along an outline), and its stripes."""
     zero = np.zeros(1)
     if x.ndim == 2:  # a band; column 0 is positive inside its outline, column 1 is distance from outline minus width
         width = -float(x[:, 1].min())
@@ -126,8 +125,7 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
 
 
 def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """Return the middle lines of a field's stripes, by number of the stripe. They lie at offset 0 from the middle.
-    If a stripe does not contain offset 0, the line lies at the stripe's mean offset."""
+    """Return middle lines by stripe of a field: at offset 0, or at the mean offset of a stripe without offset 0."""
     offset = overlay.offset[:, :, k]
     lines = middle_lines(overlay, k, offset, normals)
     part = overlay.part[:, k]
@@ -146,8 +144,7 @@ def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLi
 
 
 def _is_sliver(overlay: Overlay, k: int, cells: Ints, lines: list[MiddleLine]) -> bool:
-    """Return True if connected cells (c,) lie on one side of their stripe's middle and are shorter than its width.
-    Cutting of the sheet and smoothing of its edges leave these pieces."""
+    """Return True for remains of cutting or smoothing: on one side of a stripe's middle, and shorter than its width."""
     offset, surface = overlay.offset[cells, :, k], overlay.sheet.surface
     if not lines or ((offset.min(axis=1) < 0) & (offset.max(axis=1) > 0)).any():
         return False

@@ -104,9 +104,7 @@ def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
 
 
 def _places_on_sides(offset: Floats, F: Ints, side: Ints) -> tuple[Ints, Ints, Floats]:
-    """Return the points on two sides (q, 2) of cells F (q, 3) where `offset` (q, 3), linear on each side, is 0.
-    The results (q, 2) are the two corners of a side, the lower vertex number first, and the position from 0 to 1
-    between these corners."""
+    """Return where `offset` is 0 on sides of cells: both corners, lower vertex number first, and position (0 to 1)."""
     row = np.arange(len(F))[:, None]
     p, q = side, (side + 1) % 3
     turn = F[row, p] > F[row, q]
@@ -318,8 +316,7 @@ class Joints:
         return [replace(node, id=f"N{number:0{digits}d}") for number, (_, node) in enumerate(listed, 1)]
 
     def _ends_within(self, overlap: SharedPatch) -> tuple[Floats, Ints]:
-        """Return ends (k, 3) of middle lines inside material of another member, and the cell (k,) of each end.
-        Members meet at such an end, for example two rims at a corner of the surface."""
+        """Return ends of middle lines inside another member, for example two rims at a corner, and their cells."""
         for k, neighbour in ((overlap.a, overlap.b), (overlap.b, overlap.a)):
             line = self.parts[k].line
             if line is None or line.closed or self.parts[neighbour].line is None:

@@ -80,7 +80,7 @@ def _sizes(overlay: Overlay, patch: Ints, count: int) -> tuple[Floats, Floats]:
 
 FOLLOWS, INTO = 3.0, 1.5
 """A line follows kept material, such as a rim, if its length inside exceeds FOLLOWS widths of the material.
-The line is then cut off INTO widths behind the material's edge, so that it still meets the material's middle line."""
+The line then ends INTO widths after it enters the material, so that it still meets the material's middle line."""
 
 
 def without_followers(overlay: Overlay, components: list[Component]) -> list[Component]:
@@ -110,9 +110,7 @@ def without_followers(overlay: Overlay, components: list[Component]) -> list[Com
 
 
 def _hidden_parts(line: MiddleLine, width: Floats, own_width: float) -> tuple[MiddleLine, list[tuple[int, int]]]:
-    """Return the line, and the first and last point of each part to remove. A closed line is cut open.
-    width     : (k - 1,) width (m) of the kept material, such as a rim, around each segment; 0 for none.
-    own_width : width of the line's member, metres."""
+    """Return the line, cut open if closed, and the parts to remove. width : (k - 1,) of kept material; 0 for none."""
     if line.closed and (bare := np.flatnonzero(width == 0)).size:
         line, width = line.opened_at(int(bare[0])), np.roll(width, -int(bare[0]))
     last_point, gone = len(line.points) - 1, []

@@ -91,8 +91,7 @@ class _EntryPositions:
 
 
 def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
-    """Return the solver b -> x of H x - W conj(x) = b; `solve` solves H. W (n, s) acts on conjugates at vertices (s,).
-    With Z = H^-1 W, the solution is x = H^-1 b + Z conj(x). The solver first finds x at the vertices (s,)."""
+    """Return the solver of H x - W conj(x) = b: x = H^-1 b + Z conj(x), Z = H^-1 W. It finds x[across] first."""
     Z = solve(W)
     Z_across, identity = Z[across], np.eye(len(across))
     inverse = np.linalg.inv(

@@ -112,8 +112,7 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
 
 
 def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
-    """Return squares (n,) of the curve's direction at each vertex, complex numbers; their size falls to 0 at `reach`.
-    The direction is a mean of the nearest piece of the curve and of pieces up to 0.1 x `reach` farther away."""
+    """Return squares of the curve's direction, as means of its nearest pieces; their size falls to 0 at `reach`."""
     surface, points = frames.surface, np.array(guide.curve)
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)

@@ -71,8 +71,7 @@ def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distance
 
 
 def _crossings(surface: Surface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Floats:
-    """Return the positions (e,) at which to divide edges, 0 at their first end and 1 at the other end.
-    An edge is divided where a single outline crosses it near the middle (see `ASIDE`), else at the middle."""
+    """Return positions (0 to 1) to divide edges: where a single outline crosses near the middle, else at the middle."""
     position, count = np.full(len(surface.edges.ends), 0.5), np.zeros(len(surface.edges.ends), dtype=np.int64)
     for distances, reach in zip(region_distances, reaches, strict=True):
         middle = distances.middle

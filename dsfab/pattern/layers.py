@@ -21,7 +21,7 @@ class Layer(NamedTuple):
     """A field, and the levels at which its values change between material and openings.
     Values (n,) are material if an odd number of levels lies below them. For values (n, 2) see `Stripes.band`.
     field      : values, a corner field, or a field that is linear on parts of faces.
-    half_width : (n,) half widths of stripes, in periods, for previews.
+    half_width : (n,) half widths of stripes, in periods, for previews and measures.
     closed     : (n,) values, or None. An opening becomes material if the mean of these values in it is positive."""
 
     name: str
@@ -157,7 +157,7 @@ class EvenFamily:
               Lines at multiples of 2^len(wanted) remain everywhere.
     slope   : (n,) lines of the phase per metre.    density : (n,) remaining lines per metre.
     stress  : (n,) size of the stress along the stripes; any unit.    adds : see `DrawableFamily`.
-    whole   : True to fill openings between members that are too close as a whole, False to fill narrow parts only."""
+    whole   : True to fill whole openings between members that are too close, False to fill narrow parts only."""
 
     name: str
     stripes: Stripes

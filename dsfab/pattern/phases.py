@@ -96,8 +96,7 @@ class Flow:
 
 
 def _lowest(B: Callable[[Complexes], Complexes], start: Floats, mass: Floats) -> Complexes:
-    """Return B^20 start (n,), with norm 1 and an error of 1e-5, from a Krylov space of 12 products with B.
-    B conjugates some of the complex numbers, so only a real matrix of their real and imaginary parts can express B."""
+    """Return B^20 `start` with norm 1 and error 1e-5. B conjugates some numbers, so it is linear only in real pairs."""
     x = krylov_power(
         lambda x: _real_pairs(B(_complex_numbers(x))), _real_pairs(start.astype(complex)), np.repeat(mass, 2), 20, 12
     )
@@ -202,9 +201,8 @@ def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | 
 
 
 def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
-    """Return phases at the corners of each face from `phase` (n,), without regard to neighbouring faces.
-    Phases at two corners may differ by whole periods; the difference nearest to `flow.turn` is used. A face is singular
-    if the phase or its sign is different after one turn around the face."""
+    """Return phases at the corners of each face alone, with the differences (modulo 1) nearest to `flow.turn`.
+    A face is singular if the phase or its sign is different after one turn around the face."""
     surface, sign = flow.frames.surface, flow.sign
     i, j = flow.frames.ends.T
     miss = sign * phase[j] - phase[i] - flow.turn
@@ -227,8 +225,7 @@ def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
 
 
 def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase with a sign and a shift for each face, found from face to face, so that adjacent faces agree.
-    In adjacent faces f, g, sign s and shift q satisfy z_f = s z_g + q at the start of their half-edge h0."""
+    """Return the phase with a sign and a shift for each face, found from face to face, so that adjacent faces agree."""
     h0, h1 = surface.edges.pairs.T
     f, g = h0 // 3, h1 // 3
     sign, shift = phase.sign.ravel(), phase.shift.ravel()
@@ -254,7 +251,7 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
 def propagate_phases(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
-    """Set `signs` and `shifts` (m,), which relate the phase of each face to that of the first face in `order`.
+    """Set `signs` and `shifts` (m,): phase seen from the first face in `order` = sign x (phase in a face) + shift.
     They begin with the relation s, q of a face to its `predecessor`. Each loop doubles the steps that they bridge."""
     child = order[1:]
     if not len(child):

@@ -58,7 +58,7 @@ class Stripes:
         return self.frequency * x + self.phase
 
     def band(self, x: Floats, d: Floats) -> Floats:
-        """Return z + d and z - d (n, 2) for phases z, half widths d (n,). Material has a whole number between."""
+        """Return z + d, z - d (n, 2) for phases z of x, half widths d (n,). In material, a whole number is between."""
         z = self.phases(x)
         return np.stack([z + d, z - d], axis=1)
 

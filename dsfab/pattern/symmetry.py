@@ -69,8 +69,7 @@ class Images:
 
     @staticmethod
     def _phase_map(R: Floats, T: csr_array, V: Floats, growth: Floats) -> tuple[csr_array, csr_array]:
-        """Return matrices A, B (n, n). At the images of vertices V (n, 3), phases x have the values A x + B conj(x).
-        R, T : see `Images.R` and `Images.maps`.    growth : (n, 3) gradient of the phase, up to sign, periods per m."""
+        """Return A, B: phases x at images of V are A x + B conj(x). growth : gradient (periods per m), up to sign."""
         column = T.indices
         row = np.repeat(np.arange(T.shape[0]), np.diff(T.indptr))
         growth_there, growth_here = growth[row] @ R.T, growth[column]

@@ -49,7 +49,7 @@ def _find_files(values: Any, folder: Path, key: str = "") -> None:
 
 
 def with_overrides(preset: Preset, changes: Mapping[str, Any]) -> Preset:
-    """Return the preset with new values at dotted keys. Raises PresetError, also if `preset` is not a `Preset`."""
+    """Return `preset` with new values at dotted keys. Raises PresetError like `load_preset`, or for another type."""
     if not isinstance(preset, Preset):
         raise PresetError(missing_preset(preset))
     touched = {key.partition(".")[0] for key in changes}  # other sections need no checks

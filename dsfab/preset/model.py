@@ -258,7 +258,7 @@ class Width(Section):
     steps: Annotated[int, Ge(1), Le(50)] = 8
     """Number of trials (cut and solve) for rule stressed."""
     min_width: LeastWidth = AUTO
-    """Smallest width of members, metres. 0: no limit. auto: a limit for evenly spaced members only, the thickness for
+    """Smallest width of members, metres. 0: no limit. auto: a limit for evenly spaced members only: the thickness for
     rule graded, and half of the thickness for rule stressed with pattern.workshop. The limit is at most half of the
     width that members would have if all were equally wide."""
     max_width: Annotated[float, Ge(0)] = 0.0
@@ -314,7 +314,7 @@ class Pattern(Section):
     constant or graded and a solid_fraction, auto tries four widths: constant, graded, graded with half of width.q, and
     stressed. If the preset sets no spacing, auto compares several spacings."""
     halve: bool = True
-    """For stripes. true: where stripes are too close, every second stripe ends on a crossing member. false: no ends."""
+    """For stripes. true: where stripes are too close, every second one ends on a crossing member. false: none does."""
     families: Literal["both", "major", "minor"] = "both"
     """Families of stripes. A single family has no crossings and ignores halve; only rim and keep join its members."""
     symmetry: Literal["auto", "none"] = "auto"
@@ -573,8 +573,7 @@ class Preset(Section):
 
     @model_validator(mode="after")
     def _keeps_its_count(self) -> "Preset":
-        """Refuse vertex numbers in guides and regions if a void changes the numbers of the vertices.
-        Supports and loads may use vertex numbers, because they are picked before voids are cut out."""
+        """Refuse vertex numbers in guides and regions if a void changes them; supports and loads are picked before."""
         regions = tuple(None if entry.do == "void" else entry for entry in self.pattern.region)
         lists: dict[str, Any] = {"pattern.guide": self.pattern.guide, "pattern.region": regions}
         counted = [

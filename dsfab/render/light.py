@@ -219,8 +219,7 @@ def pixel_and_floor_light(
 
 
 def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0) -> tuple[Floats32, Floats32]:
-    """Return points and normals (3, k + spare), scene units, of k pixels that show a body, then `spare` empty columns.
-    The points follow strips of 64 pixel rows. Neighbours are then close in memory, which saves time."""
+    """Return points (scene units) and normals of hit pixels, then empty columns. Strips of 64 rows save time."""
     points, normals = (np.empty((3, int(hit.sum()) + spare), dtype=np.float32) for _ in range(2))
     for rows, pixel_range in _strips(hit):
         _strip_points(scene, view, pixels, hit, rows, (points[:, pixel_range], normals[:, pixel_range]))

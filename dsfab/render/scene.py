@@ -335,7 +335,7 @@ class Scene:
     def lamp(self, frame: Floats, side: int) -> Floats32:
         """Return the depth (side, side) of the first body that a lamp sees in each pixel.
         The depth is 0..1 from the nearest to the farthest of `LAMP_DEPTHS`, and 1 where the picture is empty.
-        frame : (3, 3) unit vectors right, up and towards the lamp. Pixels cover -1 to 1 to the right and upwards."""
+        frame : rows (3, 3): unit vectors right, up, towards the lamp. Pixels cover -1 to 1 to the right and upwards."""
         self.window.resize(side, side)
         camera = self.window.camera
         camera.SetParallelProjection(True)

@@ -144,8 +144,7 @@ def _spaced_vertices(V: Floats, among: Ints, apart: float) -> list[Ints]:
 def _prisms(
     V: Floats, groups: Iterable[Ints], axis: Floats, begin: Floats, end: Floats | float, width: float
 ) -> MarkMesh:
-    """Return a mesh of prisms with round corners along `axis` (3,), one around each group of vertices of V (n, 3).
-    begin, end : coordinates on the axis where a prism begins and ends at each vertex, (n,) or a single end."""
+    """Return prisms with round corners along `axis` from `begin` to `end`, one around each group of vertices."""
     frame, ends = frame_towards(axis), np.stack([begin, np.broadcast_to(end, len(V))])
     turn = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
     circle, meshes = width / 2 * np.stack([np.cos(turn), np.sin(turn)], axis=1), list[MarkMesh]()

@@ -116,7 +116,7 @@ def _angles(name: str) -> tuple[float, float]:
 
 
 def _face_on(normal: Floats, up: Floats) -> ViewSide:
-    """Return a view almost along a plate's normal. The eye is on the side +x, -y or +z, nearest to the normal."""
+    """Return a view almost along a plate's normal. The eye is on the side (+x, -y or +z) nearest to the normal."""
     strongest = int(np.argmax(np.abs(normal)))
     normal = normal * np.sign(normal[strongest]) * (-1.0 if strongest == 1 else 1.0)
     level = normal - (normal @ up) * up

@@ -43,7 +43,7 @@ class Web:
         counted = f"{len(self.crossed)} ring{'s' * (len(self.crossed) > 1)} of the {self.family} family"
         return (
             f"no web here, because {len(rings)} of {counted} around the load {'is' if len(rings) == 1 else 'are'} "
-            f"crossed by {SPOKES} spokes or more ({', '.join(map(str, self.crossed))}); a web needs {RINGS} rings"
+            f"crossed by {SPOKES} spokes or more ({', '.join(map(str, self.crossed))}); a web has {RINGS} or more"
         )
 
 
@@ -173,11 +173,11 @@ def _beam_finding(design: Design, phases: Floats, loads: list[Bools], between: b
     surface = design.surface
     start, end = (loads[0], loads[-1]) if between else (np.logical_or.reduce(loads), design.load.supported)
     counts = links(surface, phases, nearby(surface, start), nearby(surface, end))
-    where = "from one load to the other" if between else "from the load to the supports"
+    origin, goal = ("one load", "the other") if between else ("the load", "the supports")
     if not any(counts):
-        return f"no beam here, because no line of either family runs unbroken {where}"
+        return f"no beam here, because no line of either family runs unbroken from {origin} to {goal}"
     name = "a beam" if sum(counts) == 1 else "beams"
-    return f"{name}: {counts[0]} major and {counts[1]} minor lines run unbroken {where}"
+    return f"{name}: {counts[0]} major and {counts[1]} minor lines run unbroken from {origin} to {goal}"
 
 
 def _grid_finding(rendition: Rendition) -> str:

@@ -132,8 +132,9 @@ def supports_text(pieces: Sequence[Piece]) -> str:
     loaded = [piece for piece in pieces if piece.loaded]
     if not loaded:
         lost = sum(not piece.held for piece in pieces)
-        return f"the load is spread, and {f'{_count(lost)} reach no support' if lost else 'all of it is supported'}"
+        lost_words = f"the load is spread, and {lost} of {len(pieces)} pieces reach no support"
+        return lost_words if lost else "the load is spread, and all of it is supported"
     lost = sum(not piece.held for piece in loaded)
     if lost:
-        return f"{lost} of {_count(len(loaded))} that carry a load reach no support"
+        return f"{lost} of {len(loaded)} pieces that carry a load reach no support"
     return f"the loads reach the supports through {_count(len(loaded))}"

@@ -127,8 +127,7 @@ def measured_rendition(
 
 
 def _carried_share(design: Design) -> float:
-    """Return the share of the loads that act on pieces with a support; nan without loads.
-    A load on void acts on the nearest material. design : with `slicing.loose` "keep"."""
+    """Share of loads on supported pieces; loads on void act on the nearest material. Needs `slicing.loose` "keep"."""
     if not any(load.force.any() for load in design.statics.loads(design.preset.followed_weights).values()):
         return np.nan
     try:
@@ -144,8 +143,7 @@ def _carried_share(design: Design) -> float:
 
 
 def _compliances(design: Design, share: float, uncut_compliance: dict[str, float]) -> tuple[float, float, str]:
-    """Return the design's compliance, divided by that of the uncut sheet and of a thinner sheet, and a text.
-    Without loads, both ratios are nan. If the design cannot carry its loads, both are infinite; the text says why."""
+    """Return compliance / that of the uncut and of a thinner sheet, and the reason if both are infinite."""
     statics, weights = design.preset.statics, design.preset.followed_weights
     uncut_loads = design.statics.loads(weights)
     if not any(load.force.any() for load in uncut_loads.values()):

@@ -125,8 +125,8 @@ def upsampled_beside_exact(design: Design, folder: Path) -> PaperComparison:
         f"void on a part of the surface. Without division this part is {_percent(coarsest.wrong)}, with "
         f"{coarsest.triangles:,} triangles; after {finest.rounds} rounds of division {_percent(finest.wrong)}, with "
         f"{finest.triangles:,}. The exact cut has {comparison.exact:,} triangles and "
-        f"no error of this kind. {finest.crowded:,} triangles still have more than one edge, because division cannot "
-        "separate edges of families that cross. The other errors are at crests of the wave in triangles with one edge."
+        f"no error of this kind. {finest.crowded:,} triangles still have two stripe edges or more: division cannot "
+        "separate families that cross. The other errors are at crests of the wave in triangles with one stripe edge."
     )
     file = f"{design.preset.name}-upsampled.webp"
     _write_chart(comparison, folder / file)

@@ -29,7 +29,7 @@ ROW = {
     "pattern.major": {"mode": 1, "frequency": 10.0, "phase": 0.0},
     "pattern.minor": {"mode": 1, "frequency": 10.0, "phase": 0.0},
 }
-"""The sphere's row of Table 1 (Madan et al.), with no kept regions, and families labelled by the sign of stress."""
+"""The sphere's row of Table 1 (Madan et al.), no kept regions. Unlike in the paper: families by stress sign."""
 LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # `ROW` with labels and law of Madan et al.
 SHARES = (0.3, 0.5, 0.7)  # Shares of material; each takes a few minutes.
 

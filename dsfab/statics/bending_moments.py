@@ -68,8 +68,7 @@ def _midedge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
-    """Return the curvature (m, 3), (xx, yy, 2 xy), 1/m, of each face: 1/A times the sum of  l theta / 2  n n^T  over
-    its edges with length l, outward normal n and change theta of the fold angle [Grinspun et al. 2006]."""
+    """Return curvature (xx, yy, 2 xy), edge sums of l theta n n^T / (2 A), fold change theta [Grinspun et al. 2006]."""
     length, _, out = half_edge_frames(surface)
     hinge, pairs = hinges(surface), surface.edges.pairs
     angle = np.einsum("ikx,ikx->i", angle_gradients(surface, hinge)[0], answer.u[hinge])
@@ -83,8 +82,7 @@ def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
-    """Return moments (m, 3, 3), N, at the corners of `hhj` elements: (12 / A) (I - J / 4) D r. J is the matrix of ones.
-    r is the work that unit moments do on the displacements and rotations, see `moment_loads`."""
+    """Return `hhj` corner moments (N), (12 / A) (I - J / 4) D r; J: ones; r: unit moments' work, see `moment_loads`."""
     edge, unknowns = surface.edges.of, answer.on_edges
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))

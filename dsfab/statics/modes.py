@@ -244,9 +244,8 @@ def _in_faces(surface: Surface, resultant: Floats) -> Floats:
 
 
 def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
-    """Return slopes (m, 2, 5, c) of each face, along two tangents, for its unit unknowns; and the unknowns (m, c).
-    Slopes 0 to 2: mean gradients of displacements x, y, z. Slopes 3, 4: from the curvature, at two quadrature points.
-    All slopes s contain the square root of the area, so that K_g is the sum of s . N s for membrane forces N."""
+    """Return slopes s (m, 2 tangents, 5, c) times the root of the area, so that K_g sums s . N s; and unknowns (m, c).
+    Slopes 0 to 2: mean gradients of displacements x, y, z. Slopes 3, 4: from curvature, at two quadrature points."""
     names = ("normal", "rotation") if elements.bending == "hhj" else ()
     mean = _mean_gradients(surface, names) * np.sqrt(surface.areas)[:, None, None, None]
     slopes = np.concatenate([mean, np.zeros((surface.m, 2, 2, mean.shape[3]))], axis=2)
@@ -260,8 +259,7 @@ def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
 
 
 def _mean_gradients(surface: Surface, names: tuple[str, ...]) -> Floats:
-    """Return mean gradients (m, 2, 3, 9 + 3 len(names)) of displacements x, y and z in each face, along both tangents.
-    Columns: unit displacements of corners, then the unknowns `names` of half-edges.
+    """Return mean gradients (m, 2 tangents, 3 xyz, columns) for unit displacements of corners, then unknowns `names`.
     `normal` moves an edge's middle along the edge's normal; only the part along the face's normal counts."""
     slope = np.einsum("mik,mak->mai", hat_gradients(surface), tangents(surface))
     gradients = np.zeros((surface.m, 2, 3, 9 + 3 * len(names)))

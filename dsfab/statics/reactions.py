@@ -131,8 +131,7 @@ def support_entries(
 
 
 def _extent(surface: Surface, picked: Bools) -> tuple[int, Floats, float, float]:
-    """Return number and mean of picked vertices (n,), and the length (m) of edges and area (m2) of faces between them.
-    Inner edges of a face with three picked corners do not count."""
+    """Return count and mean of picked vertices, and length (no inner edges of picked faces) and area between them."""
     faces, edges = surface.faces_of(picked), surface.edges
     inner = np.zeros(len(edges.ends), dtype=bool)
     inner[edges.of[faces]] = True

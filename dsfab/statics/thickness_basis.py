@@ -122,7 +122,7 @@ class ThicknessBasis:
     constant, per_metre : f0 (u, k), N, and f1 (u, k), N/m.
     vectors   : (u, b) basis of the displacements.
     reduced   : (3, b, b) `projection` on `vectors`.    modes : (3, s, s) `projection` on the buckling modes.
-    geometric : (b, s, s) products x_i . -K_g x_j of modes. K_g is for the stress of each of `vectors`, 1 m thick."""
+    geometric : (b, s, s) products x_i . -K_g x_j of modes. K_g: stress of one of `vectors`, in a sheet 1 m thick."""
 
     sheet: SheetModel
     loads: Mapping[str, LoadCase]
@@ -228,7 +228,7 @@ def _resultants(sheet: SheetModel, stiffness: ThicknessStiffness, x: Floats) -> 
 
 
 def _buckling_modes(across: ThicknessStiffness, resultants: Floats, factor: Factor) -> list[Floats]:
-    """Return the lowest buckling modes (u, s) of the most compressed load cases. resultants : membrane forces, N/m."""
+    """Return the lowest buckling modes (u, s) of the most compressed cases. resultants : (k, m, 3, 3), N/m."""
     surface, modes = across.surface, list[Floats]()
     compression = [-np.linalg.eigvalsh(N)[:, 0].clip(max=0) @ surface.areas for N in resultants]
     for k in np.argsort(compression)[: -1 - CASES : -1]:

@@ -56,8 +56,7 @@ def rib_shape(surface: Surface) -> RibShape:
 
 
 def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, largest: float) -> Floats:
-    """Return radii (k,) of the largest empty discs that touch the border from inside, at points (k, 3).
-    Small discs grow until they contain another point, then shrink until they are empty [Ma, Bae and Choi 2012]."""
+    """Return radii of the largest empty discs at border points: discs grow, then shrink [Ma, Bae and Choi 2012]."""
 
     def blocked(discs: Ints) -> tuple[Bools, Floats]:
         p, n, r = points[discs], inward[discs], radius[discs]

@@ -17,7 +17,7 @@ from dsfab.surface import LoadCase
 LEAST = 1e-4
 """Least thickness, as a fraction of the sheet's thickness, so that empty faces still have a direction of force."""
 SETTLED, MOVE, STEPS = 0.01, 0.2, 40
-"""Steps end at a thickness change below `SETTLED`, or after `STEPS`. Largest change: `MOVE`. Unit: sheet thickness."""
+"""Steps end at a thickness change below `SETTLED`, or after `STEPS`. Most per step: `MOVE`. Unit: sheet thickness."""
 
 
 class VaryingSheet(NamedTuple):

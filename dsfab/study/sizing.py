@@ -180,9 +180,8 @@ def _standing_design(guess: Preset, thickest: float, progress: Progress) -> Desi
 
 
 def _nearest_trials(design: Design, stock: Sequence[float], progress: Progress) -> "_StockTrials":
-    """Return trials of stock thicknesses near the thickness of a draft. If a thinner or thicker sheet may be better, a
-    new draft has the smallest or largest of these thicknesses, or, if the old draft had this, the next in the stock.
-    Raises PatternError or StaticsError if the first draft fails."""
+    """Return trials of stock thicknesses near a draft's. If thinner or thicker sheets may be better, draft again at the
+    smallest or largest of these, or else the next in stock. Raises PatternError or StaticsError of the first draft."""
     thickness, solved, rows = design.preset.statics.thickness, set[float](), None
     while True:
         solved.add(thickness)
@@ -215,9 +214,8 @@ def _draft(design: Design) -> Design:
 def _own_cuts(
     design: Design, preset: Preset, rows: "_StockTrials", progress: Progress
 ) -> tuple[list[SizingTrial], Design | None]:
-    """Cut the design for several thicknesses. Return trials, and the thinnest design that meets the targets or None.
-    The first thickness is the one whose trial in `rows` is nearest to the targets. The last trial is that of the
-    returned design. Raises PatternError or StaticsError if a cut fails and no earlier cut meets the targets."""
+    """Return trials of new cuts, first the one nearest to the targets in `rows`, and the thinnest good design or None.
+    The design's trial is last. Raises PatternError or StaticsError if a cut fails before any cut meets the targets."""
     trials, chosen, count = list[SizingTrial](), None, len(rows.trials)
     k = rows.thinnest_sufficient()
     if 0 < k < count and rows.full_trial(k - 1).worst * rows.full_trial(k).worst < 1:
@@ -313,8 +311,7 @@ def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) ->
 
 
 def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) -> SizingTrial:
-    """Return the results for a solved structure as a trial.
-    row : trial of this thickness on an earlier cut sheet. Its buckling factor is used if `outcome` has none."""
+    """Return a solved structure's trial. `row`, of this thickness on an older cut, lends a missing buckling factor."""
     targets = design.preset.sizing
     use = outcome.use.value if outcome.use else float("inf") if row else None  # None: utilisation not yet computed
     movement = outcome.movement.share if outcome.movement else float("inf")

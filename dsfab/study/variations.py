@@ -98,7 +98,7 @@ def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
 
 
 def expected_seconds(values: Values, stages: Mapping[str, float], picture: float) -> float:
-    """Return the expected time (s) to make a picture of each combination. stages : time of each stage, s."""
+    """Return the expected time (s) for all pictures. stages, picture : time of each stage and of one picture, s."""
     total = picture * count(values)
     for stage, seconds in stages.items():
         # a stage runs once for each combination of values of its own keys and of the keys of earlier stages

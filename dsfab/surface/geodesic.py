@@ -176,8 +176,7 @@ def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf
 class _Bends(NamedTuple):
     """Vertices (k,) at which shortest paths bend. A path leaves at `bound` radians or more from its incoming part.
     offset : (k,) distance of each vertex from the source, metres.
-    edge   : (k, 2) two edges at the vertex.
-    angle  : (k, 2) angles between the incoming part of the path and these edges, radians."""
+    edge, angle : (k, 2) two edges at the vertex, and their angles to the incoming part of the path, radians."""
 
     vertex: Ints
     offset: Floats
@@ -197,11 +196,9 @@ class _Bends(NamedTuple):
 
 
 class _Front:
-    """Distances computed so far; see `Distances`.
-    reached : (m,) faces that are partly within reach.
-    bending : (n,) vertices at which paths may bend.
-    bent    : (n,) distance of each vertex when it last became the source of windows (reached parts of edges).
-    waiting : vertices that still have to become sources of windows."""
+    """Distances computed so far; see `Distances`.    reached : (m,) faces that are partly within reach.
+    bent : (n,) distance of each vertex when it last became the source of windows (reached parts of edges).
+    bending : (n,) vertices at which paths may bend.    waiting : vertices that must still become sources of windows."""
 
     def __init__(self, surface: Surface, origins: Origins, reach: float) -> None:
         self.F, self.edges, self.origins, self.reach = surface.F, surface.edges, origins, reach

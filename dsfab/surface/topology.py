@@ -87,8 +87,7 @@ def edge_table(F: Ints) -> EdgeTable:
 
 
 def _counted_order(keys: Ints, count: int) -> Ints:
-    """Return the order (k,) that sorts integers (k,) below `count`; equal integers keep their order.
-    The transposition of a sparse matrix is a fast counting sort [Gustavson 1978]."""
+    """Return the stable order of integers below `count`. A matrix transposition is a fast sort [Gustavson 1978]."""
     rows = csr_array((np.ones(len(keys), dtype=np.int8), keys, np.arange(len(keys) + 1)), shape=(len(keys), count))
     return rows.tocsc().indices.astype(np.int64)
 
@@ -181,8 +180,7 @@ def corner_fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bool
 
 
 def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | None = None) -> tuple[int, Ints]:
-    """Return the number of fans (faces around a vertex that shared edges connect), and the fan of each corner (3 m,).
-    Corner h is the start of half-edge h. also, apart : as in `corner_fans`."""
+    """Return the number of fans (faces at a vertex, connected by edges) and each corner's fan; see `corner_fans`."""
     pairs = edges.pairs if apart is None else edges.pairs[~apart[edges.count == 2]]
     h0, h1 = (pairs if also is None else np.concatenate([pairs, also])).T
     a, _ = half_edges(F)
@@ -195,8 +193,7 @@ def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | No
 
 
 def _walks_meet_all_corners(F: Ints, edges: EdgeTable, n: int) -> bool:
-    """Return True if one walk around each vertex meets all of its corners; False also if the walks cannot decide.
-    A walk steps over at most `LONGEST_WALK` edges from corner to corner, from the boundary if the vertex has one."""
+    """Return True if one walk around each vertex meets all of its corners; False also if the walks cannot decide."""
     if len(misoriented_edges(F, edges)) or (edges.count > 2).any():
         return False
     start = np.full(n, -1)
@@ -276,8 +273,8 @@ def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
     faults = [crowded_edge_fault(edges), repeated_face_fault(F)]
     if len(opposed):
         note = "" if flips_to_orient(F, edges) is not None else "; the surface is not orientable"
-        many = count_phrase(len(opposed), "edge", "have")
-        faults.append(f"{many} two faces of opposite orientation (first: {named_edges(opposed, edges)}){note}")
+        many, first = len(opposed), named_edges(opposed, edges)
+        faults.append(f"{count_phrase(many, 'edge', 'have')} two faces of opposite orientation (first: {first}){note}")
     if len(touching):
         places = count_phrase(len(touching), "vertex")
         faults.append(f"parts touch in a point at {places} (first: {first_few(touching)})")

@@ -128,7 +128,7 @@ def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
 
 
 def _unit_normals(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
-    """Normalise `point`. Use `mean` where `point` looks away from a face, or a face normal if the mean is near zero."""
+    """Normalise `point` (n, 3). Use `mean` where it looks away from a face, or a face normal if `mean` is near zero."""
     N = np.where(_sees_all(surface, point, faces)[:, None], point, mean)
     lost = lengths(N) < 1e-6
     if lost.any():

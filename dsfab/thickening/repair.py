@@ -82,7 +82,7 @@ def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
 
 
 def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
-    """Group the vertices of crossing faces into folds; return each vertex's fold (n,), or -1, and box diagonals (m)."""
+    """Group vertices of crossing faces into folds; return each vertex's fold (n,), or -1; and box diagonals, metres."""
     corner = F[pairs].reshape(-1, 6)
     i, j = np.repeat(corner[:, :1], 5, axis=1).ravel(), corner[:, 1:].ravel()
     label, used = link_components(len(V), i, j)[1], distinct(corner)
@@ -120,7 +120,7 @@ class RepairedSkin:
 def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None) -> RepairedSkin:
     """Remove intersections of the skin of a sheet with offsets D (n, 3) as far as possible.
     If the sheet crosses itself, dsfab cuts it into patches and unites their solids.
-    among : mask of the skin's faces that may intersect, whichever diagonals the walls have; by default all faces."""
+    among : mask of the skin's faces that may intersect for some choice of wall diagonals; by default all faces."""
     V = surface.V
     backslash = skin.shorter_diagonals(V, D)
     pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash), among)
@@ -173,8 +173,7 @@ def _away_from(surface: Surface, crossing: Ints, D: Floats) -> Bools:
 
 
 def _thin_offsets(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, free: Bools) -> tuple[Floats, Ints]:
-    """Shorten offsets at pairs of intersecting faces, to no less than the fraction `THINNEST` of their length.
-    Return offsets and pairs of the round with the fewest pairs. free : (n,) vertices whose offsets may change."""
+    """Shorten `free` offsets at intersecting faces. Return offsets and pairs of the round with the fewest pairs."""
     if not len(pairs):
         return D, pairs
     faces = skin.faces(backslash)

@@ -81,8 +81,7 @@ def _surely_separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j:
 
 
 def _corners_meet(V: Floats, s: Ints, first_edge: tuple[Ints, Ints], second_edge: tuple[Ints, Ints]) -> Bools:
-    """Return True if triangles (s, a, b) and (s, c, d) meet outside s; an exact test.
-    Edge ab then meets the second triangle, or edge cd the first, or the angles at s overlap in a common plane."""
+    """Test exactly if triangles sab and scd meet outside s: ab or cd meets the other, or flat angles at s overlap."""
     S, A, B, C, D = V[s], V[first_edge[0]], V[first_edge[1]], V[second_edge[0]], V[second_edge[1]]
     a, b, c, d = _side(S, C, D, A), _side(S, C, D, B), _side(S, A, B, C), _side(S, A, B, D)
     meet: Bools = (a * b <= 0) & (c * d <= 0)
@@ -140,8 +139,7 @@ def _side(a: Floats, b: Floats, c: Floats, d: Floats) -> Ints:
 
 
 def _turn(axis: Ints, a: Floats, b: Floats, c: Floats) -> Ints:
-    """Return the exact sign of the area of triangles (k,), projected along a coordinate axis.
-    This is the sign of the volume of a tetrahedron: its base is the projected triangle, its tip is at 1 on the axis."""
+    """Return the exact sign of projected areas: that of the tetrahedra over them with the tip at 1 on the axis."""
     keep = 1.0 - np.eye(3)[axis]
     return _side(a * keep, b * keep, c * keep, np.eye(3)[axis])
 

@@ -140,8 +140,7 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
 
 
 def _collapse_short_edges(V: Floats, F: Ints, single: bool) -> tuple[Floats, Ints, Ints]:
-    """Collapse short edges of a united mesh with the tolerance for which the fewest pairs of faces intersect.
-    Return the mesh and these pairs. Without collapses, intersection points can be too close for single precision."""
+    """Collapse edges too short for single precision. Return the mesh with the fewest intersecting pairs, and these."""
     step = float(np.spacing(np.float32(np.abs(V).max() * MM_PER_M))) / MM_PER_M
     result: tuple[Floats, Ints, Ints] | None = None
     for tolerance in (0.0, *(step * factor for factor in (1.0, 4.0, 16.0, 64.0))):
@@ -217,7 +216,7 @@ class PrismPart(NamedTuple):
 
 
 def prism_part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> PrismPart:
-    """Return `overlap` as a closed mesh, cut where it touches itself in a point. corners : (m, 3, 3) offsets (m)."""
+    """Return `overlap` as a closed mesh, cut where it touches itself at points. corners : (m, 3, 3) offsets, metres."""
     faces = np.flatnonzero(overlap.faces)
     F = corner_fans(surface.F[faces], edge_table(surface.F[faces]))
     _, first_corner = np.unique(F.ravel(), return_index=True)

@@ -99,8 +99,7 @@ STRIP = (
 
 
 def _curved_strip() -> float:
-    """Return the displacement of a quarter ring under a load normal to its plane [Timoshenko 1955]:
-    P R^3 (pi / 4 / (E I) + (3 pi / 4 - 2) / (G J))."""
+    """Return the displacement of a quarter ring under a unit load normal to its plane [Timoshenko 1955]."""
     young, poisson, radius, width, thickness = 1e7, 0.25, 4.22, 0.2, 0.1
     bending = young * width * thickness**3 / 12
     torsion = young / (2 * (1 + poisson)) * width * thickness**3 / 3
@@ -108,8 +107,7 @@ def _curved_strip() -> float:
 
 
 def _curved_plane() -> float:
-    """Return the displacement of a quarter ring's free end along a unit shear force, in plane stress:
-    pi P (a^2 + b^2) / (E h (a^2 - b^2 + (a^2 + b^2) ln(b / a)))  [Golovin 1881; Timoshenko and Goodier 1951, 33]"""
+    """Return a quarter ring's end shift, unit shear, plane stress [Golovin 1881; Timoshenko and Goodier 1951, 33]."""
     a, b, young, thickness = 4.12, 4.32, 1e7, 0.1
     squares = a**2 + b**2
     return float(np.pi * squares / (young * thickness * (a**2 - b**2 + squares * np.log(b / a))))

@@ -143,11 +143,9 @@ class PanelParts:
 
 @dataclass(frozen=True, eq=False)
 class _CrossingEdge:
-    """Member that crosses another member at the node `name`.
-    s    : arc length of the crossing on the axis of the crossed member, metres.
+    """Member that crosses another member at the node `name`, at arc length `s` of the crossed member's axis, metres.
     way  : (2,) unit direction of the crossing member, along and to the left of the crossed member.
-    half : half width of the crossing member, metres.
-    over : True if the crossing member is continuous, so that the crossed member is cut."""
+    half : its half width, metres.    over : True if this member is continuous, so that the crossed one is cut."""
 
     name: str
     s: float
@@ -206,9 +204,8 @@ def _crossing_edge(
 
 @dataclass(frozen=True)
 class _PanelEnd:
-    """End of a panel: arc lengths at its right and left edge, and corners of its tab from right to left.
-    tab  : (q,) arc lengths and (q,) distances to the left of the axis, metres; empty without a tab.
-    foot : a tab that goes into the base plate."""
+    """End of a panel: arc lengths at its right and left edge, and a tab that may be a `foot` in the base plate.
+    tab : corners from right to left: arc lengths, and distances left of the axis, metres; empty without a tab."""
 
     right: float
     left: float
@@ -263,8 +260,7 @@ class _MemberPanels:
         return _PanelEnd(float(shoulders[0]), float(shoulders[1]), (tab, y))
 
     def _ends_with_foot(self, begin: _PanelEnd, end: _PanelEnd) -> tuple[_PanelEnd, _PanelEnd]:
-        """Return both ends of a panel. If one end has a foot (a tab into the base plate), the tab at the opposite end
-        may become shorter, so that material remains between foot and tab."""
+        """Return both ends; a tab opposite to a foot becomes shorter if needed, so that material stays between both."""
         least = 0.1 * self.member.mean_width  # least length of the panel between its two tabs
         if begin.foot and len(end.tab[0]):
             low = max(begin.right, begin.left) + least

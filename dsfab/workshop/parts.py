@@ -300,7 +300,7 @@ def half_plane_clip(P: Floats, a: Floats, b: float) -> Floats:
 
 
 def label(text: str, middle: Floats, angle: float, height: float) -> tuple[Floats, ...]:
-    """Return strokes (k, 2) of a text along an angle (radians); `middle` (2,) is its place, metres."""
+    """Return strokes (k, 2) of a text along an angle (radians). middle : (2,) place of the text's middle, metres."""
     lines = strokes(text, height)
     width = max(float(line[:, 0].max()) for line in lines)
     return tuple((line - [width / 2, height / 2]) @ rotation_matrix(angle) + middle for line in lines)

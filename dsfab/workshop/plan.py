@@ -11,7 +11,7 @@ import numpy as np
 
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import PatternError
-from dsfab.core.messages import length, names_and_count, stopping_clause
+from dsfab.core.messages import length, names_and_count
 from dsfab.design import Design
 from dsfab.members import MemberGraph, member_graph, spherical_normals
 from dsfab.preset.sections import Workshop
@@ -133,7 +133,7 @@ def usable_sizes(options: Workshop) -> list[tuple[float, float]]:
 
 
 def _route_by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up: Floats) -> ConstructionRoute:
-    """Choose how to build: strips within the bending limit; or else bars near the surface, planks, or other bars."""
+    """Choose the first possible way: strips within the bending limit, bars near the surface, planks, or other bars."""
     worst, layers_text = max(limits.bending, limits.shape), f"layers of {length(limits.thickness)} of strips"
     if not limits.limit:
         reason = f"{layers_text} would be bent to {worst:.2%}, and the limit of the material is not known"
@@ -178,7 +178,7 @@ def _planks_or_reason(design: Design, graph: MemberGraph, up: Floats) -> tuple[P
         planks = design_planks(design, graph, up)
     except PatternError as error:
         return None, f"upright planks are impossible: {error}"
-    return (None, f"upright planks {planks.obstacle}") if planks.obstacle else (planks, "")
+    return (None, planks.obstacle) if planks.obstacle else (planks, "")
 
 
 def longest_oversize_part(parts: Sequence[FlatPart], options: Workshop) -> FlatPart | None:
@@ -444,11 +444,11 @@ def _plate_notes(plates: list[FlatPart]) -> list[str]:
 def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> list[str]:
     notes = []
     if strips.shortened:
-        notes.append(
-            f"{_quantity(len(strips.shortened), 'strip')} {stopping_clause(len(strips.shortened))} other strips "
-            f"of the same layer, or would curl up: {names_and_count(strips.shortened)}; "
-            f"not reached by these strips: {_quantity(len(strips.missed_nodes), 'node')}"
-        )
+        number, missed = len(strips.shortened), _quantity(len(strips.missed_nodes), "node")
+        one = "1 strip stops before its ends, where it would run into other strips of its layer or curl up"
+        more = f"{number} strips stop before their ends, where they would run into others of their layer or curl up"
+        reason = one if number == 1 else more
+        notes.append(f"{reason}: {names_and_count(strips.shortened)}; this leaves {missed} unreached")
     if strips.vanished:
         notes.append(f"NOT BUILT, because other strips of the layer are in the way: {names_and_count(strips.vanished)}")
     if strips.splices_near_nodes:

@@ -281,7 +281,7 @@ def _connected_to(divided: Surface, selected: Bools, roots: Bools) -> Bools:
 
 
 def _with_bits_reassigned(divided: Surface, pieces: Ints, least: float) -> Ints:
-    """Return piece numbers (m,). A separate bit below `least` (m2) joins the piece with the most common border."""
+    """Return piece numbers (m,). A separate bit below `least` (m2) joins the piece with the longest common border."""
     face_a, face_b = (divided.edges.pairs // 3).T
     ends = divided.V[divided.edges.ends[divided.edges.count == 2]]
     edge_lengths, pieces = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), pieces.copy()

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from dsfab.core.arrays import Floats
-from dsfab.core.messages import length
+from dsfab.core.messages import count_phrase, length
 from dsfab.core.units import MM_PER_M
 from dsfab.preset.sections import Workshop
 from dsfab.workshop.nesting import NestedSheet, stack_parts
@@ -115,8 +115,9 @@ def _narrower_hint(
         trial = _trial_nest([narrow_strip(part, new_width / width) for part in parts], stock, gap, limit, grain)
         if trial is not None:
             how = f"{length(new_width)} wide instead of {length(width)}" if alike else f"{1 - share:.0%} narrower"
-            saving = _saving_text(trial, sheets)
-            yield f"with strips {how}, the parts would need {saving}; see [pattern.width], and build the design again"
+            needed = count_phrase(len(trial), "sheet")
+            advice = "change [pattern.width], and build the design again"
+            yield f"with strips {how}, the parts would need {needed} instead of {len(sheets)}; {advice}"
             return
 
 
@@ -131,8 +132,9 @@ def _larger_hint(
         limit = int((1 - LEAST_SAVING) * len(sheets) / larger + 1e-9)
         trial = _trial_nest(parts, [size], gap, limit, grain)
         if trial is not None:
+            needed = count_phrase(len(trial), "sheet")
             yield (
-                f"stock of {size[0]:.4g} x {size[1]:.4g} m would need {_saving_text(trial, sheets)}, "
+                f"stock of {size[0]:.4g} x {size[1]:.4g} m would need {needed} instead of {len(sheets)}, "
                 f"{1 - _sheets_area(trial) / _sheets_area(sheets):.0%} less of it"
             )
             return
@@ -143,10 +145,6 @@ def _trial_nest(
 ) -> list[NestedSheet] | None:
     room = 0.95 * limit * max(a * b for a, b in stock)
     return None if sum(part.area for part in parts) > room else stack_parts(parts, stock, gap, limit, grain)
-
-
-def _saving_text(tried: Sequence[NestedSheet], sheets: Sequence[NestedSheet]) -> str:
-    return f"{len(tried)} sheet{'' if len(tried) == 1 else 's'} instead of {len(sheets)}"
 
 
 def _sheets_area(sheets: Sequence[NestedSheet]) -> float:

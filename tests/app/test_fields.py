@@ -137,7 +137,7 @@ def test_directions_of_combined_cases_have_no_sign():
     assert colours == {PAPER.tints[0], PAPER.tints[1]}
     told = face_colouring(vault, "directions", PAPER)
     assert told.bar is None
-    assert "directions of combined cases" in told.words
+    assert "combined cases: red bars" in told.words
     dome = draft(load_preset(DOME_MODES, {"surface.edge": 0.9}))
     assert {tuple(row) for row in crosses(dome, PAPER).colour.tolist()} == {PAPER.tension, PAPER.compression}
     assert face_colouring(dome, "directions", PAPER).bar is not None

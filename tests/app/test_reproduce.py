@@ -258,7 +258,7 @@ def test_crosses_lie_along_the_principal_stresses(degrees):
 
 
 def test_without_anisotropy_there_are_no_directions():
-    with pytest.raises(DsfabError, match="r = 1, so diffusion has no preferred direction"):
+    with pytest.raises(DsfabError, match="no preferred directions to show, because r = 1"):
         crosses(stressed(grid(8, 8, 1.0, 1.0), 0.0, r=1.0), PAPER)
 
 

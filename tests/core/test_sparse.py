@@ -256,7 +256,7 @@ def test_a_factor_that_does_not_fit_is_refused(solver, monkeypatch):
     monkeypatch.setattr(cholesky, "free_memory", lambda: 1000)
     monkeypatch.setattr(sparse, "solver_name", lambda: solver)
     K, points, node = system(ZOO["flat"]())
-    with pytest.raises(FactorMemoryError, match=r"needs 0\.\d GiB, 0\.0 GiB are free; use a coarser mesh"):
+    with pytest.raises(FactorMemoryError, match=r"needs 0\.\d GiB of memory; 0\.0 GiB are free; use a coarser mesh"):
         factorise(K, points, node)
 
 

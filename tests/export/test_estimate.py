@@ -114,7 +114,7 @@ def test_auto_simplifies_solids_over_the_budget(tmp_path, inspected):
     said, solid = [], saddle_solid()
     write(solid, tmp_path / "a.step", step=StepOptions(faces=1000), note=said.append)
     assert f"simplified from {len(solid.F):,} to" in said[0]
-    assert said[0].endswith(f": faceted it would have {len(solid.F):,} planar faces, more than step_faces = 1000")
+    assert said[0].endswith(f"written as faceted would have {len(solid.F):,} planar faces, more than step_faces = 1000")
 
 
 def test_a_tolerance_without_effect_gives_a_note(tmp_path, inspected):

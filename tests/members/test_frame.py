@@ -237,7 +237,7 @@ def test_slender_frames_agree_with_the_shell_within_a_tenth(name):
         assert off < 0.05 or not found.slender, found
         assert off < 0.1 or name not in RIGHT, found
         assert ("take displacements from the sheet" in found.summary) == (off > 0.1), found
-        assert ("of the energy is in discs, links, bays wider" in found.summary) == (off > 0.1), found
+        assert ("of the energy is in discs, links, parts between nodes wider" in found.summary) == (off > 0.1), found
 
 
 def test_energy_in_discs_is_reported_even_if_their_beams_carry_little():

@@ -85,7 +85,7 @@ def test_a_preset_with_spacing_survives_being_written_and_read(tmp_path):
 
 def test_a_constant_mode_has_no_spacing():
     plate = grid(3, 3, 1.0, 1.0)
-    with pytest.raises(PatternError, match="an eigenmode that is not constant"):
+    with pytest.raises(PatternError, match="the eigenmode must not be constant"):
         frequency_for(plate, np.ones(plate.n), 0.1)
 
 

@@ -98,10 +98,10 @@ def test_a_sheet_that_is_supported_everywhere_has_a_score():
 
 def test_without_any_way_of_support_the_message_blames_no_option():
     with pytest.raises(
-        PresetError, match="no way to hold the surface is plausible; choose with --stand: a height over"
+        PresetError, match="no way to hold the surface is plausible; choose with --stand: a height in metres above"
     ):
         choice(MEANT["groin"].surface, {}, "m")
-    with pytest.raises(PresetError, match="--stand feet: the surface has no such place; use a height over its lowest"):
+    with pytest.raises(PresetError, match="--stand feet: the surface has no such place; use a height in metres above"):
         choice(MEANT["groin"].surface, {}, "m", "feet")
 
 

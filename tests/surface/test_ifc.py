@@ -117,7 +117,7 @@ def test_slabs_become_their_middle_surfaces(tmp_path):
     surface = proposal.preset.surface.base_surface()
     assert surface.area == pytest.approx(2 * 4 * 3)
     assert_allclose(surface.V[:, 2], 1.1)
-    assert "a slab, 200 mm thick, reduced to its middle surface" in "\n".join(proposal.lines)
+    assert "a slab, 200 mm thick, was reduced to its middle surface" in "\n".join(proposal.lines)
     assert proposal.preset.surface.up == "z"
 
 

@@ -442,7 +442,7 @@ def test_modifiers_of_slicers_are_ignored_and_named(tmp_path):
         model_settings=f'<config><object id="3">{kinds}</object></config>',
     )
     for path in (prusa, bambu):
-        assert "1 modifier or support that only the slicer uses" in dropped(path)
+        assert "1 printing aid that only the slicer uses" in dropped(path)
         assert describe(path).area == pytest.approx(AREA)
     assert "1 item marked as not printable" in dropped(bambu)
     broken = archive(

@@ -37,7 +37,7 @@ def test_a_scan_of_a_ball_becomes_a_ball():
     told = "; ".join(mesh.repairs)
     for words in (
         "without area",
-        "lie on other faces",
+        "on top of other faces",
         "faces separated at 1 edge with more than two faces",
         "2 small pieces dropped",
     ):

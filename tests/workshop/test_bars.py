@@ -360,7 +360,7 @@ def test_auto_takes_planks_where_bars_would_leave_the_surface_and_planks_can_be_
     assert (
         f"bars would leave the surface by up to {length(bars.largest_sagitta)}, and members are 200 mm" in route.reason
     )
-    assert f"to a strain of {max(bends.values()):.2%} (allowed: {limit:.2%}), cross at 88 degrees" in route.reason
+    assert f"to a strain of {max(bends.values()):.2%} (allowed: {limit:.2%}); planks cross at 88" in route.reason
     assert_hindrances(route.planks)
 
 
@@ -368,7 +368,7 @@ def assert_hindrances(plan):
     """What planks would be that cannot be built, in numbers."""
     assert not plan.obstacle
     bend = max(plan.planks.bends.values())
-    assert f"bent out of their plane to a strain of {bend:.2%}" in replace(plan, limit=0.9 * bend).obstacle
+    assert f"bend out of their plane to a strain of {bend:.2%}" in replace(plan, limit=0.9 * bend).obstacle
     for changes, said in (
         ({"stuck": {"A01": 0.3, "A02": 0.4}}, "slots of 2 of them differ by up to 23 degrees"),
         ({"crowded": ["N1 in A01"]}, "without wood between them: N1 in A01"),

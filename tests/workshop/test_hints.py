@@ -28,7 +28,7 @@ def hints(parts, stock, gap=GAP):
 def test_strips_that_are_a_little_too_wide_for_one_more_row():
     """(1.25 - .008) / (.2 + .008) = 5.97, / (.19 + .008) = 6.27: of 11 strips, five or six lie on a sheet."""
     said, *_ = hints(strips(11, 2.4, 0.2), [(2.5, 1.25)])
-    assert said.startswith("with strips 190 mm wide instead of 200 mm, the parts would need 2 sheets instead of 3; see")
+    assert said.startswith("with strips 190 mm wide instead of 200 mm, the parts would need 2 sheets instead of 3")
 
 
 def test_the_hint_gives_the_least_narrowing_that_saves_a_sheet():

@@ -25,7 +25,7 @@ INPUTS = (
     HopsParameter(
         "supports", "S", "Points that hold the surface near them. Default: proposed supports.", "Point", is_list=True
     ),
-    HopsParameter("snow", "Sn", "Snow load, Pa on the plan. Default: a usual value for the surface.", "Number"),
+    HopsParameter("snow", "Sn", "Snow, Pa on the plan. Default: usual load for the kind of surface.", "Number"),
     HopsParameter("spacing", "Sp", "Distance from one member to the next, in the unit of the model.", "Number"),
     HopsParameter("thickness", "T", "Thickness of the sheet, in the unit of the model.", "Number"),
     HopsParameter("share", "Sh", "Share of the surface that is material, 0 to 1.", "Number"),

@@ -33,10 +33,11 @@ class FactorMemoryError(DsfabError, MemoryError):
     @classmethod
     def from_bytes(cls, needed: int | None, free: int | None = None) -> Self:
         """Return the error; its message contains the `needed` and `free` bytes if they are known."""
-        need = "more memory than is free" if needed is None else f"{needed / 2**30:.1f} GiB"
-        free_text = "" if free is None else f", {free / 2**30:.1f} GiB are free"
+        unknown = "factorising the stiffness needs more memory than is free"
+        words = unknown if needed is None else f"factorising the stiffness needs {needed / 2**30:.1f} GiB of memory"
+        free_words = "" if free is None else f"; {free / 2**30:.1f} GiB are free"
         return cls(
-            f"factorising the stiffness needs {need}{free_text}; use a coarser mesh or simpler elements, close other "
+            f"{words}{free_words}; use a coarser mesh or simpler elements, close other "
             "programs, or install dsfab[amg], which needs a tenth of the memory (constant+hinge elements only)"
         )
 
@@ -233,8 +234,7 @@ class Fronts:
 
 
 def _touched_points(row: Index, column: Index, front_start: Ints) -> tuple[list[Ints], list[list[int]]]:
-    """Return the later points that the elimination of each front changes, also by fill-in, and each front's children.
-    row, column : points of every entry below the diagonal.    front_start : (fronts + 1,) first point of each front."""
+    """From entries below the diagonal, return later points that each front changes (with fill-in), and its children."""
     n = int(front_start[-1])
     front = np.repeat(np.arange(len(front_start) - 1), np.diff(front_start))
     outside = front[row] != front[column]
@@ -305,8 +305,7 @@ class Multifrontal:
 
 
 def _add_update(pivot_rows: Numbers, rest: Numbers, update: Numbers, positions: Ints) -> None:
-    """Add a child's update (c, c), upper triangle, to the rows and columns `positions` (c,) of the parent's front.
-    Neighbouring columns are added together, which is faster."""
+    """Add a child's update (upper triangle) to a front at `positions`. Neighbouring columns go together, for speed."""
     k = len(pivot_rows)
     inner = int(np.searchsorted(positions, k))
     ends = np.flatnonzero((np.diff(positions) != 1) | (positions[1:] == k)) + 1
@@ -320,8 +319,7 @@ def _add_update(pivot_rows: Numbers, rest: Numbers, update: Numbers, positions: 
 
 
 def _partial_factorisation(pivot_rows: Numbers, rest: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-    """Eliminate the pivots of a front; return L (k, k), P (m, k) and the update (m, m), stored in its upper triangle.
-    pivot_rows (k, k + m) and rest (m, m) are the transposed lower triangle of the front."""
+    """Return L, P and the update (upper triangle) of a front. The arguments are its transposed lower triangle."""
     k, is_complex = len(pivot_rows), np.iscomplexobj(pivot_rows)
     potrf, trsm, rank_k = (zpotrf, ztrsm, zherk) if is_complex else (dpotrf, dtrsm, dsyrk)
     if not k:

@@ -95,9 +95,8 @@ def pardiso_matrix(K: Matrix) -> csr_array:
 
 @dataclass(frozen=True, eq=False)
 class _Pattern:
-    """Positions of the entries of a symmetric matrix (n, n), and of the entries in its upper triangle.
-    indptr, indices : CSR index arrays of the matrix.    pointer, column : CSR index arrays of the upper triangle.
-    place : positions of the upper triangle's entries among all entries."""
+    """Positions of the entries of a symmetric matrix (CSR: `indptr`, `indices`), and of those in its upper triangle
+    (CSR: `pointer`, `column`).    place : positions of the upper triangle's entries among all entries."""
 
     indptr: NDArray[np.int32]
     indices: NDArray[np.int32]

@@ -95,9 +95,8 @@ def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
 
 
 def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
-    """Return faces (m,) whose normal must be reversed for the shortest seam; None if no seam gives a two-sided piece.
-    counts : (m,) cost of a metre of seam along an edge of each face.
-    The seam runs from boundary to boundary. A loop that reverses the normal crosses the seam an odd number of times."""
+    """Return faces to reverse for the shortest seam from boundary to boundary; None if no seam gives a two-sided piece.
+    A loop that reverses the normal crosses the seam an odd number of times. counts : (m,) cost of a metre of seam."""
     n, m, edges = surface.n, surface.m, surface.edges
     h0, h1 = edges.pairs.T
     f, g, ends = h0 // 3, h1 // 3, edges.ends[edges.count == 2]
@@ -128,9 +127,7 @@ def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
 def _shortest_path(
     count: int, starts: Ints, ends: Ints, turns: Ints, lengths: Floats, source: int, target: int
 ) -> Ints:
-    """Return the edges of the shortest path from node `source` to `target`, in order; (0,) if there is no path.
-    Nodes i and i + count / 2 are two copies of a vertex or face. An edge with `turns` = 1 joins different copies.
-    count : number of nodes."""
+    """Return edges in order; (0,) for no path. Nodes i, i + count / 2 are copies; `turns` = 1 joins unlike copies."""
     half = count // 2
     tails = np.concatenate([starts, starts + half])
     heads = np.concatenate([ends + half * turns, ends + half * (1 - turns)])

@@ -157,7 +157,7 @@ class Utilisation:
         return by_name
 
     def worst_bays(self, count: int) -> list[int]:
-        """Return the most utilised bay (part between two nodes) of the `count` most utilised members, worst first."""
+        """Return the most utilised bay (between nodes) of each of the `count` most utilised members, worst first."""
         seen: dict[str, int] = {}
         for bay in self.order.tolist():
             seen.setdefault(self.bays.member[bay], bay)

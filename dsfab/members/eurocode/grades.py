@@ -26,7 +26,7 @@ class SteelGrade:
 
 def _steel(name: str, megapascals: tuple[float, ...], product: str) -> SteelGrade:
     yields = zip(PLATES, (x * MPA for x in megapascals), strict=True)
-    return SteelGrade(name, tuple(yields), f"EN 1993-1-1, table 3.1 for plates up to 80 mm; thicker plates: {product}")
+    return SteelGrade(name, tuple(yields), f"EN 1993-1-1, table 3.1 for plates up to 80 mm; {product} for thicker ones")
 
 
 PLATES = (0.04, 0.08, 0.1, 0.15, 0.2)

@@ -116,15 +116,14 @@ def _bay(
 
 
 def _sides(member: Member) -> Floats:
-    """Return widths (k, 2), m, to the left and right of the axis.
-    A disc's axis is a ring without an inner edge. So each width is at least half of the disc's area / ring length."""
+    """Return widths left and right of the axis. The axis of a disc has no inner edge, so its area gives widths."""
     return member.sides if member.kind != "disc" else np.maximum(member.sides, member.area / member.length / 2)
 
 
 def _divide_bay(
     member: Member, span: tuple[float, float], joint_widths: tuple[float, float], least: int
 ) -> tuple[Floats, Floats]:
-    """Return arc lengths (k + 1,) that divide a bay into joints and beams, and extra widths (k,) of the joints."""
+    """Return arc lengths (k + 1,) that divide a bay into joints and beams, and extra widths (k,), 0 for beams."""
     (s, t), axis = span, member.curve
     half = fitting(np.array(joint_widths) / 2, t - s)
     half[half < 0.05 * member.mean_width] = 0.0  # half joints shorter than this are left out

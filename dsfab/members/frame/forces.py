@@ -84,8 +84,7 @@ def _cut_cells(s: Floats, lengths: Floats, period: float) -> tuple[Ints, Ints]:
 
 
 def _line(level: Floats) -> tuple[Floats, Ints]:
-    """Return the line in each triangle on which `level` (c, 3), linear between the corners, is 0.
-    The results are barycentric weights (c, 2, 3) and sides (c, 2) of both ends; side k begins at corner k."""
+    """Return ends of each triangle's line `level` = 0: barycentric weights, and sides; side k begins at corner k."""
     ahead = np.roll(level, -1, axis=1)
     crossed = (level > 0) != (ahead > 0)
     order = np.argsort(~crossed, axis=1, kind="stable")[:, :2]

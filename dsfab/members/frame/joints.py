@@ -140,9 +140,8 @@ def join_ends(joints: AxisJoints) -> None:
 
 
 def _join_touching(joints: AxisJoints, trees: Trees) -> None:
-    """Join member ends that have no node to the members that touch these ends. A free end is joined to all members
-    nearer than the end's width. An end at another member is joined only to members that also end there, as in a star.
-    Ends with a node get no links, which would make the frame too stiff."""
+    """Join member ends without a node to members that touch them: free ends to all members, other ends only to members
+    that also end there, as in a star. Ends with a node get no links, which would make the frame too stiff."""
     surface = joints.graph.sheet.surface
     middle = surface.V[surface.edges.ends].mean(axis=1)
     borders = [np.unique(surface.edges.of[member.cells]) for member in joints.members_with_axis]

@@ -63,7 +63,7 @@ class JudgedReading:
 
 
 def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float = 1.0) -> JudgedReading:
-    """Return the reading (way of support) with its score, 0 if the sheet could move freely. usual : factor on it."""
+    """Return the reading with its score, 0 if the sheet could move freely. usual : factor on the score, for `up`."""
     if reading.kind == "object":
         return JudgedReading(reading, DRAWN * usual, up)
     surface, supported = shape.surface, reading.vertices(shape.surface)
@@ -99,8 +99,7 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
 
 
 def _steadiness(shape: Shape, reading: SupportReading, supported: Bools, upward: Floats, is_line: bool) -> float:
-    """Return 1 if the centre of mass is well inside the supports; less if the sheet would tip, swing or lift.
-    upward  : reaction at each place, newtons.    is_line : True for one long support, which can be clamped."""
+    """Return 1 if steady; less if the sheet may tip, swing or lift. upward : reactions.    is_line : can be clamped."""
     if reading.kind in ("wall", "floor"):
         return 1.0
     if reading.kind == "hung" and len(reading.places) == 1 and reading.places[0].name != "upper rim":
@@ -213,7 +212,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
     surface : surface in metres, or in the numbers of its file if the unit is unknown.
     axes    : possible vertical axes, each with a factor on the scores.
     unit    : unit, or "" if unknown.
-    stand   : value of --stand: name of a reading, or height (m) of the supports; "" for the best reading.
+    stand   : value of --stand: name of a reading, or height (m) above the lowest point; "" for the best reading.
     Raises PresetError if no reading has this name."""
     coarse = surface if is_nearly_closed(surface) else coarse_surface(surface)
     size = float(np.ptp(coarse.V, axis=0).max())

@@ -75,14 +75,16 @@ def _positive(text: str) -> float:
 def load_words(surface: Surface, pressures: Mapping[str, float]) -> str:
     """Return the loads as text: 'its own weight and people of 5 kPa on the plan area [EN 1991-1-1, table 6.2] ...'."""
     places = {
-        "snow": f"on the ground{' above its top' if snow_picker(surface) else ''}, less on slopes [EN 1991-1-3, 5.3]",
+        "snow": "on the ground, less on slopes [EN 1991-1-3, 5.3]",
         "people": "on the plan area [EN 1991-1-1, table 6.2]",
         "services": "on the plan",
         "wind": "from both sides [EN 1991-1-4, 7.4]",
     }
+    if snow_picker(surface):
+        places["snow"] = "on the ground, here on top only, less on slopes [EN 1991-1-3, 5.3]"
     parts = [f"{name} of {pressure / 1000:g} kPa {places[name]}" for name, pressure in pressures.items()]
-    placeholder = ", a placeholder for your local code" if parts else ""
-    return " and ".join(["its own weight", *parts]) + placeholder
+    words = " and ".join(["its own weight", *parts])
+    return f"{words}; replace these loads by those of your local code" if parts else words
 
 
 def load_tables(surface: Surface, pressures: Mapping[str, float]) -> Iterator[list[str]]:

@@ -71,9 +71,7 @@ def _standing(V: Floats, surface: Surface) -> float:
 
 
 def _stability(V: Floats, surface: Surface) -> float:
-    """Return the distance from the centre of mass to the edge of the base, divided by the root of the surface's area.
-    The result is at least -0.2 (the sculpture falls over) and at most 0.4.
-    V : (n, 3) vertices with z up."""
+    """Return (distance from centre of mass to edge of base) / sqrt(area): from -0.2 (the sculpture falls) to 0.4."""
     base_points = V[V[:, 2] <= V[:, 2].min() + SOLE * np.ptp(V[:, 2]), :2]
     middle = surface.areas @ V[surface.F, :2].mean(axis=1) / surface.area
     depth = depth_within(base_points, middle)

@@ -104,10 +104,10 @@ def refolded_pages(
     ]
     caption = f"{len(parts)} flat parts, bent back into space with the lengths from the drawings."
     if len(parts_in_space.deviations):
-        joint_words = "slots of two planks at nodes" if plan.planks else "holes at nodes"
-        gap_words = "away from each other" if plan.planks else "away from the axis of the node's bolt"
-        gap = MM_PER_M * parts_in_space.deviations.max()
-        caption += f" {len(parts_in_space.deviations)} {joint_words} are up to {gap:.2g} mm {gap_words}."
+        number, gap = len(parts_in_space.deviations), MM_PER_M * parts_in_space.deviations.max()
+        holes = f" {number} holes at nodes are up to {gap:.2g} mm away from the axis of the node's bolt."
+        slots = f" At {number} nodes, the slots of two planks are up to {gap:.2g} mm away from each other."
+        caption += slots if plan.planks else holes
     plates = len(plan.parts) - len(parts)
     caption += f" {plates} {'plate is' if plates == 1 else 'plates are'} not bent back." if plates else ""
     return [("Flat parts bent into their final shape", _refolded_page(faces, parts, up, caption))]

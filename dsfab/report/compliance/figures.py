@@ -239,7 +239,7 @@ class FindingsPictures:
         return self.band_figure(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
 
     def displacement(self, answered: AnsweredLoad, limit: float, caption: str) -> ReportFigure:
-        """Draw the deformed sheet; colours show displacements to `limit`, m. The magnification replaces `{factor}`."""
+        """Draw the deformed sheet, coloured by displacement to `limit`, m. `{factor}` in `caption`: magnification."""
         sheet, u = self.findings.structure.sheet.surface, answered.equilibrium.u
         # the largest displacement is magnified to 7 % of the surface's size, or less
         factor = round_number_above(0.07 * self.findings.task.surface.size / float(np.linalg.norm(u, axis=1).max())) / 2

@@ -306,8 +306,10 @@ class Findings:
             return None
         usual_share, interior_share = max(share[0] for share in shares), max(share[1] for share in shares)
         status: Status = "fail" if usual_share > 1 else "pass" if interior_share <= 1 else "unknown"
-        where = f"at points more than a rib's width from corners{self._case_suffix('stress')}"
-        words = f"{usual_share:.0%} on 99 % of the area, {interior_share:.0%} {where}"
+        words = (
+            f"the stress is {usual_share:.0%} of the strength on 99 % of the area, and {interior_share:.0%} at points "
+            f"more than a rib's width from corners{self._case_suffix('stress')}"
+        )
         strength = quantity(self.task.preset.statics.strength, "Pa")
         return CheckLine("Stress against the strength", status, words, strength)
 

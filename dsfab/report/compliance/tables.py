@@ -27,7 +27,6 @@ from dsfab.statics import elements_of
 from dsfab.study.alternatives import Competitor
 from dsfab.surface import Surface
 
-AWAY_FROM_CORNERS = "at points more than a rib's width from corners"  # At corners the largest stress diverges.
 DUST = 5e-5  # A force below this share of the largest force is shown as 0.
 
 
@@ -43,7 +42,8 @@ def key_table(findings: Findings, number: CaptionNumbers) -> Table:
     stressed_case, stressed = findings.decisive_case("stress")
     several = len(findings.cases) > 1
     move_case, stress_case = (f", {escaped_text(name)}" * several for name in (moving_case, stressed_case))
-    stress_words = f"on 99 % of the area; {quantity(stressed.stress.settled, 'Pa')} {AWAY_FROM_CORNERS}{stress_case}"
+    settled = quantity(stressed.stress.settled, "Pa")  # At corners the largest stress diverges.
+    stress_words = f"on 99 % of the area; {settled} at points more than a rib's width from corners{stress_case}"
     move_words = f"at {point_words(moving.displacement.place)}{move_case}"
     compliance = within(findings.judgement.compliance, findings.judgement.bound, "J")
     rows = [

@@ -77,13 +77,13 @@ def _rival_sentence(findings: Findings, rival: Competitor) -> str:
     low, middle, high = findings.stiffness_ratio(rival)
     if rival.name == "thinner":
         return _thinner_sentence(findings, rival)
-    variant_words = ", the best of its variants," if rival.spread else ""
-    opening_words = f"Beside <b>{label}</b>{variant_words} of the same mass the design is"
+    rival_words = f"the best variant of <b>{label}</b>" if rival.spread else f"<b>{label}</b>"
+    words = f"The design is {range_words(low, middle, high)} times as stiff as {rival_words} of the same mass"
     if low > 1:
-        return f"{opening_words} {range_words(low, middle, high)} times as stiff."
+        return f"{words}."
     if high < 1:
-        return f"{opening_words} <b>softer</b>: {range_words(low, middle, high)} times as stiff."
-    return f"{opening_words} {range_words(low, middle, high)} times as stiff; either may be stiffer, within the errors."
+        return f"{words}, so it is <b>softer</b>."
+    return f"{words}; either may be stiffer, within the errors."
 
 
 def first_reason(error: str) -> str:

@@ -33,8 +33,10 @@ def cure_line(carrying: "Carrying", is_sized: bool = False) -> str:
         return ""
     if is_sized:
         return "no thickness of the stock suffices: add supports (--stand), make the surface higher, or reduce loads"
-    thicker = f"make the sheet thicker (--set statics.thickness={1.25 * carrying.thickness:.2g})"
-    return f"{thicker}, keep more material (--set pattern.width.solid_fraction=...), or change the supports"
+    return (
+        f"make the sheet thicker (--set statics.thickness={1.25 * carrying.thickness:.2g}), keep more material "
+        "(--set pattern.width.solid_fraction=...), or change the supports"
+    )
 
 
 def figure_lines(carrying: "Carrying") -> Iterator[str]:

@@ -215,9 +215,10 @@ def _alternative_line(alternative: Mapping[str, Any]) -> str:
     subject = f"{ALTERNATIVE_WORDS[alternative['name']]} of the same mass"
     if alternative.get("error"):
         return f"not compared with {subject}, because no structure of that kind carries the loads"
-    over = alternative["over"]
-    verdict = "does not carry its loads" if over is None else f"has {over:.3g} x its compliance"
-    return f"compared with {subject}: the design {verdict} ({alternative['level']})"
+    over, level = alternative["over"], alternative["level"]
+    if over is None:
+        return f"compared with {subject}: the design does not carry its loads ({level})"
+    return f"the design has {over:.3g} times the compliance of {subject} ({level})"
 
 
 def choice_facts(choice: "Choice | None") -> dict[str, Any]:

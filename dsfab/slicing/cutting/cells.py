@@ -173,12 +173,7 @@ def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
 
 
 def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
-    r"""Divide polygons (g, size) so that their worst triangle is as good as possible.
-    Return the triangles, and each triangle's row of `polygons`.
-
-      k      rating[i, j] is the worst quality in the best triangulation of the corners i, ..., j:
-     / \     the maximum over k of min(rating[i, k], rating[k, j], quality(i, k, j)).
-    i---j"""
+    """Return triangles with the best worst quality, and their rows. rating[i, j] : worst quality for corners i to j."""
     g, size = polygons.shape
     if size == 3:
         return polygons, np.arange(g)

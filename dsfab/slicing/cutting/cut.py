@@ -134,9 +134,7 @@ def _tip_snap(snap: float) -> float:
 def _plain_splits(
     mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Split polygons (void, or in `mesh.again`) along the levels `lines` (l,) of a field x (n',) or (n', 2).
-    Return the splits, and a mask (c',) of the new polygons that lie inside stripes.
-    snap : see `cut`.    size : of the surface, m.    edges : (l, 1 or 2) row of `CutLines` for each level."""
+    """Split polygons along levels; return splits, and a mask of new polygons in stripes. edges : rows of `CutLines`."""
     if x.ndim == 2:
         return _band(mesh, x, lines, snap, size, edges)
     split = clean_split(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, Snapping(snap, size))
@@ -146,11 +144,8 @@ def _plain_splits(
 def _band(
     mesh: PolygonMesh, x: Floats, levels: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Split the void cells by x[:, 0], then by x[:, 1]; return the two splits, and a mask (c',) of the material cells.
-
-        x[:, 0] = level . ' material         The levels of x[:, 0] and x[:, 1] are the two edges of a stripe.
-    . '        ' .                           The second split uses the vertices of the first split.
-      void         x[:, 1] = level           So the two edges meet in a vertex where the stripe ends."""
+    """Split void cells by x[:, 0], then x[:, 1], the two edges of a stripe; return splits, and a mask of material.
+    The second split uses the vertices of the first split, so the two edges meet in a vertex where the stripe ends."""
     cells, X, void = mesh.cells, mesh.X, mesh.void | mesh.again
     if not len(levels):
         return [], np.zeros(len(void), dtype=bool)
@@ -207,10 +202,7 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
 
 
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
-    """Return the distinct levels of field k.
-
-    For a field (n,), two equal levels cancel each other: an odd number leaves one level, an even number leaves none.
-    For a field (n, 2), equal levels count as one level."""
+    """Return distinct levels. Equal levels cancel in pairs for a field (n,), and count once for a field (n, 2)."""
     values = np.asarray(levels, dtype=np.float64)
     if values.ndim != 1 or not np.isfinite(values).all() or (np.diff(values) < 0).any():
         raise PatternError(f"the levels of field {k} must be finite and ascending")

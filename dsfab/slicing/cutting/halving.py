@@ -1,7 +1,7 @@
 """Halving: where lines of a family lie too close together, only each second or fourth line remains.
 
 At halving level h, line k remains if k is a multiple of 2^h. A line may end only on a line of the other family.
-So the level is constant in each opening. The second family is halved after the first, between its remaining lines."""
+So the level is constant in each opening. The second family is halved after the first, between lines of the first."""
 
 from dataclasses import dataclass, replace
 
@@ -111,9 +111,7 @@ def _with_lines(
 
 
 def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
-    """Return a mask (p,) of the inner edges on lines that are not removed, or beside faces without a field.
-
-    period : (c,) in a polygon, every period-th line remains. On an edge, the smaller of two polygons' periods counts.
+    """Mark inner edges on lines that remain (every `period`-th, the smaller of two periods), or beside blank faces.
     An edge is on a line if the middles of its polygons are in different strips. Rounding errors do not change this."""
     slot_a, slot_b, slot_at_start = mesh.neighbours
     seen, owner = PolygonField.from_field(mesh, field), mesh.cells.owner
@@ -128,9 +126,8 @@ def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
 
 
 def _levels(mesh: PolygonMesh, walls: Bools, target: Floats, uncapped_target: Floats, level_limit: int) -> Ints:
-    """Return the number of halvings (c,) of each polygon, up to `level_limit`.
-    The number is the mean of `target` over the polygon's opening, rounded by the limits from `split_value`. Means of
-    `uncapped_target` are used instead if they reduce the spread of spacings by more than `GAIN`."""
+    """Return the halvings of each polygon: the mean of `target` over its opening, rounded by limits of `split_value`.
+    Means of `uncapped_target` are used instead if they reduce the spread of spacings by more than `GAIN`."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, open_ = mesh.cells.owner, ~walls
     count, opening = link_components(len(mesh.parent), owner[slot_a[open_]], owner[slot_b[open_]])

@@ -109,9 +109,7 @@ class SideValues:
 @dataclass(frozen=True, eq=False)
 class _Sides:
     """Crossings of polygon sides (h,) with the levels of a field.
-
-    low   : number of levels at or below the lower end.
-    count : number of levels strictly between the two ends; 0 if no polygon with this side is to be cut.
+    low   : levels at or below the lower end.    count : levels strictly between the ends; 0 if no polygon here is cut.
     first : the new vertex nearest to the lower end. Polygons with a common side share its new vertices.
     up    : True if the side runs from the lower to the higher end.    flat : True if it lies wholly on a level.
     along : True if the numbers of the new vertices increase from the side's start to its end.
@@ -203,8 +201,7 @@ def _sides(
     places: tuple[Ints, Ints],
     live: Bools | None,
 ) -> tuple[_Sides, _NewVertices]:
-    """Return where sides cross levels, and the new vertices there. Polygons share new vertices on common edges.
-    slots : (h,) index of each side of `cells` in x, `places` and `live`, which have values for all polygons."""
+    """Return crossings with levels, and shared new vertices. slots : index of each side in x, `places` and `live`."""
     a, b = cells.corner, cells.next_values(cells.corner)
     start, end, start_place, end_place = x.start[slots], x.end[slots], places[0][slots], places[1][slots]
     up = start < end
@@ -240,8 +237,7 @@ def _sides(
 
 
 def _with_new_corners(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
-    """Return the polygons with the new vertices as corners, and the strip (number of levels below) of each side.
-    A flat side lies on a level, and gets the strip of the last side before it that is not flat. Not all may be flat."""
+    """Return polygons with new corners, and sides' strips. Flat sides take the strip before; not all may be flat."""
     count = sides.count + 1
     offset = np.concatenate([[0], np.cumsum(count)])
     side = np.repeat(np.arange(len(count)), count)
@@ -264,13 +260,8 @@ def _flat_sides_relabelled(cells: Cells, strip: Ints, flat: Bools) -> Ints:
 
 
 def _strip_polygons(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells, Ints, Ints]:
-    """Divide each polygon into one polygon for each strip: the sides in this strip, closed by chords.
-
-        b            Sides a-b and c-d are in strip 1. Each side gives its first corner.
-      / |  strip 2   A side also gives its last corner if the next side is in another strip.
-    a   |            So a b c d is the new polygon, with the chords b-c and d-a.
-    |   c
-    d /   strip 0"""
+    """Divide each polygon into one for each strip: the sides in this strip, closed by chords. Each side gives its first
+    corner. A side also gives its last corner if the next side is in another strip."""
     key = sides.owner * (level_count + 2) + strip + 1
     order = sorted_order(key)
     leaves = (strip[sides.following] != strip)[order]
@@ -295,9 +286,7 @@ def _with_pieces(
     pieces_of_split: tuple[Cells, Ints, Ints],
     new_vertices: _NewVertices,
 ) -> Split:
-    """Replace the polygons `which` (k,) by their pieces, in order.
-
-    sides_on, strip : lines (h,) of all sides, and strips (c,) of all polygons, before the replacement."""
+    """Replace the polygons `which` by their pieces. sides_on, strip : of all sides and polygons, before that."""
     pieces, row, label = pieces_of_split
     count = np.ones(len(strip), dtype=np.int64)
     count[which] = np.bincount(row, minlength=len(which))

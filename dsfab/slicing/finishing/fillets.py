@@ -42,7 +42,7 @@ class DiscStops:
 def rolled_arcs(sheet: Sheet, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
     """Yield corners (p,) where discs of `radius` metres, rolled along walls, touch two walls, and arcs (p,) for them.
 
-    The function yields two sets. In the first, corners are wall vertices close to the discs; in the second, far away.
+    The function yields two sets. In the first, corners are wall vertices near their discs; in the second, the farthest.
     On a curved surface, an arc may fit at one of these vertices only.
     taken : stretches of walls; corners on these stretches are left out."""
     flat, walls = flat_openings_of(sheet), sheet.walls
@@ -219,9 +219,7 @@ def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
 
 
 def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
-    """Return arcs at corners, as chords in space, and a mask of free arcs.
-
-    A free arc touches no other wall and no edge of the surface."""
+    """Return arcs as chords in space, and a mask of free arcs, which touch no other wall and no edge of the surface."""
     walls, surface, void_neighbours = corners.walls, corners.walls.surface, corners.walls.void_neighbours
     flat, distance = arcs.chords()
     normal = np.einsum("kcj,kji->kci", flat, corners.frames[corner_rows])
@@ -261,8 +259,7 @@ def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: boo
 
 
 def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
-    """Mark arcs (k,) that fill no void far from their corner, as they could at a fold of the surface.
-    Far: over 1.1 times the longer way along a wall from corner to arc; measured in the corner's plane."""
+    """Mark arcs that fill only void near their corner. At a fold, an arc could also fill distant void beyond chords."""
     surface, (arc, cell) = corners.walls.surface, fillets.pair.T
     reach = 1.1 * np.maximum(arcs.way_a, arcs.way_b)
 
@@ -337,9 +334,7 @@ def _with_fillets(sheet: Sheet, fillets: Fillets) -> Sheet:
 
 
 def _colours(arc: Ints, corner: Ints) -> Ints:
-    """Return the group (k,) of each arc. Cells of two arcs in a group have no common vertex.
-    arc : (p,) arc of each cell.    corner : (p, 3) vertices of each cell.
-    A group takes each remaining arc that has the lowest rank at all its vertices. Mixed ranks give few groups."""
+    """Group arcs so that cells of two arcs in a group have no common vertex. Mixed ranks give few groups."""
     vertex, arc = corner.ravel(), np.repeat(arc, 3)
     count = int(arc.max()) + 1
     rank = np.argsort(np.argsort(np.arange(count) * GOLDEN % 1))
@@ -358,8 +353,7 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
 def _filled_corners(
     mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
 ) -> tuple[PolygonMesh, Ints, Bools]:
-    """Cut polygons along the chords of arcs. Return the mesh, the old number of each polygon, and a mask to fill.
-    arc : (c,) arc that cuts each polygon, or -1.    corner : (k,) vertex of each arc.    size : surface size, m."""
+    """Cut polygons along chords of their arcs (-1: none). Return the mesh, old polygon numbers, and a mask to fill."""
     arc = np.where(mesh.void, arc, -1)
     source, beyond = np.arange(len(arc)), np.zeros(len(arc), dtype=bool)
     planes = [(fillets.ray[:, k], fillets.ray_distance[:, k], True) for k in range(fillets.ray.shape[1])]

@@ -79,7 +79,7 @@ def tidied_polygons(
 def polygon_passes(
     surface: Surface, fields: Sequence[Field], lines: Sequence[Floats], tidy: Tidy
 ) -> Iterator[tuple[str, PolygonPass]]:
-    """Yield the steps that tidy the polygons, in order, each after its name. lines : levels of each field."""
+    """Yield the steps that tidy the polygons, in order, each with its name. lines : levels of each field."""
     yield "ends", partial(with_meeting_ends, fields=fields, levels=lines)
     yield "closed", partial(with_closed_openings, closed=tidy.closed)
     yield "loose_ends", partial(without_loose_ends, tidy=tidy)
@@ -237,8 +237,7 @@ def _rounded_once(sheet: FinishedSheet, options: FinishingOptions) -> FinishedSh
 
 
 def _bridged_or_widened(cells: Sheet, rounded: Sheet, options: FinishingOptions) -> tuple[Sheet, int, int]:
-    """Add bridges to `cells` where openings of `rounded` are too narrow. If no bridge is added, widen narrow members.
-    Return the cells, the number of bridges, and the number of widened places."""
+    """Bridge narrow openings of `rounded`; without any bridge, widen narrow members. Return also the counts of both."""
     if options.merge == "none":
         return cells, 0, 0
     if options.neck:

@@ -103,9 +103,7 @@ def between_crossings(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Ints:
 
 
 def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bools]:
-    """Divide the polygons into parts at crossings and `nodes` (c,).
-
-    Return the part (c,) of each polygon, and masks (p,) of void parts and of parts that always stay."""
+    """Return the polygons' parts, divided at crossings and `nodes`, and masks of void parts and parts that stay."""
     striped, material = np.array(tidy.striped), ~mesh.void
     kind = np.where(mesh.void | striped[mesh.family], mesh.family, KEPT)
     kind[mesh.also != VOID] = CROSSING
@@ -120,10 +118,8 @@ def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bo
 
 
 def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, stays: Bools) -> tuple[Bools, Bools]:
-    """Return two masks (c,) of polygons to remove: parts in `gone` (p,) with all dead ends; and islands.
-    Islands are pieces that this removal cuts off from supports and from the edges of the surface. When no dead ends
-    remain, a part with a single neighbour joins this neighbour, and the search for dead ends repeats.
-    stays : (p,) parts that always stay."""
+    """Return masks of polygons to remove: `gone` parts and dead ends; islands cut off from supports and surface edges.
+    When no dead ends remain, a part with a single neighbour joins this neighbour, and the search repeats."""
     before = gone
     while True:
         touching = Contacts.from_parts(mesh, part, anchor)
@@ -183,9 +179,8 @@ def _old_nodes(mesh: PolygonMesh, corner_fields: dict[int, CornerField]) -> Bool
 
 
 def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: Floats) -> tuple[Ints, Ints]:
-    """Return polygons (q,) at which middle lines of stripes of field k end, and the vertex (q,) of each end.
-    blank : (c,) mask of polygons to search. An end between two vertices gets a unique negative number. Two polygons
-    can return the same end at a vertex."""
+    """Return polygons (q,) of `blank` at which middle lines of stripes of field k end, and the vertex (q,) of each end.
+    An end between two vertices gets a unique negative number. Two polygons can return the same end at a vertex."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, following, corner = mesh.cells.owner, mesh.cells.following, mesh.cells.corner
     inner, outer = np.concatenate([slot_a, slot_b]), np.concatenate([slot_b, slot_a])

@@ -221,10 +221,8 @@ def collapse_edges(cut: CellMesh, tolerance: float, zone: Bools) -> Change:
 
 
 def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
-    """Return `sides_on` (m', 3) after `cells` (k,) lost their area, because a vertex v of each cell moved onto w.
-
-    The cell has the corners v, w and x. Its sides v-x and w-x now coincide. If either side lies on a line of the cut,
-    the neighbouring cell across side v-x gets this line."""
+    """Return `sides_on` after `cells` (v, w, x) lost their area, because v moved onto w: sides v-x and w-x coincide.
+    A line of the cut on either of these sides passes to the neighbouring cell across side v-x."""
     row, F = np.arange(len(cells)), sheet.surface.F[cells]
     place = (onto[F] != F).argmax(axis=1)
     begins_at_w = F[row, (place + 1) % 3] == onto[F[row, place]]
@@ -255,10 +253,8 @@ def _within_faces(cut: CellMesh, moves: CollapseMoves) -> CollapseMoves:
 
 def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> CollapseMoves:
     """Select the moves that keep `CellMesh.lines` connected, and that move lines by at most `tolerance` metres.
-
-    A vertex without lines may move to any neighbour. A vertex on a line may move along the line, or to a vertex without
-    lines. Two vertices with three lines each may join along an edge between material and void. Vertices on the boundary
-    of the surface stay on the boundary."""
+    A vertex on a line may move along the line, or to a vertex without lines. Boundary vertices stay on the boundary.
+    Two vertices with three lines each may join along an edge between material and void."""
     v, w, _ = moves
     count = np.bincount(cut.surface.edges.ends[cut.lines].ravel(), minlength=len(cut.surface.V))
     rim = on_boundary(cut.surface.edges, len(cut.surface.V))
@@ -297,9 +293,8 @@ def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves
 
 
 def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F: Ints) -> Bools:
-    """Return a mask (k,) of moves v -> w that keep the mesh a surface, and that never merge two lines into one.
-    Only the vertices opposite to edge v-w may be neighbours of v and w [Dey et al. 1999].
-    row, F : number of the move, and corners, of each cell around a vertex v."""
+    """Return which moves v -> w keep the mesh a surface [Dey et al. 1999], and never merge two lines into one.
+    Only vertices opposite to edge v-w may be neighbours of both. row, F : move, and corners, of each cell around v."""
     star_vertices = np.repeat(row, 3), F.ravel()
     is_neighbour = (star_vertices[1] != moves.v[star_vertices[0]]) & (star_vertices[1] != moves.w[star_vertices[0]])
     pair = distinct(star_vertices[0][is_neighbour] * len(cut.surface.V) + star_vertices[1][is_neighbour])

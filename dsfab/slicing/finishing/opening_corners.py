@@ -226,7 +226,7 @@ class Corners:
 
     @cached_property
     def origin(self) -> Floats:
-        """(k, 3) position of each corner, the origin of its frame, metres."""
+        """(k, 3) start of the wall `first` of each corner, the origin of its frame, metres."""
         return np.asarray(self.walls.surface.V[self.walls.start[self.first]])
 
     def circles(self, rows: Ints, arcs: Arcs) -> Floats:

@@ -83,7 +83,7 @@ class Openings:
 
     @cached_property
     def slits(self) -> Bools:
-        """(o,) mask of the slits. Openings of nearly equal `narrowness` are all slits, or all not."""
+        """(o,) mask of the slits. Of openings with nearly equal `narrowness`, all or none are slits."""
         return self.narrowness < split_value(self.narrowness, NARROWER, ALIKE)
 
     @cached_property
@@ -127,8 +127,7 @@ class Openings:
 
     @cached_property
     def _member_widths(self) -> Floats:
-        """(e',) for each edge of the whole sheet that is a wall, the width of the member beside it; else NaN.
-        Where material is over 2.5 times the median width, several members meet. There, the median counts as width."""
+        """Member width at each edge, NaN if no wall; above 2.5 x the median, members meet, and the median counts."""
         wall_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         wall_edges[self.void.parent_edges[self.void.walls]] = True
         surface, sheet_edges = self.material.surface, self.material.parent_edges

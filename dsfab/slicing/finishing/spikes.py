@@ -81,8 +81,7 @@ def _member_width(cells: Sheet) -> float:
 
 
 def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
-    """Return the re-entrant corners before (step -1) or behind (1) a tip of the outline, up to `longest` metres away.
-    tip : the wall that starts at the tip. Each corner has the number and total length (m) of walls up to the tip."""
+    """Return count and length of walls to re-entrant corners before (step -1) or behind (1) the start of wall `tip`."""
     corners, length, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
         (previous_wall, wall), exists = walls.walls_ahead(np.array([tip, tip]), step * np.array([k - 1, k]))

@@ -117,8 +117,7 @@ def _walls(mesh: PolygonMesh, bar: Bools) -> tuple[Floats, Floats]:
 
 
 def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
-    """Return the contacts (k, 2, 3) of a bar with other material: start and end, metres, counter-clockwise.
-    Return no contacts if the bar reaches an edge of the surface."""
+    """Return starts and ends (k, 2, 3) of a bar's contacts, counter-clockwise; none if it reaches a surface edge."""
     cells, in_bar, beyond = mesh.cells, bar[mesh.cells.owner], mesh.polygon_across
     contact_slots = np.flatnonzero(in_bar & (beyond >= 0) & ~mesh.void[beyond] & ~bar[beyond])
     if (in_bar & (beyond < 0)).any() or not len(contact_slots):
@@ -174,9 +173,7 @@ def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field])
 
 
 def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy) -> list[FairBar]:
-    """Return new bars that do not overlap. A bar replaces a node and its stripes, or stripes near a singular point.
-
-    A bar may also replace a crossing of two stripes that touches a node."""
+    """Return disjoint bars: each replaces a node, its stripes (and a crossing), or stripes near a singular point."""
     bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
     for lumps, seeds in ((with_crossings(mesh, nodes), nodes), (nodes, nodes), (none, near_singular)):
         label = mesh.part_labels(_with_touching_stretches(mesh, lumps | seeds, between_crossings(mesh, tidy, lumps)))
@@ -202,8 +199,7 @@ def _with_touching_stretches(mesh: PolygonMesh, seeds: Bools, part: Ints) -> Boo
 
 
 def _with_fair_bar(mesh: PolygonMesh, bar: Bools, fair_bar: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
-    """Replace an old bar, the polygons `bar` (c,), by `fair_bar`. Return also the old polygon (c',) of each polygon.
-    The mesh is None if the bar's area would change by the factor `LARGER` or more.    size : of the surface, metres."""
+    """Replace polygons `bar`. Return also old polygon numbers; no mesh if the area changes `LARGER` times or more."""
     opening = mesh.part_labels(mesh.void | bar)
     inside, source = np.isin(opening, opening[bar]) & (opening >= 0), np.arange(len(bar))
     line = mesh.lines.count + np.arange(2)

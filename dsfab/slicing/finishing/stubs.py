@@ -59,7 +59,6 @@ def with_crossings(mesh: PolygonMesh, nodes: Bools) -> Bools:
 @dataclass(frozen=True, eq=False)
 class _Bars:
     """Removable bars (b,) between openings (o,).
-
     label   : (c,) the bar of each polygon, or -1.
     area    : (b,) square metres.    wall : (b,) length of contact with other material and surface edges, metres.
     pair    : (k, 2) a bar, and an opening beside this bar.    shared : (k,) length of their common outline, metres.
@@ -179,10 +178,7 @@ class _Bars:
 
 
 def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyond: Ints) -> Bools:
-    """Return a mask (b,) of bars whose neighbouring parts stay connected with each other without the bars.
-
-    label : (c,) bar of each polygon.    contact_sides : (h,) sides between a bar and other material.
-    beyond : (h,) polygon across each side."""
+    """Return which bars' neighbours stay connected without the bars. contact_sides : sides (h,) at other material."""
     rest = mesh.part_labels(~mesh.void & (label < 0))
     touching = np.stack([label[mesh.cells.owner[contact_sides]], rest[beyond[contact_sides]]], axis=1)
     bar = np.unique(touching, axis=0)[:, 0]
@@ -190,8 +186,7 @@ def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyon
 
 
 def _turns(mesh: PolygonMesh, label: Ints, side: Ints) -> Floats:
-    """Return how sharply the outline turns if each bar is removed: largest change of direction (b,), radians.
-    side : (s,) the sides of bars at which a bar touches other material."""
+    """Return how sharply (b,) the outline turns without each bar, radians. side : sides of bars at other material."""
     cells, count = mesh.cells, len(mesh.X)
     bar, ends = label[cells.owner[side]], np.stack([cells.corner[side], cells.next_values(cells.corner)[side]], axis=1)
     place = link_components(len(side), *adjacent_sides(bar, ends, count))[1]

@@ -251,7 +251,6 @@ class StripeMiddles:
 
 class _Pieces(NamedTuple):
     """Pieces (s,) of stripes' middle lines: face, number of the line (its phase), and slots (s, 2) of both ends.
-
     Slots are places on the face's outline: 0 to 2 for its corners; 3 + c for a point between corners c and c + 1."""
 
     face: Ints
@@ -288,9 +287,7 @@ def _pieces(chart: StripeChart, k: int) -> _Pieces:
 
 
 def _barycentric(z: Floats, slot: Ints) -> Floats:
-    """Return barycentric coordinates (s, 3) of the points with z = 0; z : (s, 3) at the corners of faces.
-
-    slot : (s,) 0 to 2 for a point at a corner; 3 + c for a point on the side that begins at corner c."""
+    """Return barycentric coordinates (s, 3) of the points with z = 0. z : at the corners. slot : as in `_Pieces`."""
     row, corner, on_edge = np.arange(len(z)), slot % 3, slot >= 3
     next_corner = (corner + 1) % 3
     a, b = z[row, corner], z[row, next_corner]
@@ -302,9 +299,7 @@ def _barycentric(z: Floats, slot: Ints) -> Floats:
 
 
 def _nodes(chart: StripeChart, pieces: _Pieces, coordinates: Floats) -> tuple[Ints, Bools]:
-    """Return the nodes (s, 2) at the ends of each piece, and a mask (j,) of nodes on the surface's boundary.
-
-    Nodes at vertices have the lowest numbers. The nodes on edges follow, edge by edge."""
+    """Return nodes (s, 2) at piece ends (those at vertices first, then edge by edge), and a mask of boundary nodes."""
     table, F = chart.table, chart.surface.F
     face, slot, weight = np.repeat(pieces.face, 2), pieces.slot.ravel(), coordinates.reshape(-1, 3)
     corner, on_edge, row = slot % 3, slot >= 3, np.arange(len(slot))

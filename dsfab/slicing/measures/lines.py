@@ -23,7 +23,7 @@ class Labels(NamedTuple):
     """Outline edges (k,) of a material sheet.
 
     half_edge, start, end : the half-edge, and its first and its last vertex.
-    curve  : number of the edge's line in `Sheet.lines`; but -1 - k for all edges of stripes of field k.
+    curve  : number of the edge's line in `Sheet.lines`; but -1 - k for all `LineKind.LEVEL` lines of field k.
     family : the family of the edge's cell, or `VOID` (-1) on the boundary of the uncut surface."""
 
     half_edge: Ints
@@ -101,8 +101,7 @@ def _parent_coordinates(weights: csr_array, F: Ints, parent: Ints, uncut: Ints) 
 
 
 def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
-    """Return start and end (q,), 0 to 1, of the part of each segment (q, 2, 2) that lies in its triangle (q, 3, 2).
-    A segment outside its triangle has end < start."""
+    """Return start and end (0 to 1) of the part of each segment in its triangle; end < start for a segment outside."""
     low, high = np.zeros(len(ends)), np.ones(len(ends))
     side = np.roll(corners, -1, axis=1) - corners
     area = side[:, 0, 0] * side[:, 1, 1] - side[:, 0, 1] * side[:, 1, 0]
@@ -191,9 +190,7 @@ class Chords:
 
 
 def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
-    """Return the node numbers (v, 2) at the ends of segments, and the positions (nodes, 3) of all nodes, metres.
-    An end lies at a corner of a face (`at_corner`), or on the side of the face that begins at this corner.
-    share : (v, 2) position of the end on the side, 0 to 1."""
+    """Return end nodes (v, 2), at a corner or at `share` (0 to 1) of the side that begins there, and all positions."""
     V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # joins both sides of each cut
     F = vertex.ravel()[chart.surface.F]
     edges: EdgeTable = edge_table(F)
@@ -236,8 +233,7 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
 
 def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
-    """Return the nodes (p, 2) at the ends of each part of a segment, and the points of all nodes, metres.
-    Two parts share a node only where exactly two segments meet. Elsewhere, and at cut ends, a part has its own node."""
+    """Return end nodes of segments' parts, and points. Parts share a node only at uncut ends of just two segments."""
     link = chords.link[spans.segment]
     a, b = (chords.point[link[:, k]] for k in (0, 1))
     crowded = np.bincount(link.ravel(), minlength=len(chords.point))[link] > 2
@@ -369,9 +365,7 @@ def _structure_lines(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[
 
 
 def _loops(surface: Surface) -> list[tuple[Ints, list[int]]]:
-    """Return loops of boundary vertices, and for each loop the half-edges that begin at its vertices.
-
-    If the surface has two sides, it lies on the left of the loops."""
+    """Return boundary loops and the half-edges that begin at their vertices. A two-sided surface lies on the left."""
     half_edge, (start, end) = surface.edges.outline, half_edges(surface.F)
     by_ends = {(int(end[h]), int(start[h])): int(h) for h in half_edge}
     by_ends |= {(int(start[h]), int(end[h])): int(h) for h in half_edge}

@@ -125,7 +125,6 @@ def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
 @dataclass(frozen=True, eq=False)
 class _BandOnCells:
     """Stripes of a field on triangles. The field has two values, z + d and z - d (see `DrawnBand`).
-
     z : (m, 3) mean of both values at the corners, minus `centre`.    d : (m,) half their difference at the centroid.
     number : (m,) the level nearest to the mean at the centroid.    off : (m,) distance of the mean from this level.
     sign, shift : (m, 3) value at a corner = sign x value at its vertex + shift.

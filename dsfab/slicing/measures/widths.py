@@ -164,13 +164,7 @@ def crossings(
 
 
 def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
-    """Return the point nearest to each line's start on the half-edge at the line's end, and the distance, metres.
-
-          o start
-         /|           The nearest point is the foot of the perpendicular from the start,
-        / |           or the end of the half-edge if the foot lies beyond it.
-    ---x--+----x---
-     met  foot"""
+    """Return the point nearest to each line's start on the half-edge at the line's end, and the distance, metres."""
     size = np.linalg.norm(_edge_vectors(surface, ends.edge), axis=1)
     foot = ends.place - ends.length * ends.slope
     nearest = np.clip(foot, 0, size)
@@ -179,12 +173,8 @@ def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
 
 
 def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floats, slope: Floats) -> Bools:
-    """Return a mask (k,) of lines between walls that converge to a tip.
-
-    slope : (k,) cosine between a line and the half-edge at its end; negative if walls converge along this half-edge.
-
-    Straight walls at an angle a meet at a distance of D = w / (2 tan(a / 2)) from a line of length w. So the outline
-    from the line's start around the tip to its end is about 2 D long. Lines with 0.4 to 1.7 times 2 D are marked."""
+    """Return which lines join walls that converge to a tip. slope : negative if the walls converge along the end edge.
+    Walls at an angle a enclose a tip with about w / tan(a / 2) of outline beyond a line of length w (`wedge`)."""
     loop, middle, ahead, total = _loop_positions(surface)
 
     def position(spot: _EdgePoints) -> Floats:
@@ -202,10 +192,7 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
 
 
 def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
-    """Return the boundary loop (or -1), place and direction of all half-edges (3 m,); and the loops' lengths, metres.
-
-    A place is the distance along the loop to a half-edge's middle. Directions are True for half-edges along the loop.
-    The faces need no common orientation."""
+    """Return loop (or -1), metres along it to the middle, and True if along it, of half-edges; and loop lengths."""
     edge = np.flatnonzero(surface.edges.boundary)
     h = surface.edges.order[surface.edges.start[:-1][edge]]
     label, chain, loops = _loop_chains(surface.edges.ends[edge])
@@ -297,8 +284,7 @@ def below_limit(sizes: float | Floats, limit: float) -> Bools:
 
 
 def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) -> Floats:
-    """Return limits (b + 1,) of about `count` equal bins from 0 to `end`. A bin ends at `limit` if 0 < `limit` < `end`.
-    If over `largest_count` equal bins were necessary, the first bin ends at `limit` and is narrower than the others."""
+    """Return limits of about `count` equal bins, one at `limit`; above `largest_count`, only the first is narrow."""
     if not 0 < limit < end:
         return np.linspace(0, end, count + 1)
     step = limit / max(1, round(limit / end * count))

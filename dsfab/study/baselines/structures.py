@@ -107,7 +107,7 @@ class ComparisonTask:
         return flat_axis(self.surface, *self.all_loads.values()) is not None
 
     def loads_on(self, structure: "Structure", every: bool = False) -> dict[str, LoadCase]:
-        """Return `loads`, or `all_loads` if `every`, on the uncut surface, but for the thickness of `structure`."""
+        """Return `loads`, or `all_loads` if `every`, on the uncut surface. Self-weight is that of `structure`."""
         share = structure.thickness / self.preset.statics.thickness
         uncut_loads = self.all_loads if every else self.loads
         return {name: load.of_thickness(self.surface, share) for name, load in uncut_loads.items()}

@@ -143,8 +143,7 @@ class SolidModel:
         return csr_array(coo_array(entries, shape=(3 * k, self.K.shape[0])))
 
     def _locate(self, points: Floats, reach: float) -> tuple[Ints, Floats]:
-        """Return the tetrahedron (k,) that contains each point, and the point's coordinates (3, k) in it.
-        Points outside of the solid get a tetrahedron nearby."""
+        """Return the tetrahedron (k,) at each point (nearby for points outside), and the point's coordinates in it."""
         candidates = np.asarray(self._tree.query(points, k=min(40, len(self.mesh.T)))[1]).reshape(len(points), -1)
         P = self.mesh.X[self.mesh.T[candidates]]
         edges = np.swapaxes(P[:, :, 1:] - P[:, :, :1], 2, 3)
@@ -164,8 +163,7 @@ class SolidModel:
 
 
 def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000) -> tuple[csr_array, Ints]:
-    """Return the stiffness matrix, and the numbers (30, k) of the unknowns of k tetrahedra.
-    at_once : number of tetrahedra in one step, which limits the memory."""
+    """Return the stiffness matrix, and unknowns (30, k) of tetrahedra; steps of `at_once` tetrahedra limit memory."""
     from skfem import Basis
     from skfem.models.elasticity import lame_parameters, linear_elasticity
 

@@ -62,8 +62,7 @@ def _loose(design: Design) -> float:
 
 
 def _min_width(design: Design) -> float:
-    """Return the width (m) that stripes exceed on 90 % of their area. It is 2 d / |grad z| for a stripe of the field z.
-    d is the half-width: the difference of z between the middle and the edge of the stripe."""
+    """Return the width that stripes exceed on 90 % of their area: 2 d / |grad z|, with half a stripe's width d in z."""
     pattern = design.pattern
     if pattern.even is not None:
         chart_pattern = stripes_on_chart(design)
@@ -197,7 +196,6 @@ class MetricFacts(NamedTuple):
     says: str
 
 
-_CUT = "on the unrefined cut mesh"
 ABOUT: Mapping[str, MetricFacts] = {
     "area": MetricFacts("m2", "less", "slicing", "area of the cut sheet"),
     "kept_share": MetricFacts("", "less", "slicing", "area of the cut sheet divided by that of the surface"),
@@ -217,18 +215,18 @@ ABOUT: Mapping[str, MetricFacts] = {
     "crossing_angle": MetricFacts("degrees", "more", "pattern", "smallest angle between two members that cross"),
     "symmetry_error": MetricFacts("", "less", "pattern", "share of the surface where material is not symmetric"),
     "compliance": MetricFacts(
-        "J", "less", "slicing", f"one solve {_CUT}, {elements_of('compliance_once')}: 9 designs in 10 within 5 %"
+        "J", "less", "slicing", f"1 solve on the cut mesh, {elements_of('compliance_once')}: 9 designs in 10 within 5 %"
     ),
     "compliance_quick": MetricFacts(
-        "J", "less", "slicing", f"one solve {_CUT}, {elements_of('ranking')}: ranks designs, 5 to 15 % off"
+        "J", "less", "slicing", f"1 solve on the cut mesh, {elements_of('ranking')}: ranks designs, 5 to 15 % off"
     ),
-    "displacement": MetricFacts("m", "less", "slicing", f"largest displacement {_CUT}, solved as for `compliance`"),
-    "stress": MetricFacts("Pa", "less", "slicing", f"von Mises stress that 99 % of the area does not exceed, {_CUT}"),
+    "displacement": MetricFacts("m", "less", "slicing", "largest displacement, solved on the mesh of `compliance`"),
+    "stress": MetricFacts("Pa", "less", "slicing", "von Mises stress on the cut mesh; 99 % of the area has less"),
     "buckling": MetricFacts(
         "",
         "more",
         "slicing",
-        f"linear buckling factor {_CUT}, often 4 to 8 % low; shells fail at a fifth to a half of this factor",
+        "linear buckling factor on the cut mesh, often 4 to 8 % low; shells fail at a fifth to a half of this factor",
     ),
     "verdict": MetricFacts("J", "less", "slicing", "compliance by the full verdict, which takes about ten solves"),
     "verdict_bound": MetricFacts("", "less", "slicing", f"relative error bound of `verdict`, good up to {CONVERGED:g}"),
@@ -236,7 +234,7 @@ ABOUT: Mapping[str, MetricFacts] = {
     "over_isotropic": MetricFacts("", "less", "slicing", "compliance over that of isotropic stripes of the same mass"),
     "ersatz": MetricFacts("J", "less", "slicing", "rough compliance: stiffness of uncut faces x share of material"),
 }
-"""Description of each metric."""
+"""Description of each metric. The cut mesh is not refined, except for `verdict`."""
 
 
 def metric_value(name: str, design: Design) -> float:

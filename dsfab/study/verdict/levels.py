@@ -123,8 +123,7 @@ def rib_softening(
 
 
 def _means_within(surface: Surface, reach: float) -> csr_array:
-    """Return the matrix (m, m) that averages vectors of faces over all faces within `reach` metres, weighted by area.
-    Vectors change their sign between faces with opposite normals."""
+    """Return the matrix of area-weighted means of face vectors within `reach`; opposite normals change their sign."""
     tree = cKDTree(surface.centroids)
     pairs = tree.sparse_distance_matrix(tree, min(reach, 2 * surface.mean_edge), output_type="coo_matrix")
     face, neighbour = pairs.coords

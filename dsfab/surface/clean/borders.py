@@ -63,8 +63,7 @@ def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
 
 
 def _ragged_runs(turn: Floats) -> list[tuple[Ints, bool]]:
-    """Return each border part that turns left and right alternately: vertex indices (k,), and True for a whole border.
-    turn : (j,) change of direction at each vertex of the border, radians."""
+    """Return border parts with alternating turns (radians, at vertices): vertex numbers, and True for whole borders."""
     large = np.flatnonzero(np.abs(turn) > RAGGED_TURN)
     if len(large) < LEAST_TURNS:
         return []

@@ -43,8 +43,7 @@ def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
 
 
 def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
-    """Mark the vertices (n,) of faces that coincide after each vertex k is replaced by `became[k]`, (n,).
-    Two copies of a quad also coincide if they are cut into triangles along different diagonals."""
+    """Mark vertices of faces that coincide once vertex k is `became[k]`, also quads cut along different diagonals."""
     faces = became[F]
     _, group, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
     edges, is_twice = edge_table(faces), (count > 1)[group.ravel()]
@@ -122,9 +121,7 @@ def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
 
 
 def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> Ints:
-    """Return rows (k, 3): a face, one of its samples, and another face in the same plane that covers the sample.
-    tree : bounding boxes of F (m, 3), with V (n, 3) scaled to size 1.
-    faces, samples : (r,) faces, and for each of them a row of `SAMPLES`."""
+    """Return face, sample (a row of `SAMPLES`), and a face that covers it in the same plane. V : scaled to size 1."""
     P = V[F]
     normal = unit_vectors(area_vectors(V, F))
     reach = np.maximum(SAG * lengths(P - np.roll(P, 1, axis=1)).max(axis=1), WELD)[faces]
@@ -188,8 +185,7 @@ def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
 
 
 def _tied_faces(edges: EdgeTable, covers: Ints, faces: Ints) -> Bools:
-    """Mark the faces (k,) that must stay: without them, a neighbour that does not overlap them would get an open edge.
-    Faces with a common edge stay or go together."""
+    """Mark connected groups of `faces` whose removal would open an edge of a neighbour that does not overlap them."""
     m, remaining = len(edges.of), np.full(len(edges.ends), -1)
     remaining_faces = np.delete(np.arange(m), faces)
     remaining[edges.of[remaining_faces]] = remaining_faces[:, None]
@@ -224,7 +220,7 @@ _REMARKS = {
 }
 _REPAIRS = {
     "copy": "a second copy of the sheet, {} from the first copy, was dropped",
-    "slab": "a slab, {} thick, reduced to its middle surface",
+    "slab": "a slab, {} thick, was reduced to its middle surface",
 }
 
 
@@ -299,8 +295,7 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
 
 
 def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) -> Floats:
-    """Return the translation (3,) that moves a part (k, 3) onto the second part (l, 3); empty (0,) if there is none.
-    Each round removes distances along the normals [Chen and Medioni 1992]. side : root of a part's area."""
+    """Return the translation (3,), or empty (0,), of a part onto the second, of area side^2 [Chen and Medioni 1992]."""
     P, n = V[first_part].mean(axis=1), area_vectors(V, first_part)
     area = lengths(n)
     n /= np.maximum(area, 1e-300)[:, None]
@@ -351,8 +346,7 @@ def _candidate_pairs(V: Floats, F: Ints, part: Ints, area: Floats) -> Iterator[t
 
 
 def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool = False) -> float | None:
-    """Return the median distance between two parts, faces (k, 3) and (l, 3); None if the parts are not parallel.
-    even : true to accept only a nearly constant distance."""
+    """Return the median distance of two parts, None unless parallel; `even` also requires nearly constant distances."""
     ways = ((first_part, second_part), (second_part, first_part))
     gaps = np.concatenate([nearest_places(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])

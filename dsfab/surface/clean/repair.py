@@ -34,9 +34,9 @@ from dsfab.surface.topology import (
 
 CRUMB = 0.01  # The repair removes loose pieces smaller than this fraction of the mesh's area.
 PINHOLE = 1e-3  # The repair closes holes with outlines shorter than this times the mesh's largest dimension.
-_NO_AREA = "without area"
-_DOUBT = " (a large part of the mesh: check that all parts are in one unit)"
-_ASTRAY = f"with corners more than {ASTRAY_RATIO:,.0f} times as far from the mesh's middle as the rest"
+_NO_AREA = "dsfab dropped {} without area"
+_DOUBT = "; this is a large part of the mesh: check that all parts are in one unit"
+_ASTRAY = f"dsfab dropped {{}} with corners over {ASTRAY_RATIO:,.0f} times as far from the mesh's middle as the rest"
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +48,13 @@ class MendedMesh:
     F: Ints
     repairs: tuple[str, ...] = ()
 
-    def with_faces(self, keep: Ints, which: str) -> "MendedMesh":
-        """Return the mesh with only the faces `keep` (k,). `which` describes the removed faces in `repairs`."""
+    def with_faces(self, keep: Ints, repair: str) -> "MendedMesh":
+        """Return the mesh with only the faces `keep` (k,). `repair` is a sentence with {} for their number."""
         lost = len(self.F) - len(keep)
         if not lost:
             return self
-        doubt = _DOUBT if which == _NO_AREA and lost > 0.2 * len(self.F) else ""
-        words = f"{count_phrase(lost, 'face')} {which} dropped{doubt}"
+        doubt = _DOUBT if repair == _NO_AREA and lost > 0.2 * len(self.F) else ""
+        words = repair.format(count_phrase(lost, "face")) + doubt
         return replace(self, F=self.F[keep], repairs=(*self.repairs, words))
 
 
@@ -71,8 +71,8 @@ def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
     6. Holes are closed if their outline is shorter than `PINHOLE` times the mesh's largest dimension.
     7. Ragged borders are straightened (`borders`)."""
     mesh = single_sheet(sound_faces(V, F), metres)
-    mesh = stitched_mesh(_without(mesh, _on_edges_of_two, "on edges that already have two faces (a rib?)"))
-    mesh = _without(mesh, _in_large_pieces, "in tiny loose pieces")
+    mesh = stitched_mesh(_without(mesh, _on_edges_of_two, "dsfab dropped {} on edges with two other faces (a rib?)"))
+    mesh = _without(mesh, _in_large_pieces, "dsfab dropped {} in tiny loose pieces")
     mesh = _join_at_points(mesh) if len(mesh.F) else mesh
     return _compact(_without_teeth(_without_pinholes(mesh), metres) if len(mesh.F) else mesh)
 
@@ -81,15 +81,15 @@ def sound_faces(V: Floats, F: Ints) -> MendedMesh:
     """Return the mesh V (n, 3), F (m, 3), in any unit, with welded vertices and without unusable faces.
     An unusable face has no area, repeats another face, or has an unusable corner. Such a corner is not finite or is
     far from all other vertices."""
-    finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
-    mesh = MendedMesh(V, F).with_faces(np.flatnonzero(finite[F].all(axis=1)), "with corners that are not numbers")
+    finite = np.flatnonzero(np.asarray(np.isfinite(V).all(axis=1))[F].all(axis=1))
+    mesh = MendedMesh(V, F).with_faces(finite, "dsfab dropped {} with corners that are not numbers")
     mesh = mesh.with_faces(np.flatnonzero(in_reach(V)[mesh.F].all(axis=1)), _ASTRAY)
     mesh = _without(_weld(_compact(mesh)), faces_with_area, _NO_AREA)
     if not len(mesh.F):
         return mesh
     once = _single_faces(mesh.V, mesh.F)
-    which = "that lie on other faces"
-    return _compact(mesh.with_faces(once, "of a second copy of the sheet" if 2 * len(once) <= len(mesh.F) else which))
+    copy, repeated = "dsfab dropped {} of a second copy of the sheet", "dsfab dropped {} on top of other faces"
+    return _compact(mesh.with_faces(once, copy if 2 * len(once) <= len(mesh.F) else repeated))
 
 
 def single_sheet(mesh: MendedMesh, metres: float) -> MendedMesh:
@@ -98,8 +98,8 @@ def single_sheet(mesh: MendedMesh, metres: float) -> MendedMesh:
     return _compact(MendedMesh(V, F, (*mesh.repairs, *texts))) if texts else mesh
 
 
-def _without(mesh: MendedMesh, sound: Callable[[Floats, Ints], Ints], which: str) -> MendedMesh:
-    return mesh.with_faces(sound(mesh.V, mesh.F), which) if len(mesh.F) else mesh
+def _without(mesh: MendedMesh, sound: Callable[[Floats, Ints], Ints], repair: str) -> MendedMesh:
+    return mesh.with_faces(sound(mesh.V, mesh.F), repair) if len(mesh.F) else mesh
 
 
 def _compact(mesh: MendedMesh) -> MendedMesh:
@@ -134,8 +134,7 @@ def _join_at_points(mesh: MendedMesh) -> MendedMesh:
 
 
 def _single_faces(V: Floats, F: Ints) -> Ints:
-    """Return all faces (k,), but only one face of each set of overlapping faces.
-    If two other faces meet at an edge of equal faces, as at a cushion's corner, none of the equal faces stays."""
+    """Keep one of each set of overlapping faces, but no equal faces at whose edge two others meet (cushion corner)."""
     once = complement(overlapping_faces(V, F).whole, len(F))
     if len(once) == len(F):
         return once
@@ -337,8 +336,7 @@ def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
 
 
 def _collapse_edges(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
-    """Collapse the shortest edges of crumpled faces (m,). Return the vertices (n, 3) and the new number (n,) of each.
-    An edge collapses to its end on the boundary, or else to its midpoint. The topology does not change."""
+    """Collapse shortest edges of crumpled faces to a boundary end, else the midpoint. Return V and vertex numbers."""
     edges, n = edge_table(F), len(V)
     rim, face_edges = on_boundary(edges, n), edges.of[crumpled]
     length = np.full(len(edges.ends), np.inf)

@@ -62,8 +62,7 @@ def merged_vertices(
 
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
-    """Return the new vertex (n,) of each vertex: its entry in `targets`, or a nearer vertex in groups beyond `reach`.
-    Without the limit `reach`, a long chain of near vertices would shrink to a point."""
+    """Return `targets`, but within `reach` in wider groups: long chains of near vertices must not shrink to a point."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
         return targets
@@ -155,8 +154,7 @@ def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
 
 
 def _few_within(tree: cKDTree, places: Floats, radius: Floats, crowd: int = 8) -> tuple[Bools, Ints, Ints]:
-    """Mark the balls (b,) around places (b, 3) that contain more than `crowd` points of a tree.
-    For all other balls, return also the pairs of a ball (k,) and a point (k,) in it."""
+    """Mark balls with more than `crowd` points. For other balls, return also the pairs of a ball and a point in it."""
     # the search omits points exactly at the upper bound
     distance, point = tree.query(places, crowd + 1, distance_upper_bound=np.nextafter(radius.max(), np.inf))
     inside = distance <= radius[:, None]
@@ -177,8 +175,7 @@ def _distinct_pairs(pairs: Ints, n: int) -> tuple[Ints, Ints]:
 
 
 def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
-    """Return which pairs (k,) of a boundary edge and a vertex lie on opposite sides of one seam.
-    The two sides are chains of boundary edges (b, 2) with the same ends."""
+    """Return which pairs of a border edge and a vertex are on opposite sides of a seam: two chains with equal ends."""
     degree = np.bincount(ends.ravel())
     order = np.argsort(ends.ravel(), kind="stable")
     pairs = order[np.flatnonzero(degree[ends.ravel()[order]] == 2)].reshape(-1, 2) // 2
@@ -196,8 +193,7 @@ def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
 
 
 def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
-    """Insert vertices (k,) on half-edges (k,). Each changed face becomes a fan of triangles from its opposite corner.
-    Return the new faces (m', 3). Only one half-edge of a face may get vertices. The first triangle keeps its number."""
+    """Insert vertices on one half-edge of a face at most. The face becomes a fan; its first part keeps its number."""
     start, end, across = (F.ravel()[next_half_edge(half, k)] for k in range(3))
     order = np.lexsort((positions_on_segments(V[vertex], V[start], V[end]), half))
     half, vertex, end, across = half[order], vertex[order], end[order], across[order]
@@ -238,9 +234,7 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
 
 
 def _gusset(V: Floats, v: int, away: Ints, fan: Ints) -> list[int] | None:
-    """Return the triangle in the smallest angle between boundary edges of two fans at a vertex; None above 150 degrees.
-    away : (k,) other ends of the boundary edges.
-    fan  : (k,) fan (connected faces at the vertex) of each boundary edge."""
+    """Return the triangle in the smallest angle between boundary edges v-`away` of two fans; None above 150 degrees."""
     along = V[away] - V[v]
     along /= lengths(along)[:, None]
     if not len(away):  # closed parts have no boundary edges

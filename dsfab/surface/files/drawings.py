@@ -80,10 +80,11 @@ def read_dxf_meshes(path: Path, budget: Budget, only: Sequence[str] = ()) -> Tri
     on_paper = sum(entity.dxftype() != "VIEWPORT" for page in pages for entity in page)
     inventory = contents(drawing.counts + Counter({Content("object", "beside", "in paper space"): on_paper}))
     if not V:
-        solids = sum(thing.count for thing in inventory if thing.kind == "solid")
-        what = f"{count_phrase(solids, 'solid')} (or surfaces), but no mesh" if solids else "no mesh"
-        over = ignored_clause(thing.text for thing in inventory if thing.fate == "dropped" and thing.kind != "solid")
-        raise SurfaceError(f"the file has {what}: no 3DFACE, MESH or polyface{over}; export it as a mesh, or as STEP")
+        many = sum(thing.count for thing in inventory if thing.kind == "shape")
+        shape_words = f"the file has {count_phrase(many, 'shape')} in AutoCAD's own format, such as solids, but no mesh"
+        over = ignored_clause(thing.text for thing in inventory if thing.fate == "dropped" and thing.kind != "shape")
+        what = shape_words if many else "the file has no mesh"
+        raise SurfaceError(f"{what}: no 3DFACE, MESH or polyface{over}; export it as a mesh, or as STEP")
     cut_mesh = triangles(Polygons(np.concatenate(V), np.concatenate(corners), np.concatenate(sizes)))
     points, faces = equal_merged(np.concatenate(V), cut_mesh.F)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
@@ -94,7 +95,7 @@ def _content(entity: Any, layer: str) -> Content:
     """Return the inventory entry of an entity without a mesh."""
     kind = entity.dxftype()
     if kind in SOLIDS:
-        return Content("solid", "dropped", "(or surface) in AutoCAD's own format")
+        return Content("shape", "dropped", "in AutoCAD's own format, such as a solid")
     if kind in CURVES or kind == "POINT":
         return mark("point" if kind == "POINT" else "curve", layer)
     return Content(f"{kind} object", "dropped" if kind in FLAT else "beside")
@@ -145,9 +146,7 @@ def _polygons(entity: Any) -> Iterator[Polygons]:
 
 class _Entities:
     """Iterator over the visible entities of a drawing, with a limit on their number.
-    hidden        : lower-case names of layers that are off or frozen.
-    hidden_layers : true to include the hidden layers.
-    counts        : number of block insertions and hidden objects."""
+    hidden_layers : true to include hidden layers.    counts : number of block insertions and hidden objects."""
 
     def __init__(self, document: Any, budget: DrawingBudget, hidden_layers: bool = False) -> None:
         self.budget, self.count, self.counts = budget, 0, Counter[Content]()
@@ -168,7 +167,7 @@ class _Entities:
     def leaves(
         self, entities: Any, outer_names: tuple[str, ...] = (), mirrored: bool = False, hidden: bool = False
     ) -> Iterator[tuple[Any, tuple[str, ...], bool, bool]]:
-        """Yield each entity, its names, True in a mirrored block, True on a hidden layer (only with `hidden_layers`).
+        """Yield each visible entity, its names, True in a mirrored block, True on a hidden layer (by `hidden_layers`).
         The names are its layer, then layer and name of each enclosing block insertion (`outer_names`), innermost first.
         Layer 0 in a block means the layer on which the block is inserted."""
         if len(outer_names) > 2 * self.budget.depth:
@@ -232,8 +231,7 @@ def _path_points(part: Any, closed: bool) -> Floats:
 
 
 def _spline_points(spline: Any) -> Floats:
-    """Return the points (k, 3) of a spline from its first to its last valid knot.
-    In closed splines, the paths of ezdxf extend beyond these knots."""
+    """Return points from a spline's first to last valid knot; ezdxf's paths of closed splines extend beyond them."""
     tool = spline.construction_tool()
     knots = np.array(tool.knots())
     spans = np.unique(knots[tool.degree : len(knots) - tool.degree])

@@ -105,8 +105,7 @@ def _named_faces(mesh: Polygons, groups: list[_Group], only: Sequence[str], coun
 
 
 def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
-    """Return True if a file's last face may be incomplete: few corners, or an incomplete last corner.
-    largest : number of corners of the file's largest face.    count : number of vertices."""
+    """Return True if a file's last face may be incomplete: corners fewer than `largest`, or an incomplete last one."""
     *other_corners, last_corner = (word.split("/") for word in face or [""])
     if len(face) < max(largest, 3) or len(last_corner) < len(other_corners[0]):
         return True
@@ -116,8 +115,7 @@ def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
 
 
 def _join_lines(text: str) -> str:
-    """Join each line that ends with a backslash with the next line, except comments.
-    Raises MalformedFileError if no space is beside the backslash, because programs read such lines differently."""
+    """Join lines at backslashes, except comments. Raises MalformedFileError without a space there: programs differ."""
     text = _COMMENT.sub(r"\1 ", text)
     if cut := _DIVIDED.search(text):
         number = text.count("\n", 0, cut.end() - 1) + 1

@@ -97,8 +97,7 @@ def text_element(numbers: Floats, position: int, element: PlyElement, budget: Bu
 
 
 def _equal_records(numbers: Floats, position: int, element: PlyElement) -> tuple[Ints, Ints, int] | None:
-    """Return start and length (count, p) of the properties in each record, and the end of the element.
-    Return None if the lengths of a list differ between records."""
+    """Return start and length (count, p) of each record's properties, and the element's end; None if lengths differ."""
     start, sizes, lists, place = [], [], [], 0
     for p in element.properties:
         if p.length is not None:
@@ -281,9 +280,9 @@ def _element_columns(
             columns[element.name], position = binary_element(body, position, element, _ORDERS[style], budget)
     extra = len(numbers) - position if style == "ascii" else len(body) - position
     thing = "number" if style == "ascii" else "byte"
-    leftovers = [count_phrase(extra, thing)] if extra else []
-    leftovers += ["words that are no numbers"] if odd else []
-    return columns, (f"{' and '.join(leftovers)} after the last element",) if leftovers else ()
+    leftovers = [f"{count_phrase(extra, thing)} after the last element"] if extra else []
+    leftovers += ["words after the last element that are no numbers"] if odd else []
+    return columns, tuple(leftovers)
 
 
 def _require_within(budget: Budget, element: PlyElement) -> None:

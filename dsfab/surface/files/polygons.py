@@ -64,9 +64,7 @@ def _bend(normals: Floats, neighbour_normals: Floats) -> Floats:
 
 
 def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, starts: Ints) -> Floats:
-    """Return the unit normals (r, 4, 3) of the neighbours of quads; 0 at a side without exactly one flat neighbour.
-    bent   : (f,) faces that are not flat.
-    starts : (r,) index in `corners` of the first corner of each quad."""
+    """Return normals beside quads (first corners: `starts`), (r, 4, 3); 0 beside none, several, or a `bent` face."""
     owner, h = np.repeat(np.arange(len(sizes)), sizes), np.arange(len(corners))
     start = np.cumsum(sizes) - sizes
     onward = np.where(h + 1 < (start + sizes)[owner], h + 1, start[owner])
@@ -192,8 +190,7 @@ def _twice_areas(flat: Floats, F: Ints) -> Floats:
 
 
 def _corner_turns(flat: Floats) -> tuple[Floats, Bools]:
-    """Return the signed distance (k,) of each corner of an outline (k, 2) from the line through its two neighbours,
-    positive on the right. Return also whether the outline turns by less than 90 degrees at the corner."""
+    """Return each corner's offset from its neighbours' line, positive to the right; True for turns below 90 degrees."""
     incoming, outgoing = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
     cut = np.linalg.norm(incoming + outgoing, axis=1)
     twice = incoming[:, 0] * outgoing[:, 1] - incoming[:, 1] * outgoing[:, 0]

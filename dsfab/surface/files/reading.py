@@ -181,7 +181,7 @@ def selected_parts(
     parts: Iterable[tuple[Sequence[str], Part]], only: Sequence[str], counts: Counter[Content]
 ) -> Iterator[Part]:
     """Yield the parts of a file that the user names, and count the other parts; without names, yield all parts.
-    parts : pairs of names and a part. The first name is the part's own; then follow its layer, block or assembly.
+    parts : pairs of names and a part: first the part's own names, if any; then those of its layer, block or assembly.
     only  : the user's names. Upper and lower case are equal, unless names in the file differ by case alone.
     Raises SurfaceError for a name that the file lacks."""
     if not only:

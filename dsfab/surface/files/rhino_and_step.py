@@ -138,8 +138,7 @@ _Surface = tuple[Any, list[Any] | None, Floats]
 
 
 def _by_selectable_names(parts: list[tuple[_Groups, _Surface]]) -> Iterator[tuple[tuple[str, ...], _Surface]]:
-    """Yield each part of `_DrawnObjects.surfaces` with the names that select it.
-    An inner layer that has the name of an outermost layer is selected by its path only."""
+    """Yield parts with their selecting names. Only its path selects an inner layer named like an outermost layer."""
     outermost = {layer[-1] for groups, _ in parts for layer in groups[::2]}
     for groups, part in parts:
         layers = [(x[0], *(name for name in x[1:-1] if name not in outermost), x[-1]) for x in groups[::2]]
@@ -148,10 +147,8 @@ def _by_selectable_names(parts: list[tuple[_Groups, _Surface]]) -> Iterator[tupl
 
 class _DrawnObjects:
     """Iterator over the visible objects of a 3DM file; it yields the objects of a block at each insertion.
-    layers        : names of each layer by its number: its path `A::B`, its own name, then those of the layers above.
-    hidden        : numbers of the hidden layers, and of layers within them.
-    hidden_layers : true to include the objects on hidden layers.
-    counts        : number of block insertions and hidden objects."""
+    layers : names of each layer by its number: its path `A::B`, its own name, then those of the layers above.
+    hidden_layers : true to include hidden layers.    counts : number of block insertions and hidden objects."""
 
     def __init__(self, model: Any, budget: DrawingBudget, hidden_layers: bool = False) -> None:
         self.model, self.budget, self.count = model, budget, 0
@@ -357,8 +354,7 @@ def _visible_parts(path: Path, counts: Counter[Content]) -> Iterator[tuple[tuple
 def _parts_in(
     label: Any, place: Any, outer_names: tuple[str, ...], counts: Counter[Content]
 ) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Yield the names and the shape of each visible part of an assembly; count invisible parts and assemblies.
-    The names are those of the part, then those of the assemblies around it (`outer_names`)."""
+    """Yield names (own, then outer assemblies') and shape of each visible part. Count hidden parts and assemblies."""
     from OCP.TDF import TDF_Label
     from OCP.XCAFDoc import XCAFDoc_ColorTool, XCAFDoc_ShapeTool
 

@@ -133,8 +133,7 @@ class _Object:
 
 
 class _Plate:
-    """Content of all parts of a file.
-    items     : object, transformation (4, 4) and part number of each item on the build plate.
+    """Content of a file's parts. items : object, transformation (4, 4) and part number of each item on the build plate.
     triangles : number of triangles of each used object, with its components."""
 
     def __init__(self, budget: Budget, texts: dict[str, bytes]) -> None:
@@ -246,7 +245,7 @@ class _Plate:
         return mesh_at(V, F[is_model], place)
 
 
-_AID = Content("modifier", "dropped", "or support that only the slicer uses")
+_AID = Content("printing aid", "dropped", "that only the slicer uses")
 
 
 def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int, int]]]:

@@ -93,9 +93,7 @@ def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
 
 
 def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats) -> Floats:
-    """Return the fraction (k,) of each edge that lies on the other side of the outline than the edge's far end.
-    This part begins at the edge's `end` (0 or 1), which is on the outline.
-    sign : (k,) side of the far end."""
+    """Return the share of each edge, from `end` (on the outline), that is not on its far end's side (`sign`)."""
     a, b = s.V[s.edges.ends[edges, end]], s.V[s.edges.ends[edges, 1 - end]]
     shares = np.zeros(len(edges))
     for t in np.arange(1, TEST_POINTS + 1) / (TEST_POINTS + 1):
@@ -166,8 +164,7 @@ def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[Ou
 
 
 def _may_move(outlined: OutlinedSurface, vertices: Ints, places: Floats, tolerance: float) -> Bools:
-    """Return which vertices (k,) may move to places (k, 3) without a change of the surface's shape or boundary.
-    The sine of the angle between a move and each face at the vertex is at most 0.2. Fixed vertices stay.
+    """Return which vertices may move without a change of shape (sine to a face at most 0.2) or of the boundary.
     tolerance : distance from a face or boundary that is always allowed, metres."""
     s, around = outlined.surface, _FacesAt.from_surface(outlined.surface)
     allowed = ~(outlined.fixed | outlined.on)[vertices]

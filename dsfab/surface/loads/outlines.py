@@ -304,8 +304,7 @@ class _Plane:
         return Extent(prism_depth, foot[:, None] + ends, min(_width(flat) for flat in loops))
 
     def _nearest_part(self, surface: Surface) -> tuple[float, float]:
-        """Return the prism's ends as distances (m) from the curves' plane; infinite if no further part follows.
-        Each end is halfway between the part nearest to the plane and the next part along lines normal to the plane."""
+        """Return the prism's ends (m off the plane): halfway from the nearest part to the next, or infinite if none."""
         reach, normal = np.abs(self.distances(surface.V)).max() + surface.size, self.axes[2]
         nearest_hits, behind = list[float](), list[float]()
         for p in self._sight_points():

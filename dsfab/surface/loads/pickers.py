@@ -183,7 +183,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Nearest:
-    """The vertices nearest to points, metres. relative : true if points are fractions of the surface's box (0 to 1)."""
+    """The vertex nearest to each point, metres. relative : true if points are fractions of the surface's box (0-1)."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     points: Annotated[tuple[Vector, ...], MinLen(1)]

@@ -144,8 +144,7 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _leading(net: Net, long: Bools, length: Floats) -> Bools:
-    """Return the long edges (e,) that have at least 70 % of the length of the longest edge in both of their faces.
-    In needles (faces with 2 area / longest edge^2 below 0.35), only the longest edge counts."""
+    """Return long edges with at least 70 % of the longest length in both faces; in needles, only the longest counts."""
     faces = np.flatnonzero(faces_at(net.edges.of, long))
     edge = net.edges.of[faces]
     marked_length = np.where(long, length, -1.0)[edge]
@@ -211,8 +210,7 @@ def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, bat
 
 
 def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -> tuple[_Collapses, Floats]:
-    """Return collapses of short edges that preserve the topology and the feature curves, and their costs (c,).
-    Two free vertices merge at their middle. Other pairs merge at their fixed vertex, or else at a vertex on a curve."""
+    """Return collapses of short edges, and costs. Free pairs meet halfway, others at a fixed vertex or else a curve."""
     edges = net.edges
     cost = edge_lengths(net.V, edges.ends) / net.edge_sizes
     chosen = np.flatnonzero(cost < SHORTEST)
@@ -229,8 +227,7 @@ def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -
 
 
 def _keeps_curves(net: Net, curves: FeatureCurves, target: Ints, gone: Ints, edge: float) -> Bools:
-    """Return which vertices `gone` (c,) on a curve may merge with their neighbours `target` (c,) on the same curve.
-    The longer curve edge that results must stay near the curve, must not be too long, and must not exist yet."""
+    """Return which `gone` may merge with `target` on their curve: the new curve edge must be near it, short and new."""
     position = np.zeros(net.n, dtype=np.int64)
     position[net.node] = np.arange(len(net.node))
     k = np.clip(position[gone], 1, max(len(net.node) - 2, 1))
@@ -331,8 +328,7 @@ def _valence_gain(net: Net, quad: Ints) -> Floats:
 
 
 def _delaunay_gain(angles: Floats, pairs: Ints) -> Floats:
-    """Return the sum (q,) of the two angles opposite each edge, minus pi, radians.
-    angles : (m, 3) of the faces.   pairs : (q, 2) half-edges of the edges."""
+    """Return the sum (q,) of the two angles opposite each edge, given by its half-edges (q, 2), minus pi, radians."""
     first_angle, second_angle = angles.ravel()[next_half_edge(pairs.T, 2)]
     return np.asarray(first_angle + second_angle - np.pi - 1e-6)
 

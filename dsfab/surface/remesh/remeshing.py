@@ -78,7 +78,7 @@ def _smallest_angle(surface: Surface) -> float:
 
 
 def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
-    """Mesh one of a surface's mirrored parts and copy it; None without mirrors, for small parts, or on new topology."""
+    """Mesh one mirrored part and copy it; None without mirrors, for a small part, or if the topology would change."""
     surface = nearest_on.surface
     mirrors = Mirrors.from_surface(nearest_on, edge, smooth)
     chamber = Chamber.from_mirrors(surface, mirrors, edge) if mirrors else None
@@ -105,8 +105,7 @@ def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Se
 
 
 def _places_on_curves(net: Net, nearest_on: NearestOnSurface, edge: float, smooth: bool) -> Floats:
-    """Return places (n, 3) of a net's vertices on the nearest boundaries, creases and corners.
-    Mirrored vertices may lie slightly beside these curves. If `smooth` is false, other vertices move onto facets."""
+    """Return places on curves (mirrored vertices may lie beside them), and on facets for the others unless `smooth`."""
     surface = nearest_on.surface
     lines = surface.edges.ends[design_features(surface, edge)]
     goal = net.V.copy() if smooth else _places(net.V, nearest_on, smooth)
@@ -163,7 +162,7 @@ def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _shortest_lengths(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
-    """Return the shortest length (k,), metres, of all fields `sizes` at points (k, 3). trees : of their surfaces."""
+    """Return the shortest length (k,), metres, of `sizes` at points (k, 3). trees : search trees of their surfaces."""
     candidates = []
     for tree in trees:
         if tree_lengths := [field.length for field in sizes if field.surface is tree.surface]:

@@ -126,8 +126,7 @@ def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
 
 
 def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
-    """Return lists of vertices (k,) at narrow places, the width (k,) there, metres, and the width's growth per metre.
-    A width is the length of an edge or height of a face between curves. Faces with two edges on curves do not count."""
+    """Return vertices, widths (edges or heights between curves, not at faces with two curve edges), growth per m."""
     constrained, edges, along = net.kind > FREE, net.edges, net.along_curves
     length = edge_lengths(net.V, edges.ends)
     is_along = along[edges.of]
@@ -152,8 +151,7 @@ def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
 
 
 def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
-    """Return slopes (k,): the width (k,) between two curves, metres, divided by the distance from their common corner.
-    start, end : (k,) vertices on the two curves. The slope is 0 for curves without a common corner."""
+    """Return width over distance from the common corner of the curves of `start` and `end`; 0 without such a corner."""
     corner, distances = _corners(net)
     slope = np.zeros(len(start))
     for i in range(2):
@@ -165,8 +163,7 @@ def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
 
 
 def _corners(net: Net) -> tuple[Ints, Floats]:
-    """Return the corners (n, 2) at the two ends of each vertex's curve, -1 without a curve.
-    Return also the distances (n, 2) from the corners along the curve, metres."""
+    """Return the corners (n, 2) at the ends of each vertex's curve (-1: none), and the distances along the curve."""
     corner, distances = np.full((net.n, 2), -1), np.zeros((net.n, 2))
     ends = np.searchsorted(net.curve, net.curve), np.searchsorted(net.curve, net.curve, side="right") - 1
     for i, end in enumerate(ends):

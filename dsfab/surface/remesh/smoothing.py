@@ -50,9 +50,7 @@ def barycentric(P: Floats, place: Floats) -> Floats:
 
 
 def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
-    """Return two control points of each edge (m, 6, 3) of triangles P (m, 3, 3), moved into the tangent planes.
-    normals  : (m, 3, 3) normals of the tangent planes at the corners.
-    straight : (m, 3) marks of edges whose control points stay on the edge."""
+    """Return two control points per edge (m, 6, 3) in tangent planes; those of `straight` edges stay on the edge."""
     controls = np.empty((len(P), 6, 3))
     for k, ends in enumerate(CORNERS):
         for end, (i, j) in enumerate((ends, ends[::-1])):
@@ -63,8 +61,7 @@ def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
 
 
 def _corner_normals(surface: Surface, features: Bools) -> Floats:
-    """Return unit normals (m, 3 corners, 3): means of the face normals around a vertex, weighted by angle.
-    A mean contains the faces that are reached around the vertex without crossing an edge marked in `features` (e,)."""
+    """Return corner normals (m, 3, 3): means, by angle, of faces around a vertex up to edges marked in `features`."""
     fan = corner_fans(surface.F, surface.edges, apart=features).ravel()
     count = int(fan.max()) + 1
     weighted = (face_angles(surface.V, surface.F)[:, :, None] * surface.normals[:, None]).reshape(-1, 3)

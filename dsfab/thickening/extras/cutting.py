@@ -92,7 +92,7 @@ class SplitBodies:
         """Return the solid in parts that fit the bed, with holes for dowels. Raises SolidError for invalid options."""
         positive(self, "apart")
         if min(self.bed) <= 0 or self.dowel < 0 or (self.dowel > 0) != (self.deep > 0):
-            raise SolidError("thickening.extra 'split': set bed to positive lengths; set keys dowel and deep, or none")
+            raise SolidError("thickening.extra 'split': set bed to positive lengths; set dowel and deep, or neither")
         ends = np.array(solid.bounding_box()).reshape(2, 3)
         levels = [self._levels(ends[0, axis], ends[1, axis], self.bed[axis]) for axis in range(3)]
         drills = [drill for axis in range(3) for drill in self._drills(solid, axis, levels)] if self.dowel else []

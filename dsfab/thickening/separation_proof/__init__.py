@@ -130,9 +130,8 @@ def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Float
 
 
 def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
-    """Return (m,): prisms that may turn inside out; least cosine of each prism's skin normals to an axis; prism radii.
-    upper, lower : (3 xyz, 3 corners, m) corners, errors up to e = `error`.
-    Largest errors: 3 r^2 e in a determinant of vectors of length r; 4 s e in the normal of a triangle with sides s."""
+    """Return prisms that may turn inside out, least cosines of skins to `axis`, and radii; corners (xyz, corner, m).
+    Corner errors e cause errors of at most 3 r^2 e in determinants (length r), and 4 s e in normals (sides s)."""
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]
     reach = np.sqrt(np.maximum((A**2).sum(axis=0), (B**2).sum(axis=0)).max(axis=0)) + error

@@ -312,8 +312,7 @@ def _counter_clockwise(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints,
 
 def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
     """Return half the width of a node plate's arms, and the distance of their folds from the node (m).
-    At right angles, bars begin at half of their width from the node. At sharper `gaps` (angles) they begin farther
-    away, and their arms are narrower, but wide enough for bolts. lean : extra distances for tilted bars, metres."""
+    At sharper `gaps` (angles), bars begin farther off, and arms are narrower. lean : extra distances of tilted bars."""
     notch = 0.9  # distance of the corner between two arms from the node, divided by the bars' distance from the node
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2

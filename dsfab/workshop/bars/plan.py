@@ -87,8 +87,8 @@ def _sharp_angles(plan: BarPlan) -> Iterator[str]:
         for (k, side), (neighbour, _) in zip(joint.bars, (*joint.bars[1:], joint.bars[0]), strict=True)
     )
     if angle < np.pi:
-        description = f"is {np.degrees(angle):.0f} degrees, between {bar_a} and {bar_b} at {node}"
-        yield f"the sharpest angle between two bars of a node {description}"
+        degrees = f"{np.degrees(angle):.0f} degrees"
+        yield f"the sharpest angle between two bars of a node is {degrees}, between {bar_a} and {bar_b} at {node}"
     shares = {bar.bay.id: max(mitre_length(bar, end, stock) for end in bar.ends) / bar.length for bar in bars}
     weakened = sorted((name for name, share in shares.items() if share > 0.5), key=lambda name: -shares[name])
     if weakened:

@@ -77,9 +77,7 @@ def _column_count(size: Floats, grid: ColumnGrid) -> int:
 
 
 def _columns(outline: Floats, size: Floats, grid: ColumnGrid) -> tuple[Floats, Floats]:
-    """Return the lowest and the highest y (k,) of a polygon (q, 2) in each of the sheet's columns along x.
-    The polygon is enlarged by half of the gap between parts. Method: Minkowski sum of the polygon's sides with a
-    regular polygon around a circle; its radius is half of the gap."""
+    """Return lowest and highest y per column of a polygon's Minkowski sum with a 16-gon around a circle (half gap)."""
     reach = grid.gap / 2
     count = 16
     angle = np.arange(count) * 2 * np.pi / count
@@ -99,9 +97,7 @@ def _shifted_points(points: Floats, ways: Floats) -> Floats:
 
 
 def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Floats:
-    """Return the lowest or highest y (k,) of segments in each of k columns; f : numpy's minimum or maximum.
-    corner : (k + 1,) x of the columns' borders.
-    p, q   : (s, 2) ends of the segments, p left of q."""
+    """Return the lowest or highest y (f) of segments p-q in each column with borders `corner`; p must be left of q."""
     extremes = np.full(len(corner) - 1, np.inf if f is np.minimum else -np.inf)
     wide = np.maximum(q[:, 0] - p[:, 0], 1e-15)
     i = np.clip(np.searchsorted(corner, p[:, 0], side="right") - 1, 0, len(extremes) - 1)

@@ -11,7 +11,7 @@ from operator import itemgetter
 import numpy as np
 
 from dsfab.core.arrays import Floats
-from dsfab.core.messages import length, names_and_count, stopping_clause
+from dsfab.core.messages import length, names_and_count
 from dsfab.members import MemberGraph
 from dsfab.workshop.development import StripCourse, member_course
 from dsfab.workshop.ground import BasePlane
@@ -122,19 +122,19 @@ class PlankPlan:
 
     @property
     def obstacle(self) -> str:
-        """Reason why planks are impossible, with numbers, to follow "upright planks": "would ..."; "" if possible."""
+        """Reason why planks are impossible, with numbers: "upright planks would ..."; "" if planks are possible."""
         planks, worst = self.planks, max(self.planks.bends.values(), default=0.0)
         if worst > self.limit:
-            return f"would be bent out of their plane to a strain of {worst:.2%} (allowed: {self.limit:.2%})"
+            return f"upright planks would bend out of their plane to a strain of {worst:.2%} (limit: {self.limit:.2%})"
         if planks.crossings.sharp_nodes:
             nodes = names_and_count(planks.crossings.sharp_nodes)
-            return f"would meet at under {slots.LEAST_DEGREES:g} degrees at {nodes}, too sharp for slots"
+            return f"upright planks would meet at under {slots.LEAST_DEGREES:g} degrees at {nodes}, too sharp for slots"
         if planks.crowded:
-            return f"would have slots without wood between them: {names_and_count(planks.crowded)}"
+            return f"upright planks would have slots without wood between them: {names_and_count(planks.crowded)}"
         if planks.stuck:
             name, angle = max(planks.stuck.items(), key=itemgetter(1))
             return (
-                f"would not slide together: slots of {len(planks.stuck)} of them differ by up to "
+                f"upright planks would not slide together: slots of {len(planks.stuck)} of them differ by up to "
                 f"{np.degrees(angle):.0f} degrees from the middle direction of a piece's slots ({name})"
             )
         return ""
@@ -151,7 +151,7 @@ class PlankPlan:
         if planks.crossings.crossings:
             angle = min(crossing.angle for crossing in planks.crossings.crossings)
             text += (
-                f", cross at {np.degrees(angle):.0f} degrees or more, and have slots that widen by up to "
+                f"; planks cross at {np.degrees(angle):.0f} degrees or more, and have slots that widen by up to "
                 f"{np.degrees(lean):.1f} degrees for assembly"
             )
         return text
@@ -242,7 +242,7 @@ def _sliding_lines(plan: PlankPlan) -> Iterator[str]:
         yield (
             f"NOT POSSIBLE to slide together: {names_and_count(list(planks.stuck))}; slots of a piece differ by up to "
             f"{np.degrees(planks.stuck[worst]):.0f} degrees from their middle direction ({worst}): use smaller bolts "
-            "or thinner planks, which can be spliced more often, or choose strips or bars"
+            "or thinner planks to make room for more splices, or choose strips or bars"
         )
 
 
@@ -255,10 +255,11 @@ def _omission_lines(plan: PlankPlan) -> Iterator[str]:
     if planks.level_ends:
         yield f"{planks.level_ends} ends at supports are cut along the ground"
     if planks.shortened:
-        yield (
-            f"{names_and_count(planks.shortened)} {stopping_clause(len(planks.shortened))} another plank of the family "
-            "or curl up" + (f"; nodes missed: {names_and_count(planks.missed_nodes)}" if planks.missed_nodes else "")
-        )
+        names, nodes = names_and_count(planks.shortened), names_and_count(planks.missed_nodes)
+        one = f"{names} stops before its ends, where it would run into another plank of the family or curl up"
+        several = f"{names} stop before their ends, where they would run into another plank of the family or curl up"
+        missed = f"; this leaves nodes unreached: {nodes}" if nodes else ""
+        yield f"{one if len(planks.shortened) == 1 else several}{missed}"
     if planks.vanished:
         yield f"NOT BUILT, because other planks of the same family are in the way: {names_and_count(planks.vanished)}"
     plates = [part for part in plan.parts if part.member and not len(part.axis)]

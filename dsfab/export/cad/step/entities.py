@@ -295,8 +295,7 @@ def _tables(
     shape: Polyhedron, vectors: tuple[Floats, Ints], normals: tuple[Floats, Ints], digits: int, blocks: list[range]
 ) -> Iterator[str]:
     """Yield one kind of entities after another, to save memory. blocks : range of entity numbers for each kind.
-    vectors : different directions, and the index (e,) of the direction of each edge.
-    normals : different directions, and the index (f,) of the normal of each face.    digits : decimals of normals."""
+    vectors, normals : different directions, and their index for each edge or face.    digits : decimals of normals."""
     points, vertices, dirs, units, lines, edges, steps, loops, bounds, axes, placements, planes, faces = blocks
     p, q = shape.edges.T
     outer = np.isin(np.arange(len(bounds)), shape.faces[:-1])
@@ -318,8 +317,7 @@ def _tables(
 
 
 def _ratios(shape: Polyhedron) -> Floats:
-    """Return the (e, 3) exact directions of edges between corners with rounded coordinates, as smallest whole numbers.
-    ISO 10303-42 allows any length. With whole numbers, all edges along an axis have the same direction."""
+    """Return exact edge directions as smallest whole numbers, equal along an axis; ISO 10303-42 allows any length."""
     corners = _corners(shape)
     along = corners[shape.edges[:, 1]] - corners[shape.edges[:, 0]]
     return np.asarray(along / np.maximum(np.gcd.reduce(along, axis=1), 1)[:, None])

@@ -58,7 +58,7 @@ class BudgetError(NotMadeError):
 
     @property
     def excess(self) -> str:
-        """Number of faces, or size in MB, that exceeds its limit: text after "it would have"."""
+        """Number of faces, or size in MB, that exceeds its limit: text after "would have"."""
         if self.by_faces:
             about = "about " if self.way == "simplified" else ""
             return f"{about}{self.faces:,} {'planar ' if self.way not in ('smooth', 'members') else ''}faces"
@@ -74,7 +74,7 @@ class BudgetError(NotMadeError):
     @property
     def reason(self) -> str:
         """Reason for the refusal, without advice."""
-        return f"{self.strategy} it would have {self.excess}, {self.limit}"
+        return f"a file written as {self.strategy} would have {self.excess}, {self.limit}"
 
     @property
     def cost(self) -> str:

@@ -63,7 +63,7 @@ class FlatFacets:
 
     @cached_property
     def has_creases(self) -> bool:
-        """True if creases are at least half of all folds by length. If not, the faces may be parts of a curve."""
+        """True if creases are at least half of all folds by length. If not, the sheet may be curved."""
         F, upper = self.whole.F, self.skins[:, 0]
         h, k = edge_table(F).pairs.T
         fold = self.facet[h // 3] != self.facet[k // 3]
@@ -144,7 +144,7 @@ def _mitred_sheet(flat: FlatFacets) -> FoldedSheet:
 
 
 def _require_few_facets(facet: Ints) -> None:
-    faces_per_facet = 4  # smallest allowed mean number of triangles; on a curved sheet, each triangle is a facet
+    faces_per_facet = 4  # smallest allowed mean number of triangles in a facet; it is 1 on a curved sheet
     if not 1 < int(facet.max()) + 1 <= len(facet) / faces_per_facet:
         raise NotFlatError("the facets of the sheet are not flat")
 
@@ -158,8 +158,7 @@ def _plane(skins: Floats, F: Ints) -> Facet:
 
 
 def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
-    """Move vertices by least squares into the planes of their facets; return (n, 2, 3), and (n,) True for failures.
-    Facets of a single triangle have no influence, because their corners define their planes."""
+    """Move vertices into planes of facets, except single triangles, which always fit; return points and failures."""
     exact = 1e-5  # largest distance (mm) of a fold's corners from the planes that meet there
     count = np.bincount(facet)
     planes = {int(k): _plane(skins, F[facet == k]) for k in np.flatnonzero(count > 1)}

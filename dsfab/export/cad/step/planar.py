@@ -175,9 +175,8 @@ def polyhedron(V: Floats, F: Ints, shell: Ints) -> Polyhedron:
 
 
 def _corners(V: Floats, F: Ints, table: EdgeTable, outline: FaceOutlines) -> Bools:
-    """Return (n,) True for corners of the outlines; each loop has at least three corners.
-    A vertex is no corner if only two outline edges meet there, the two edges are in line, and the vertex is on the line
-    between the next corners on both sides. This last condition is for fine polygons, which bend little at a vertex."""
+    """Mark corners of the outlines; each loop has at least three. A vertex of two edges in line is no corner only if
+    it is also on the line between the next corners on both sides. Fine polygons bend little at a vertex."""
     a = F.ravel()[outline.h]
     alive = np.bincount(table.ends[np.unique(table.of.ravel()[outline.h])].ravel(), minlength=len(V)) > 2
     before, after = np.roll(a, 1), a[outline.next]
@@ -243,8 +242,7 @@ def _numbered_polyhedron(
 def _long_edges(
     F: Ints, table: EdgeTable, outline: FaceOutlines, alive: Bools
 ) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
-    """Return the first vertex of each step (straight part of a loop), the first step of each loop, and the long edges.
-    The long edges are three arrays: edge (s,) of each step, vertices (e, 2) of each edge, (s,) True for forward steps.
+    """Return the first vertex of each step (straight part), the first step of each loop, and the long edges.
     Two steps are the same long edge if the smallest numbers of their mesh edges are equal."""
     a = F.ravel()[outline.h]
     is_corner = alive[a]

@@ -98,8 +98,7 @@ def _faces_near(triangles: StepTriangles, faces: Ints, deflection: float) -> Int
 def _redraw(
     sound: Soundness, first_triangles: StepTriangles, faces: Ints, deflection: float, shape: bytes
 ) -> tuple[Soundness, StepTriangles]:
-    """Make finer triangles of some faces; return the new `Soundness` and the triangles.
-    All faces get finer triangles if the topology of the new triangles does not fit the rest of the mesh."""
+    """Return `Soundness` and finer triangles of some faces, or of all faces if the topology does not fit the mesh."""
     redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"], faces))
     if not np.array_equal(np.unique(redrawn.face), faces) or not _same_topology(first_triangles, redrawn):
         redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"]))
@@ -110,8 +109,7 @@ def _redraw(
 
 
 def _same_topology(coarse: StepTriangles, fine: StepTriangles) -> bool:
-    """Return True for fine triangles that are an oriented manifold with the Euler number of the coarse triangles.
-    A missing or loose face changes the Euler number."""
+    """Return True for an oriented manifold with the old Euler number, which a missing or loose face changes."""
     selected = np.isin(coarse.face, fine.face)
     edges = edge_table(fine.F)
     crowded = (edges.count > 2).any() or len(duplicate_faces(fine.F))

@@ -96,8 +96,7 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
 
 
 def _worth_members(part: Part) -> bool:
-    """Return True if dsfab tries step = 'members' unasked: if the sheet has stripes and, for 'quick', a boundary.
-    CAD programs usually fail to cut smooth files, but they can cut files of step = 'members'."""
+    """Return True to try step = 'members' unasked: CAD programs can cut its files, but usually fail at smooth files."""
     sheet = _striped_sheet(part)
     return sheet is not None and (part.step == "auto" or bool(Surface(sheet.V, sheet.F).edges.boundary.any()))
 
@@ -111,9 +110,7 @@ def _striped_sheet(part: Part) -> Curved | None:
 
 
 def _last_attempts(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
-    """Yield the attempts that remain after a faceted part was refused.
-    members : the part with step = 'members'; None if slow attempts are not allowed.
-    quick   : True to stop if the first simplified part has far more faces than allowed."""
+    """Yield attempts after a refused faceted part. members : None for no slow attempts.    quick : may stop early."""
     far_factor = 2  # with more than twice the allowed faces, further tries do not help
     is_far = False
     if not part.tolerance:
@@ -154,8 +151,7 @@ def default_tolerance(part: Part) -> float:
 
 
 def _may_be_planar(part: Part) -> bool:
-    """Return False for the mesh of a curved sheet, whose flat facets have no creases between them.
-    Without this quick test, each triangle could become a facet, with slow mitres and outlines."""
+    """Return False for curved sheets, which have no creases; each triangle could become a facet, with slow mitres."""
     flat = flat_facets(part)
     return flat is None or flat.has_creases or part.step == "planar"
 
@@ -325,7 +321,7 @@ def _estimate_by_members(part: Part) -> tuple[int, float, str]:
 
 def _estimate_smooth(part: Part) -> tuple[int, float, str]:
     if default := default_tolerance(part):
-        raise ExportError(f"the sheet is flat or folded; write step = 'planar', within {default:.2g} mm")
+        raise ExportError(f"the sheet is flat or folded; write step = 'planar' (within {default:.2g} mm)")
     note = "not checked yet: pieces that OCCT refuses are fitted again, and become faceted if that fails"
     return *first_draft(part), note
 

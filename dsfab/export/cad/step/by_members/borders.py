@@ -235,8 +235,7 @@ class _BorderEnds:
         return self.P[[points_before[-2], points_after[0], points_after[1]]]
 
     def _angle_at(self, before: int, after: int, anchor: Floats) -> float:
-        """Return the angle (degrees) at a node between a border and the mean direction of the two outline walls there.
-        If one wall is round and one is straight, only the straight wall counts."""
+        """Angle (degrees) of a border with the mean outline wall; a round wall beside a straight wall is ignored."""
         P = self._points_around(before, after)
         weights = [1.0 - (self._is_round(j) and not self._is_round(k)) for j, k in ((before, after), (after, before))]
         return _angle(P, weights, anchor)

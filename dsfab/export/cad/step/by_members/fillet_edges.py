@@ -185,8 +185,7 @@ def _edges_around(model: NetModel, faces: list[TrimmedFace], corners: list[Fille
 def _beside_straight(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> tuple[dict[int, Floats], dict[int, list[Floats]]]:
-    """Return two dicts, by patch number, for patches beside a seam that continues a wall's edge.
-    First: the new range (2, 2, 2) of its parameters. Second: parameters (2, 2, 2) that the patch must contain."""
+    """For patches at a seam that continues a wall's edge, return wider ranges, and parameters that they must hold."""
     straight = [corner for corner in corners if corner.straight is not None]
     longer, boxes, needed = _extensions(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
     for corner in straight:

@@ -216,7 +216,7 @@ class _Fillets:
 
     def _crossing(self, inner: ChainLoop, neighbours: list[int]) -> int | None:
         """Return the region where the two members beside a fillet cross; None if there is no such region."""
-        smaller = 0.6  # largest outline of the crossing, as a fraction of the larger neighbour's outline
+        smaller = 0.6  # the crossing's perimeter must be below this fraction of the other region's
         if len(inner) == 3 and len(set(neighbours)) == 3:
             return neighbours[1]
         if len(inner) != 2 or neighbours[0] == neighbours[1]:

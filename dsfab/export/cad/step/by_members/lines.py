@@ -87,7 +87,7 @@ class NetLines:
                 self.place[k] = (i, a, b) if ahead else (i, b, a)
 
     def line_part(self, step: tuple[int, bool]) -> LinePart:
-        """Return a chain's line, and parameters of the chain's ends. step : chain number, True for its direction."""
+        """Return a chain's line, and parameters of the chain's ends. step : chain number, True to run forwards."""
         i, a, b = self.place[step[0]]
         return (i, a, b) if step[1] else (i, b, a)
 
@@ -168,8 +168,7 @@ def with_twins(lines: NetLines) -> NetLines:
 
 
 def _points_on(lines: NetLines) -> dict[int, Floats]:
-    """Return the points (6,) at inner nodes of lines, where two chains of a line join, by node.
-    Other lines may end at these nodes, so a linear system determines all points together."""
+    """Return the points where two chains of a line join, by node; all together, because other lines may end there."""
     net, inner_nodes = lines.net, list[tuple[int, int, float]]()
     for i, line in enumerate(lines.lines):
         inner_nodes += [(node, i, x) for node, x in zip(lines.nodes(i)[1:-1], line.at[1:-1].tolist(), strict=True)]
@@ -367,8 +366,7 @@ def _bends(chains: Sequence[SampledChain]) -> list[bool]:
 
 
 def _arc_between(start: Floats, end: Floats, start_direction: Floats, end_direction: Floats) -> ChainCurve | None:
-    """Return the arc between two points (6,) with directions (6,); None if the arc would bend too much.
-    The arc is the cubic nearest to a circle. Its handles are chord / (3 cos^2(bend / 4)) long."""
+    """Return the cubic nearest to a circle: handles are chord / (3 cos^2(bend / 4)). None if it would bend too much."""
     widest = 80.0  # degrees; largest angle between the arc's chord and the arc's direction at an end
     chord, directions = _mean_direction(end - start), (_mean_direction(start_direction), _mean_direction(end_direction))
     long = float(np.linalg.norm(chord))

@@ -122,7 +122,7 @@ class _BendSeams:
         self.net, self.F, self.skins = net, sheet.F, lifting.skins
         self.P = np.asarray(sheet.weights @ self.skins.points)
         a, b, c = (self.P[self.F[:, i]] for i in range(3))
-        N = np.asarray(sheet.weights @ self.skins.normals)[self.F].sum(axis=1)  # vertex normals: exact for slivers
+        N = np.asarray(sheet.weights @ self.skins.normals)[self.F].sum(axis=1)  # vertex normals: exact even at slivers
         self.N = unit_vectors(N) * np.linalg.norm(cross(b - a, c - a), axis=1)[:, None]
 
     def least_cosine(self, region: int) -> float:

@@ -115,8 +115,7 @@ def turns(before: Floats, after: Floats, N: Floats) -> Floats:
 def _regions(
     sheet: StripedSheet, P: Floats, edges: EdgeTable, thickness: float, apart: Bools
 ) -> tuple[Ints, frozenset[int]]:
-    """Return the connected region (m,) of each cell, and the numbers of regions outside of all stripes.
-    apart : (i,) True for pairs of neighbouring cells with a crease between them."""
+    """Return the region of each cell, and regions outside of all stripes. apart : (i,) True for pairs at a crease."""
     sliver = 1 / 4  # a region with an area below (thickness / 4)^2 joins a neighbour
     f, g = edges.pairs.T // 3
     is_joined = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
@@ -182,8 +181,7 @@ class _BorderWalk:
         return np.stack([np.append(self.start[side], self.end[side]) for side in (side_a, side_b)])
 
     def _round_ends(self, bent: Bools, void: Bools) -> Bools:
-        """Return (k,) True for half-edges at whose end a round corner of an outline begins or ends.
-        bent : (k,) True for half-edges that end at a bend.    void : (k,) True for half-edges of an outline."""
+        """Mark half-edges at ends of an outline's round corners. bent : they end at a bend.    void : on an outline."""
         h, position = self.along, np.full(len(self.border), -1)
         position[h] = np.arange(len(h))
         after = position[self.after[h]]

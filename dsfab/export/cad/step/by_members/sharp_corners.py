@@ -169,8 +169,7 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
-    """Return where to cut an edge with `poles` (4, 6), so that fillets fit at its ends: fractions of the edge's length.
-    halves : length of the fillet at each end, divided by its radius."""
+    """Return fractions of an edge at which to cut it, so that fillets fit. halves : fillet lengths / fillet radius."""
     shortest_cut = 0.1  # the part between two cuts, or beyond a single cut, is at least this fraction of the edge
     radius = FILLET_SHARE * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
     line, shares = bernstein(TEST_PLACES) @ poles, list[float]()
@@ -207,9 +206,8 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
-    """Return the poles of a surface refitted through points, or None. points : four groups (k, 3).
-    The surface must contain group 1, be within `FLUSH_TOLERANCE` of group 2 (test points), and within `SPLIT` of
-    group 3 (all edges). At the points of group 4 (inside), it may move by at most `largest_move`."""
+    """Return the poles of a surface refitted through points, or None. The surface must contain group 1 of the points.
+    Limits: `FLUSH_TOLERANCE` at group 2 (tests), `SPLIT` at group 3 (edges), a move of `largest_move` at group 4."""
     hopeless = 20.0  # the search ends after three polynomial degrees if a residual is over 20 times its limit
     more_degrees = 6  # the degree of a surface rises by at most 6
     exact = 5e-8  # mm; goal of the fit. OCCT ignores gaps up to twice this, but rounding of poles widens gaps
@@ -239,8 +237,7 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
-    """Return movements (k,) of pole heights, so that a surface contains the points of group 1 and is near group 3.
-    rows : basis (., k) at the points of each group.    distances : distances of these points from the surface."""
+    """Return movements of pole heights, so that a surface contains the points of group 1 and is near group 3."""
     held_weight, move_weight = 1e6, 1e-4  # weights of points that the surface must contain, of small pole movements
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), move_weight * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]

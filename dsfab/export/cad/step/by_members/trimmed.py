@@ -183,7 +183,7 @@ def trimmed_face(
 
 
 def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
-    """Return (k,) True for points (k, 6) inside closed lines (., 6), with normals near the mean normal of the lines."""
+    """Return (k,) True for points (k, 6) inside loops (., 6), with normals within 70 degrees of the loops' mean."""
     mean = middle_normal(np.concatenate(lines))
     plane = axes_of(mean)[:2].T
     is_inside = points_inside(points[:, :3] @ plane, [line[:, :3] @ plane for line in lines])
@@ -291,8 +291,7 @@ def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
 
 
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
-    """Rotate axes (3, 3) about the last axis if this makes the rectangle around a line (k, 3) much smaller.
-    In a smaller rectangle, fewer poles are far from all points."""
+    """Rotate axes about the last one to shrink a line's rectangle much, so that fewer poles are far from all points."""
     least_gain = 3 / 4  # axes rotate only if the area of the new rectangle is below this fraction of the old area
     turned = TURNED @ axes[:2]
     area = np.ptp(line @ turned.transpose(0, 2, 1), axis=1).prod(axis=1)
@@ -306,10 +305,8 @@ def _base_poles(over: FaceDomain) -> Floats:
 
 
 def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
-    """Fit a surface to the points of a domain. Return the heights of its poles, and its largest distances from points
-    of edges (gap) and from inner points. Low degrees come first, because high degrees have waves between points.
-    The first fit within the limits of both distances is chosen. If there is none, gaps up to `SPLIT` are accepted, and
-    the fit nearest to the inner points is chosen. Otherwise, the fit with the smallest sum of distances is chosen."""
+    """Fit a surface; return its pole heights, and its largest distances from edge points (gap) and from inner points.
+    Low degrees come first, because high degrees have waves between points. The first fit within limits is chosen."""
     z, inside, base = over.z, over.inside, _base_poles(over)
     fits, splittable = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
     for i, (edge, smooth, degree) in enumerate((*USUAL_TRIALS, *FURTHER_TRIALS)):

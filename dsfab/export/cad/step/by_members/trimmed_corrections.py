@@ -90,8 +90,7 @@ def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[Trimme
 def _with_peaks(
     face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int], exact_poles: Mapping[int, Floats]
 ) -> TrimmedFace:
-    """Return a face on which OCCT's samples include the widest gap of a seam, for as many seams as possible.
-    exact_poles : by edge, poles of the curve that an exact face must contain."""
+    """Return a face with the widest gaps of seams at OCCT's samples. exact_poles : by edge, curves of an exact face."""
     fine = 5e-4  # mm; if an edge has a smaller gap, the poles of its face are written with all digits
     face_edges = sorted({e for loop in face.loops for e, _ in loop})
     seams = [e for e in face_edges if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
@@ -216,8 +215,7 @@ def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
-    """Return linear equations for pole movements: (j, poles) and (j,). They make gaps widest at the samples `pinned`.
-    At a sample inside a seam, the derivative of the gap along the seam must be zero."""
+    """Return linear equations that make gaps widest at samples `pinned`; inside a seam, a gap's slope is 0 there."""
     slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # derivative of a gap from five points in a row
     pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():

@@ -46,8 +46,7 @@ def crease_edges(surface: Surface) -> Bools:
 
 
 def _extended_creases(surface: Surface, bend: Floats, inner: Bools, crease: Bools) -> Bools:
-    """Extend creases straight from their ends; return (e,) True for all edges of creases.
-    An added edge bends far more than at least one other edge of each of its two faces."""
+    """Extend creases straight. An added edge bends far more than at least one other edge of each of its two faces."""
     edges = surface.edges
     around = np.zeros(len(bend))
     np.maximum.at(around, edges.of, np.where(inner, bend, 0.0)[edges.of[:, OTHER_EDGES]].min(axis=2))

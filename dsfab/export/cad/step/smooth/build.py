@@ -319,7 +319,7 @@ class _SmoothSearch:
 
 
 def raise_levels(model: SmoothModel, k: int, level: dict[RunKey, int], bad: Floats) -> bool:
-    """Reduce the tolerance of the outline curves nearest to `bad` points (k, 3), mm; return False if that fails."""
+    """Reduce the tolerance of the outline curves nearest to `bad` points (k, 3), mm; return False if none can fall."""
     piece = model.pieces[k]
     x = np.linspace(0, 1, 9)
     tree = cKDTree(np.concatenate([curve(x) for edge in piece.edges for curve in (edge.upper, edge.lower)]))

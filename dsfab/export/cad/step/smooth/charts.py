@@ -147,8 +147,7 @@ def patch_through(
 
 @dataclass(frozen=True, eq=False)
 class _Cells:
-    """Points sorted by cell of the knot grid, and the basis functions of the 16 poles that influence each cell.
-    Points of one cell have the same 16 poles, so one matrix product for each cell gives fast sums.
+    """Points sorted by cell of the knot grid. The same 16 poles influence all points of a cell: one product gives sums.
     order : (k,) points, cell after cell.    start : first index of each cell in `order`.
     poles : (c, 16) poles of each cell.      hats  : (k, 16) values of the basis functions at the points of `order`."""
 

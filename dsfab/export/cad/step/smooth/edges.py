@@ -85,7 +85,7 @@ class SmoothEdge:
 
     @cached_property
     def spans(self) -> int:
-        """Smallest power of two whose product with each knot is a whole number, because these are short in the file."""
+        """Smallest factor 2^k that turns all knots into whole numbers, because these are short in the file."""
         knots = np.concatenate([self.upper.knots, *(curve.knots for curve in self.flat.values())])
         return next(1 << k for k in range(30) if not np.any((1 << k) * knots % 1))
 

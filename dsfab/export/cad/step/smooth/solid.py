@@ -169,8 +169,7 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
 
 
 def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
-    """Return edge ends (2 k and 2 k + 1 for edge k) at sharp corners where the two edges cross near the corner.
-    Edges A and B cross if A begins on the left of B, and the middle of A is on the right of B."""
+    """Return ends (2 k, 2 k + 1 for edge k) at sharp corners where edges cross: start and middle on different sides."""
     least_cosine = 0.5  # the sides of a sharp corner enclose at most 60 degrees
     forwards = np.array([forwards for loop in skin.loops for _, forwards in loop])
     number = np.split(np.arange(len(forwards)), np.cumsum([len(loop) for loop in skin.loops])[:-1])

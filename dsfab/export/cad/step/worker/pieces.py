@@ -189,8 +189,7 @@ def _triangulates(deflection: float, solid: Any) -> bool:
 
 
 def _tessellates(deflection: float, solid: Any, faces: list[Any]) -> bool:
-    """Return True if every face gets triangles, by Delabella's sweep or otherwise by OCCT's own method.
-    For a skin with many holes, the sweep is faster."""
+    """Return True if every face gets triangles: by Delabella's sweep (fast for many holes), else by OCCT's method."""
     angle = 0.5  # largest angle (radians) between neighbouring triangles
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.IMeshTools import IMeshTools_MeshAlgoType, IMeshTools_Parameters

@@ -37,8 +37,7 @@ def volume(solid: Any) -> float:
 
 
 def _cone(face: Any, about: Any) -> float:
-    """Return the volume (mm3) between a face and a point, positive if the point lies behind the face.
-    For a face with many edges, `_cone_on_spline` is faster than OCCT's adaptive rule."""
+    """Return the volume (mm3) between a face and a point, positive if the point lies behind the face."""
     from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Vinert
     from OCP.TopAbs import TopAbs_Orientation
     from OCP.TopoDS import TopoDS
