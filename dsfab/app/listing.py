@@ -1,6 +1,7 @@
 """The commands `dsfab presets`, `materials` and `inspect`."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -8,6 +9,7 @@ from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Source
 from dsfab.app.terminal import ExitCode, Reporter, print_lines, print_result
+from dsfab.core.arrays import polygon_perimeter
 from dsfab.core.errors import PresetError, SurfaceError
 from dsfab.core.messages import count_phrase, length
 from dsfab.report.design.carrying import reaction_lines
@@ -153,8 +155,10 @@ def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str, str
         return False, "refuses it: " + choices["pieces"], unit
     mended, sheets = ([x.choice for x in proposal.decisions if x.topic == topic] for topic in ("mended", "sheets"))
     turned = [text for text in proposal.given.repaired if "turned over" in text]
-    then = f"the surface then has {count_phrase(proposal.given.surface.m, 'triangle')} and "
-    size = [f"{then}{proposal.given.surface.area:.4g} m2"] if mended else []
+    surface = proposal.given.surface
+    lengths = [polygon_perimeter(surface.V[loop]) for loop in surface.loops]
+    then = f"the surface then has {count_phrase(surface.m, 'triangle')}, {surface.area:.4g} m2 and {_loops(lengths)}"
+    size = [then] if mended else []
     return True, "; ".join(["takes it", *(f"it mends: {text}" for text in mended), *size, *turned, *sheets]), unit
 
 
@@ -167,9 +171,14 @@ def _unit_words(facts: "MeshFacts") -> str:
     return "; ".join([facts.unit, *sizes_in_other_units(facts.box, facts.unit)])
 
 
+def _loops(lengths: Sequence[float]) -> str:
+    if not lengths:
+        return "no boundary: the surface is closed"
+    shown = ", ".join(map(length, lengths[:6])) + (" ..." if len(lengths) > 6 else "")
+    return f"{count_phrase(len(lengths), 'boundary loop')}: {shown}"
+
+
 def _fact_rows(facts: "MeshFacts") -> list[tuple[str, str]]:
-    loops = facts.boundary_lengths
-    loop_words = f"{len(loops)} {'loop' if len(loops) == 1 else 'loops'}: {', '.join(length(x) for x in loops[:6])}"
     return [
         ("size", " x ".join(length(side) for side in facts.box) + f" (read as {facts.unit})"),
         ("likely unit", _unit_words(facts)),
@@ -182,10 +191,7 @@ def _fact_rows(facts: "MeshFacts") -> list[tuple[str, str]]:
         ("area", f"{facts.area:.4g} m2"),
         ("volume", "" if facts.volume is None else f"{facts.volume:.4g} m3"),
         ("pieces", f"{facts.pieces:,}"),
-        (
-            "boundary",
-            "no boundary: the surface is closed" if facts.closed else loop_words + (" ..." if len(loops) > 6 else ""),
-        ),
+        ("boundary", _loops(facts.boundary_lengths)),
         ("genus", "" if facts.genus is None else str(facts.genus)),
         ("sharpest", f"{facts.smallest_angle:.1f} degrees is the smallest angle"),
         ("manifold", "yes, and oriented" if facts.manifold else "no"),
