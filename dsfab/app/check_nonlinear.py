@@ -72,7 +72,7 @@ def nonlinear_facts(result: "NonlinearCheck") -> dict[str, Any]:
     return {
         "case": result.case,
         "linear_factor": result.linear,
-        "limit_factor": result.limit,
+        "limit_factor": result.limit or None,
         "gives_way": result.given_way,
         "stopped_after_minutes": result.minutes or None,
         "imperfection_m": result.imperfection,
@@ -86,6 +86,8 @@ def nonlinear_facts(result: "NonlinearCheck") -> dict[str, Any]:
 def nonlinear_lines(result: "NonlinearCheck") -> Iterator[str]:
     """Yield the result as lines of text."""
     yield result.sentence
+    if result.linear is None:
+        return
     situation = "under its load" if result.limit >= 1 or not result.given_way else "where it gives way"
     yield (
         f"largest displacement {situation}: {length(result.moved)}; the material stays elastic here, whatever "

@@ -230,7 +230,8 @@ def _files(folder: Path, ended: bool) -> CcxFiles:
     return CcxFiles(text("said"), text("solid.dat"), text("solid.sta"), ended)
 
 
-FACTOR = re.compile(r"^\s+1\s+(\S+)\s*$", re.MULTILINE)
+FACTOR = re.compile(r"^ +\d+ +(\S+) *$", re.MULTILINE)
+FACTORS = 6  # Factors are found by size, and negative ones (of reversed loads) may come first.
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,21 +253,25 @@ class LoadPath:
         return LoadPath(self.load[: last_point + 1], self.u[: last_point + 1], False, False, failed)
 
 
-def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats]:
+def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats] | None:
     """Return the lowest linear buckling factor, and its mode as displacements (p, 3) of any size.
-    Raises StaticsError if CalculiX finds no factor."""
-    step = ["*STEP\n*BUCKLE\n1\n*CLOAD\n", *_loads(model.force), "*NODE PRINT, NSET=ALL\nU\n*END STEP\n"]
+    Return None if none of the first `FACTORS` factors is positive, as under tension."""
+    step = [f"*STEP\n*BUCKLE\n{FACTORS}\n*CLOAD\n", *_loads(model.force), "*NODE PRINT, NSET=ALL\nU\n*END STEP\n"]
     files = run_ccx([*_model(model, model.solid.nodes), *step], seconds)
     if not files.ended:
         raise _timeout_error(seconds)
     _, _, table = files.results.partition("B U C K L I N G")
-    factor, shape = FACTOR.search(table), files.tables()
-    if not (factor and shape):
-        raise StaticsError(f"CalculiX found no buckling of the solid: {files.said.strip()[-200:]}")
+    factors = [float(word) for word in FACTOR.findall(table)]
+    modes = [rows for _, rows in files.tables()[-len(factors) :]]
+    if not factors or len(modes) < len(factors):
+        raise StaticsError(f"CalculiX found no buckling factor of the solid: {files.said.strip()[-200:]}")
+    positive = [(factor, rows) for factor, rows in zip(factors, modes, strict=True) if factor > 0]
+    if not positive:
+        return None
+    factor, rows = min(positive, key=lambda pair: pair[0])
     mode = np.zeros_like(model.solid.nodes)
-    nodal_shape = shape[-1][1]
-    mode[nodal_shape[:, 0].astype(int) - 1] = nodal_shape[:, 1:]
-    return float(factor[1]), mode
+    mode[rows[:, 0].astype(int) - 1] = rows[:, 1:]
+    return factor, mode
 
 
 def load_path(

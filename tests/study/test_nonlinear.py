@@ -15,11 +15,12 @@ import pytest
 import trimesh
 
 import dsfab
+from dsfab.app.check_nonlinear import nonlinear_facts, nonlinear_lines
 from dsfab.app.cli import main
 from dsfab.app.terminal import signals_as_interrupts
 from dsfab.core.errors import StaticsError
 from dsfab.statics import Material
-from dsfab.study.calculix import CcxFiles, LoadPath, load_path, run_ccx, solid_model
+from dsfab.study.calculix import CcxFiles, LoadPath, load_path, lowest_buckling, run_ccx, solid_model
 from dsfab.study.nonlinear import (
     NonlinearCheck,
     last_point,
@@ -299,6 +300,41 @@ def test_a_column_buckles_at_its_euler_load():
     assert found.given_way
     assert 0.88 < found.limit / found.linear <= 1.02
     assert found.triangles == 48
+
+
+@pytest.mark.slow
+@needs_ccx
+@pytest.mark.parametrize(("sign", "lowest"), [(1.0, None), (-1.0, 274.0)])
+def test_a_bowl_in_tension_has_no_buckling_factor_and_turned_over_it_has_one(sign, lowest):
+    """CalculiX gives factors of the reversed load, which are negative. Of one factor it gives 303 for the dome."""
+    flat = grid(16, 16, 8.0, 8.0)
+    x, y = flat.V[:, 0] - 4, flat.V[:, 1] - 4
+    s = Surface(np.stack([x, y, sign * 1.5 * (x**2 + y**2) / 32], axis=1), flat.F)
+    rim = np.isin(np.arange(s.n), s.edges.ends[s.edges.boundary])
+    load = pressed(s, hold(s, (rim, "xyz")), s.vertex_areas[:, None] * [0, 0, -1000.0], np.zeros(s.n, dtype=bool))
+    model = solid_model(s, up(s), 0.05, Material(11e9, 0.3), load)
+    if lowest is not None:
+        assert lowest_buckling(model, 120.0)[0] == pytest.approx(lowest, rel=1e-3)
+        return
+    found = solid_check(model, "snow", 0.01, 120.0, lambda *words: None)
+    assert found.sentence == "snow: linear theory finds no buckling under this load (CalculiX, 512 quadratic wedges)"
+    assert list(nonlinear_lines(found)) == [found.sentence]
+    assert nonlinear_facts(found)["limit_factor"] is None
+
+
+@pytest.mark.slow
+@needs_ccx
+def test_the_lowest_positive_factor_counts_beside_smaller_negative_ones():
+    """A column is pressed, and a second one pulled by a hundred times its load [Euler]."""
+    one, _ = column(12)
+    s = Surface(np.concatenate([one.V, one.V + [0, 1.0, 0]]), np.concatenate([one.F, one.F + one.n]))
+    root, tip, pulled = s.V[:, 0] < 1e-9, s.V[:, 0] > 1 - 1e-9, s.V[:, 1] > 0.5
+    force = (tip * np.where(pulled, 50.0, -0.5))[:, None] * np.array([1.0, 0, 0])
+    model = solid_model(s, up(s), 0.01, Material(210e9, 0.0), pressed(s, hold(s, (root, "xyz")), force, root))
+    factor, mode = lowest_buckling(model, 120.0)
+    assert factor == pytest.approx(pi**2 * 210e9 * 0.1 * 0.01**3 / 12 / 4, rel=0.02)
+    moved = np.linalg.norm(mode, axis=1)
+    assert moved[model.solid.nodes[:, 1] > 0.5].max() < 1e-3 * moved.max()
 
 
 TOGGLE = """
