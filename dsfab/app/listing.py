@@ -9,7 +9,6 @@ from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Source
 from dsfab.app.terminal import ExitCode, Reporter, print_lines, print_result
-from dsfab.core.arrays import polygon_perimeter
 from dsfab.core.errors import PresetError, SurfaceError
 from dsfab.core.messages import count_phrase, length
 from dsfab.report.design.carrying import reaction_lines
@@ -142,6 +141,7 @@ def _show_mesh(path: Path, source: Source) -> bool:
 
 def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str, str | None]:
     """Return whether `dsfab build` takes a mesh, with a text, and the unit that it takes for the file's numbers."""
+    from dsfab.core.arrays import polygon_perimeter
     from dsfab.preset.proposal import propose
     from dsfab.surface import unit_guess
 

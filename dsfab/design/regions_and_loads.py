@@ -19,6 +19,7 @@ from dsfab.slicing import Sheet
 from dsfab.slicing.cutting.sheet import ON_SIMPLEX
 from dsfab.statics import SpreadLoad, spread_load
 from dsfab.surface import (
+    ACTION_OF_LOAD,
     All,
     Load,
     LoadCase,
@@ -297,6 +298,19 @@ def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[L
             place = surface.V[dropped][size[dropped].argmax()].round(3).tolist()
             return f"the load at {place} m ({lost:.3g} N) stands on a piece that reaches no support"
     return ""
+
+
+def permanent_load(preset: Preset, surface: Surface, load: LoadCase) -> LoadCase | None:
+    """Return the loads whose mass vibrates with the sheet: permanent loads besides the sheet's own weight, and snow
+    times `statics.snow_mass`. Return None without such loads. load : a load case with the supports."""
+    named, shares = preset.surface.actions, {"permanent": 1.0, "snow": preset.statics.snow_mass}
+    groups: dict[str, list[Load]] = {}
+    for entry in acting_on(preset, surface).load:
+        action, *_ = (named.get(entry.case) or ACTION_OF_LOAD.get(entry.kind) or "variable").split()
+        if shares.get(action) and entry.kind != "self_weight":
+            groups.setdefault(action, []).append(entry)
+    cases = {action: load.with_loads(surface, loads, 0.0) for action, loads in groups.items()}
+    return combined_case(cases, {action: shares[action] for action in cases}) if cases else None
 
 
 def sheet_loads(surface: Surface, material: Sheet, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:

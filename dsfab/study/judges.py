@@ -9,7 +9,7 @@ import numpy as np
 from dsfab.core.arrays import point_tuple
 from dsfab.core.errors import StaticsError
 from dsfab.core.limits import Status
-from dsfab.design import Progress, acting_on, sheet_loads
+from dsfab.design import Progress, acting_on, sheet_load, sheet_loads
 from dsfab.statics import (
     Equilibrium,
     ResultRequest,
@@ -191,8 +191,11 @@ def _modes(
         refusals.append(f"no buckling factor: {error}")
     try:
         if request.frequencies:
-            turning = replace(sheet, clamped=all_clamped(standing.load))
-            hertz = float(frequencies(turning, standing.load.fixed, 1, spring=load.spring).hertz[0])
+            moving = replace(sheet, clamped=all_clamped(standing.load))
+            if task.permanent:
+                weight = sheet_load(task.surface, structure.sheet, task.permanent)
+                moving = replace(moving, carried=weight.force)
+            hertz = float(frequencies(moving, standing.load.fixed, 1, spring=load.spring).hertz[0])
     except StaticsError as error:
         refusals.append(f"no natural frequency: {error}")
     return factor, hertz, tuple(refusals), standing.told, local
@@ -220,7 +223,8 @@ def full(
         text = f"the sheet carries the loads that its pattern follows, but not every load case: {error}"
         return replace(full(task, structure, ask, False, budget, progress), verdict="fail", reason=text)
     statics = task.preset.statics
-    setting = LoadedSurface(task.surface, statics.sheet(structure.thickness), task.loads_on(structure, every))
+    model, loads = statics.sheet(structure.thickness), task.loads_on(structure, every)
+    setting = LoadedSurface(task.surface, model, loads, task.permanent)
     checked = check(setting, structure.material, "full", budget, progress, structure.cells)
     if checked.status == "fail":
         raise StaticsError(checked.reason)

@@ -79,6 +79,25 @@ def test_a_supported_plate_of_hhj_is_exact_to_a_part_in_a_thousand_on_eight_cell
     assert_allclose(np.linalg.norm(answer.shapes, axis=2).max(axis=1), 1)
 
 
+def test_loads_that_vibrate_with_a_plate_slow_it_down_by_their_mass():
+    """Navier with the mass of plate and load. A pair of forces that only turns its place has no mass."""
+    s, fixed = supported_plate(8)
+    weight = np.stack([0 * s.vertex_areas, 0 * s.vertex_areas, -2e3 * s.vertex_areas], axis=1)
+    heavy, sheet = STEEL.density * H + 2e3 / 9.80665, SheetModel(s, STEEL, H)
+    expected = PLATE_HERTZ * np.sqrt(STEEL.density * H / heavy)
+    assert_allclose(frequencies(replace(sheet, carried=weight), fixed).hertz, expected, rtol=0.01)
+    assert_allclose(
+        frequencies(replace(sheet, carried=0 * weight), fixed).hertz, frequencies(sheet, fixed).hertz, rtol=1e-12
+    )
+    turning = weight.copy()
+    middle = np.linalg.norm(s.V - s.V.mean(axis=0), axis=1).argsort()[:2]
+    turning[middle, 2] += [3.0, -3.0]
+    total = [weight.sum(axis=0), turning.sum(axis=0)]
+    assert_allclose(total[0], total[1])
+    found = [frequencies(replace(sheet, carried=forces), fixed, 1).hertz[0] for forces in (weight, turning)]
+    assert found[1] == pytest.approx(found[0], rel=0.01)
+
+
 def test_the_hinges_of_the_paper_stay_away_from_the_plate():
     """They do not converge in statics either: about 10 % too fast on this mesh however fine it is."""
     s, fixed = supported_plate(16)

@@ -201,6 +201,9 @@ def scope_sections(findings: Findings) -> list[ReportSection]:
     if statics.law == "stvk":
         assumed[0] = "Material law of St. Venant and Kirchhoff, linearised; small displacements."
     cases = list(findings.judgement.cases.values()) if findings.carries else []
+    if any(case.frequency for case in cases):
+        snow = f" and {statics.snow_mass:.0%} of the snow" if statics.snow_mass else ""
+        assumed.append(f"The mass that vibrates is that of the sheet, of permanent loads such as cladding{snow}.")
     missing = [
         "Strength: the preset has none, so the stress has no verdict." if not statics.strength else "",
         ""

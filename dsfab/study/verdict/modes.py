@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import islice
 
+from dsfab.core.arrays import Floats
 from dsfab.core.errors import DsfabError
 from dsfab.design import Progress
 from dsfab.slicing import Sheet
@@ -79,7 +80,11 @@ def mode_intervals(
     assumed = ""
     try:
         sheet, _, loads = attached_material(setting, material)
+        carried = {} if setting.permanent is None else {"": setting.permanent}
         forces = shares(sheet, loads)
+        carried_forces = (
+            shares(sheet, attached_material(replace(setting, loads=carried), material)[2]) if carried else {}
+        )
         for mesh in islice(meshes(sheet, SmoothSurface.from_surface(setting.surface)), MOST_MESHES):
             # two factorisations are stored: assume the solver that needs more memory
             needed = memory_needed(MODE_ELEMENTS.unknowns(mesh.surface), MODE_ELEMENTS.bending, "multifrontal")
@@ -91,7 +96,9 @@ def mode_intervals(
             cases, spreads = on_mesh(setting.surface, mesh, setting.loads, forces)
             standing = mode_supports(mesh.surface, next(iter(cases.values())), _is_plane(mesh.surface, cases))
             assumed = standing.told
-            levels.append(mode_level(mesh.surface, setting.made, cases, spreads, standing, request))
+            weights = on_mesh(setting.surface, mesh, carried, carried_forces)[0]
+            weight = weights[""].force if carried else None
+            levels.append(mode_level(mesh.surface, setting.made, cases, spreads, standing, request, weight))
             hertz = _hertz(levels)
             modes = [*_factors(levels).values(), *([hertz] if hertz else [])]
             if len(levels) > 1 and all(mode.bound <= estimates.WIDEST_MODE_BOUND for mode in modes):
@@ -108,6 +115,7 @@ def mode_level(
     spreads: Mapping[str, SpreadLoad],
     standing: ModeSupports,
     request: ResultRequest,
+    carried: Floats | None = None,
 ) -> ModeLevel:
     """Return the modes on one mesh. All cases share one factorisation. Raises StaticsError if a solve fails."""
     sheet, factor_cache = material.model_for(surface), FactorCache(2)
@@ -126,7 +134,7 @@ def mode_level(
             local |= {name: clause} if clause else {}
     hertz = None
     if request.frequencies:
-        still = replace(sheet, clamped=all_clamped(supports))
+        still = replace(sheet, clamped=all_clamped(supports), carried=carried)
         hertz = float(frequencies(still, supports.fixed, 1, MODE_ELEMENTS, K, factor_cache, supports.spring).hertz[0])
     return ModeLevel(surface.m, factors, hertz, local)
 
