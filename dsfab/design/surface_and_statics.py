@@ -39,7 +39,7 @@ from dsfab.statics import (
     solve_for,
     stress,
 )
-from dsfab.surface import SizeField, Surface, change_sizes, coincident, parallel_remarks, pieces
+from dsfab.surface import SizeField, Surface, change_sizes, coincident, is_upright, parallel_remarks, pieces
 
 
 @dataclass(frozen=True, eq=False)
@@ -339,6 +339,13 @@ def _statics_result(
     }
     together = results.pop("", next(iter(results.values())))
     note_statics(surface, results, log)
+    winds = [load.direction for load in preset.surface.load if load.kind == "wind"]
+    if winds and min(float(np.dot(a, b)) for a in winds for b in winds) >= 0 and is_upright(surface):
+        log.note(
+            "statics",
+            "the wind acts on an upright surface, whose outside is the side of its faces' normals; add a case with "
+            "the opposite wind",
+        )
     objected = list(objections(preset, surface, results))
     for objection in objected:
         log.note("statics", objection.text)

@@ -56,6 +56,7 @@ from dsfab.surface.loads.load_case import (
     SelfWeight,
     Snow,
     Wind,
+    is_upright,
     load_parts,
 )
 from dsfab.surface.loads.outlines import Brush, ClosedCurves, Picker, PlanPolygon, edges_of, self_contained
@@ -120,8 +121,8 @@ __all__ = [
     "Up", "Vertices", "VerticesLeft", "Wind", "action_mistakes", "as_circle", "as_polyline", "bounding_box",
     "centroid", "chains", "change_sizes", "coincident", "combined_case", "corner_fans", "corners_of", "describe",
     "edge_table", "edges_of", "en1990_combinations", "faces_at", "far_directions", "finite_faces", "generated_group",
-    "geodesic_distances", "half_edges", "halved_edges", "hat_gradients", "is_scan", "link_components", "load_cases",
-    "load_names", "load_parts", "marks_on_layers", "mended_mesh", "mended_raw_mesh", "mesh_facts", "mirror",
+    "geodesic_distances", "half_edges", "halved_edges", "hat_gradients", "is_scan", "is_upright", "link_components",
+    "load_cases", "load_names", "load_parts", "marks_on_layers", "mended_mesh", "mended_raw_mesh", "mesh_facts", "mirror",
     "nearest_places", "next_half_edge", "normalized_surface", "one_sided_pieces", "parallel_remarks", "pieces",
     "planes_through", "ply_chunks", "polyline_length", "raw_mesh", "read_surface", "refined_surface", "region_key",
     "remeshed_surface", "repaired_scan", "require_compas", "round_axis", "self_contained", "signed_volume",

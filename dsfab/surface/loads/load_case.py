@@ -9,6 +9,7 @@ from pydantic import ConfigDict, Field
 
 from dsfab.core.arrays import Bools, Floats, lock
 from dsfab.core.errors import SurfaceError
+from dsfab.core.limits import LEAST_LOAD_SHARE
 from dsfab.surface.loads.outlines import Picker
 from dsfab.surface.loads.pickers import STRICT, All, CaseName, Real, Vector, unit_vector
 from dsfab.surface.loads.supports import Name, Support
@@ -74,7 +75,7 @@ class Wind:
         c = windward (-n . d)   if the outside faces the wind (pressure),
         c = -leeward (n . d)    if the outside faces away (suction).
 
-    Normals n point to the outside; dsfab finds the outside of closed surfaces. By default, walls perpendicular to the
+    Normals n point to the outside of a closed surface, and to the upper side of a roof. By default, walls across the
     wind have coefficients +0.8 and -0.5 [EN 1991-1-4:2005, table 7.1, zones D and E, h/d = 1].
 
     This load is a first estimate for choosing a pattern. It omits suction along roofs and side walls, and pressure
@@ -115,8 +116,23 @@ class Wind:
 
 
 def outward_normals(surface: Surface) -> Floats:
-    """Return the normals (m, 3) of the faces, reversed if they point into a closed surface."""
-    return -surface.normals if surface.is_closed and surface.volume < 0 else surface.normals
+    """Return the normals (m, 3) of the faces to the outside, which is the upper side of each open piece.
+    Pieces that are upright in the mean keep the side of their faces."""
+    if surface.is_closed:
+        return -surface.normals if surface.volume < 0 else surface.normals
+    is_below = _mean_rise(surface) < -LEAST_LOAD_SHARE
+    return np.where(is_below[surface.pieces[1]][:, None], -surface.normals, surface.normals)
+
+
+def is_upright(surface: Surface) -> bool:
+    """Return True if a piece of an open surface is upright in the mean, so that it has no upper side."""
+    return not surface.is_closed and bool(np.abs(_mean_rise(surface)).min() <= LEAST_LOAD_SHARE)
+
+
+def _mean_rise(surface: Surface) -> Floats:
+    """Return the mean vertical part (k,) of the normals of each piece."""
+    piece = surface.pieces[1]
+    return np.bincount(piece, surface.normals[:, 2] * surface.areas) / np.bincount(piece, surface.areas)
 
 
 def picked_faces(surface: Surface, picker: Picker, kind: str) -> Bools:
