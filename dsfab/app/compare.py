@@ -50,9 +50,11 @@ def comparison_text(share: float | None, result: "Comparison") -> str:
         elif entry.spread:
             lines.append(_spread_line(entry, result))
     theories = {entry.name: entry.judgement.theory for entry in result.competitors if entry.judgement}
+    modes = [line for entry in result.competitors for line in _mode_lines(entry)]
     if softer := [f"{name} by up to {percent(theory)}" for name, theory in theories.items() if theory]:
         lines.append(f"thin-shell theory: solids are softer than thin sheets ({', '.join(softer)})")
-    lines += [line for entry in result.competitors for line in _mode_lines(entry)]
+        lines += ["buckling factors of solids may be lower by as much, frequencies by half of it"] if modes else []
+    lines += modes
     for entry in result.rivals:
         gain = result.gain(entry.name)
         if entry.judgement and result.design.judgement:
