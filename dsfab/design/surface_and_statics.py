@@ -39,7 +39,16 @@ from dsfab.statics import (
     solve_for,
     stress,
 )
-from dsfab.surface import SizeField, Surface, change_sizes, coincident, is_upright, parallel_remarks, pieces
+from dsfab.surface import (
+    SizeField,
+    Surface,
+    change_sizes,
+    coincident,
+    faces_without_upper_side,
+    parallel_remarks,
+    pieces,
+)
+from dsfab.surface.loads.load_case import picked_faces
 
 
 @dataclass(frozen=True, eq=False)
@@ -339,12 +348,12 @@ def _statics_result(
     }
     together = results.pop("", next(iter(results.values())))
     note_statics(surface, results, log)
-    winds = [load.direction for load in preset.surface.load if load.kind == "wind"]
-    if winds and min(float(np.dot(a, b)) for a in winds for b in winds) >= 0 and is_upright(surface):
+    winds = [load for load in preset.surface.load if load.kind == "wind"]
+    on_wall = any((picked_faces(surface, load.at, "wind") & faces_without_upper_side(surface)).any() for load in winds)
+    if on_wall and min(float(np.dot(a.direction, b.direction)) for a in winds for b in winds) >= 0:
         log.note(
             "statics",
-            "the wind acts on an upright surface, whose outside is the side of its faces' normals; add a case with "
-            "the opposite wind",
+            "the wind meets a wall, whose outside is the side of its faces' normals; add a case with the opposite wind",
         )
     objected = list(objections(preset, surface, results))
     for objection in objected:
