@@ -191,7 +191,7 @@ def _fact_rows(facts: "MeshFacts") -> list[tuple[str, str]]:
         ("area", f"{facts.area:.4g} m2"),
         ("volume", "" if facts.volume is None else f"{facts.volume:.4g} m3"),
         ("pieces", f"{facts.pieces:,}"),
-        ("boundary", _loops(facts.boundary_lengths)),
+        ("boundary", _loops(facts.boundary_lengths).replace("boundary loop", "loop")),
         ("genus", "" if facts.genus is None else str(facts.genus)),
         ("sharpest", f"{facts.smallest_angle:.1f} degrees is the smallest angle"),
         ("manifold", "yes, and oriented" if facts.manifold else "no"),

@@ -6,7 +6,7 @@ from dsfab.design.regions_and_loads import (
     acting_on,
     held_vertices,
     loads_on,
-    permanent_load,
+    permanent_loads,
     sheet_load,
     sheet_loads,
     sheet_supports,
@@ -17,7 +17,7 @@ from dsfab.results import PARTS, ROWS, Log, Progress, silent
 
 __all__ = [
     "PARTS", "ROWS", "TIMED", "Design", "Log", "Progress", "acting_on", "draft", "held_vertices", "least_widths",
-    "loads_on", "permanent_load", "refusal", "revise", "run", "sheet_load", "sheet_loads", "sheet_supports", "silent",
+    "loads_on", "permanent_loads", "refusal", "revise", "run", "sheet_load", "sheet_loads", "sheet_supports", "silent",
     "statics_step", "surface_step",
 ]  # fmt: skip
 

@@ -300,17 +300,25 @@ def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[L
     return ""
 
 
-def permanent_load(preset: Preset, surface: Surface, load: LoadCase) -> LoadCase | None:
-    """Return the loads whose mass vibrates with the sheet: permanent loads besides the sheet's own weight, and snow
-    times `statics.snow_mass`. Return None without such loads. load : a load case with the supports."""
-    named, shares = preset.surface.actions, {"permanent": 1.0, "snow": preset.statics.snow_mass}
-    groups: dict[str, list[Load]] = {}
+def permanent_loads(preset: Preset, surface: Surface, load: LoadCase) -> dict[str, LoadCase]:
+    """Return the loads whose mass vibrates with the sheet besides its own: cladding and other permanent loads, each
+    once if several cases repeat it; and `statics.snow_mass` times the heaviest case of snow.
+    load : load case with the supports."""
+    permanent, snow = list[Load](), dict[str, list[Load]]()
     for entry in acting_on(preset, surface).load:
-        action, *_ = (named.get(entry.case) or ACTION_OF_LOAD.get(entry.kind) or "variable").split()
-        if shares.get(action) and entry.kind != "self_weight":
-            groups.setdefault(action, []).append(entry)
-    cases = {action: load.with_loads(surface, loads, 0.0) for action, loads in groups.items()}
-    return combined_case(cases, {action: shares[action] for action in cases}) if cases else None
+        action = preset.surface.actions.get(entry.case) or ACTION_OF_LOAD.get(entry.kind)
+        unnamed = replace(entry, case="load", name="")
+        if entry.kind == "cladding" or (action == "permanent" and entry.kind != "self_weight"):
+            permanent += [] if unnamed in permanent else [unnamed]
+        elif action in ("snow", "snow high") and preset.statics.snow_mass:
+            snow.setdefault(entry.case, []).append(entry)
+    cases = {str(k): load.with_loads(surface, [entry], 0.0) for k, entry in enumerate(permanent)}
+    if snow:
+        heaviest = min(
+            (load.with_loads(surface, x, 0.0) for x in snow.values()), key=lambda case: case.force[:, 2].sum()
+        )
+        cases["snow"] = combined_case({"snow": heaviest}, {"snow": preset.statics.snow_mass})
+    return cases
 
 
 def sheet_loads(surface: Surface, material: Sheet, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:

@@ -13,7 +13,7 @@ from dsfab.core.errors import SurfaceError
 from dsfab.core.limits import FACETS, REPORTED_RESIDUAL, USUAL_SIZE
 from dsfab.core.messages import coordinates, length
 from dsfab.design.buildability import objections, off_surface
-from dsfab.design.regions_and_loads import Loading, loadings, permanent_load, surface_with_regions
+from dsfab.design.regions_and_loads import Loading, loadings, permanent_loads, surface_with_regions
 from dsfab.diffusion import layer_stress, only_bends
 from dsfab.preset.model import Preset, Statics
 from dsfab.preset.surface_section import FileSurface, MeshSurface, OwnSurface
@@ -32,6 +32,7 @@ from dsfab.statics import (
     equilibria,
     facet_number,
     flat_axis,
+    mass_of_loads,
     needle_message,
     sheet_answers,
     sheet_stiffness,
@@ -116,8 +117,9 @@ def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log
     requested, refusals = (ResultRequest(), ()) if rough else _affordable_results(sheet, surface, log)
     if requested:
         log.report("statics", f"answering by {requested.elements_for(sheet.elements)} elements")
-    if requested.frequencies and (permanent := permanent_load(preset, surface, solved.acting[0].load)):
-        model = replace(model, carried=permanent.force)
+    if requested.frequencies:
+        permanent = permanent_loads(preset, surface, solved.acting[0].load)
+        model = replace(model, carried=mass_of_loads(permanent.values()))
     results: list[Answers] = []
     with log.row("answers"):
         for loading, answer in zip(solved.acting, solved.answers, strict=True):

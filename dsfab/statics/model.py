@@ -55,7 +55,7 @@ class SheetModel:
     """A thin elastic sheet.
     surface : middle surface.    thickness : metres.    law : see `Material.membrane`.
     clamped : (e,) edges that do not rotate, besides the edges that supports clamp; None without such edges.
-    carried : (n, 3) weight of other masses that vibrate with the sheet, such as glass, N; None without them."""
+    carried : (n,) masses that vibrate with the sheet, such as glass, kg; None without such masses."""
 
     surface: Surface
     material: Material

@@ -1,5 +1,6 @@
 """Natural frequencies and buckling factors of a sheet, and the supports of a flat sheet normal to its plane."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -125,7 +126,7 @@ def frequencies(
         raise StaticsError("natural frequencies need a material with a density; set density in kg/m3")
     M = mass_matrix(surface, density * sheet.thickness, elements)
     if sheet.carried is not None:
-        M = csr_array(M + diags_array(np.pad(_carried_mass(sheet.carried), (0, M.shape[0] - 3 * surface.n))))
+        M = csr_array(M + diags_array(np.pad(np.repeat(sheet.carried, 3), (0, M.shape[0] - 3 * surface.n))))
     if K is None:
         K = sheet_stiffness(sheet, elements)
     no_force, not_loaded = np.zeros((surface.n, 3)), np.zeros(surface.n, dtype=bool)
@@ -134,12 +135,16 @@ def frequencies(
     return Vibration(1 / (2 * np.pi * np.sqrt(inverse)), shapes)
 
 
-def _carried_mass(weight: Floats) -> Floats:
-    """Return the masses (3 n,), kg, at the vertices for weights (n, 3), N. Upward forces, which only balance a moment,
-    have no mass; the total mass is that of the resultant."""
-    total = weight.sum(axis=0)
-    along = np.maximum(weight @ total, 0.0)
-    return np.asarray(np.repeat(along, 3) * (np.linalg.norm(total) / GRAVITY / max(along.sum(), np.finfo(float).tiny)))
+def mass_of_loads(loads: Iterable[LoadCase]) -> Floats | None:
+    """Return the masses (n,), kg, at the vertices whose weights are these loads; None without loads.
+    Only weight downwards has mass. The mass of each load is that of its resultant, without forces that only turn it."""
+    masses = None
+    for load in loads:
+        up = load.force[:, 2]
+        down = np.maximum(-up, 0.0)
+        mass = down * (max(-float(up.sum()), 0.0) / GRAVITY / max(float(down.sum()), np.finfo(float).tiny))
+        masses = mass if masses is None else masses + mass
+    return masses
 
 
 def buckling(

@@ -439,6 +439,15 @@ def test_an_object_that_cura_marks_as_a_printing_aid_is_no_surface(tmp_path, set
     assert describe(path).area == pytest.approx(AREA)
 
 
+def test_settings_of_an_item_are_those_of_its_object(tmp_path):
+    aid = '<metadatagroup><metadata name="cura:support_mesh">\n 1\n</metadata></metadatagroup>'
+    objects = [("", mesh_text(ROOF.V + 9.0)), ("", mesh_text())]
+    path = archive(tmp_path / "cura.3mf", model(objects, f'<item objectid="1">{aid}</item><item objectid="2"/>'))
+    assert "1 object of the type 'support_mesh'" in dropped(path)
+    assert describe(path).area == pytest.approx(AREA)
+    assert read_surface(path).V.min() == pytest.approx(ROOF.V.min())
+
+
 def test_modifiers_of_slicers_are_ignored_and_named(tmp_path):
     two = mesh_text(np.concatenate([ROOF.V, ROOF.V + 9.0])).replace(
         "</triangles>", "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in ROOF.F + N) + "</triangles>"

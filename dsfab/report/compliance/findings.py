@@ -317,7 +317,7 @@ class Findings:
         if factor is None:
             return None
         low, high = (factor * (1 + side * (bound or 0.0)) for side in (-1, 1))
-        low *= 1 - self._solid_loss(1.0)
+        low *= 1 - self.judgement.solid_loss(1.0)
         status: Status = "fail" if high < 1 else "pass" if low >= SAFE_BUCKLING_FACTOR else "unknown"
         local = f"; {case.local}" if case.local else ""
         suffix = self._case_suffix("buckling") + self._solid_suffix(1.0) + local + self._assumption_suffix()
@@ -332,13 +332,9 @@ class Findings:
         words = f"{value}{self._solid_suffix(0.5)}{self._assumption_suffix()}"
         return CheckLine("Lowest natural frequency", "note", words, "not judged")
 
-    def _solid_loss(self, power: float) -> float:
-        """Return the largest relative loss of a quantity of a solid that grows with this power of its stiffness."""
-        return float(1 - (1 + (self.judgement.theory or 0.0)) ** -power)
-
     def _solid_suffix(self, power: float) -> str:
-        loss = self._solid_loss(power)
-        return f"; a solid has up to {percent(loss)} less" if loss else ""
+        loss = self.judgement.solid_loss(power)
+        return f"; about {percent(loss)} less as a solid" if loss else ""
 
     def _assumption_suffix(self) -> str:
         assumption = next((case.assumed for case in self.judgement.cases.values() if case.assumed), "")

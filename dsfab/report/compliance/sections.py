@@ -202,8 +202,8 @@ def scope_sections(findings: Findings) -> list[ReportSection]:
         assumed[0] = "Material law of St. Venant and Kirchhoff, linearised; small displacements."
     cases = list(findings.judgement.cases.values()) if findings.carries else []
     if any(case.frequency for case in cases):
-        snow = f" and {statics.snow_mass:.0%} of the snow" if statics.snow_mass else ""
-        assumed.append(f"The mass that vibrates is that of the sheet, of permanent loads such as cladding{snow}.")
+        snow = f", and {percent(statics.snow_mass)} of the snow" if statics.snow_mass else ""
+        assumed.append(f"The mass of the sheet and of permanent loads vibrates{snow}.")
     missing = [
         "Strength: the preset has none, so the stress has no verdict." if not statics.strength else "",
         ""

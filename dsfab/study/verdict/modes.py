@@ -6,7 +6,7 @@ from itertools import islice
 
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import DsfabError
-from dsfab.design import Progress
+from dsfab.design import Progress, loads_on
 from dsfab.slicing import Sheet
 from dsfab.slicing.cutting.sheet import SmoothSurface, meshes
 from dsfab.statics import (
@@ -21,6 +21,7 @@ from dsfab.statics import (
     flat_axis,
     frequencies,
     lowest_buckling,
+    mass_of_loads,
     mode_supports,
     sheet_stiffness,
 )
@@ -80,11 +81,8 @@ def mode_intervals(
     assumed = ""
     try:
         sheet, _, loads = attached_material(setting, material)
-        carried = {} if setting.permanent is None else {"": setting.permanent}
-        forces = shares(sheet, loads)
-        carried_forces = (
-            shares(sheet, attached_material(replace(setting, loads=carried), material)[2]) if carried else {}
-        )
+        permanent = setting.permanent if request.frequencies else {}
+        forces, weights = shares(sheet, loads), shares(sheet, loads_on(setting.surface, sheet, permanent))
         for mesh in islice(meshes(sheet, SmoothSurface.from_surface(setting.surface)), MOST_MESHES):
             # two factorisations are stored: assume the solver that needs more memory
             needed = memory_needed(MODE_ELEMENTS.unknowns(mesh.surface), MODE_ELEMENTS.bending, "multifrontal")
@@ -96,9 +94,8 @@ def mode_intervals(
             cases, spreads = on_mesh(setting.surface, mesh, setting.loads, forces)
             standing = mode_supports(mesh.surface, next(iter(cases.values())), _is_plane(mesh.surface, cases))
             assumed = standing.told
-            weights = on_mesh(setting.surface, mesh, carried, carried_forces)[0]
-            weight = weights[""].force if carried else None
-            levels.append(mode_level(mesh.surface, setting.made, cases, spreads, standing, request, weight))
+            masses = mass_of_loads(on_mesh(setting.surface, mesh, permanent, weights)[0].values())
+            levels.append(mode_level(mesh.surface, setting.made, cases, spreads, standing, request, masses))
             hertz = _hertz(levels)
             modes = [*_factors(levels).values(), *([hertz] if hertz else [])]
             if len(levels) > 1 and all(mode.bound <= estimates.WIDEST_MODE_BOUND for mode in modes):

@@ -188,7 +188,10 @@ class _Plate:
         elif kind in ("metadata", "setting"):
             self.setting = values.get("name", values.get("key", "")).removeprefix("cura:")
             self.parser.CharacterDataHandler = self._value if self.setting in _CURA_AIDS else None
+        elif kind == "build":
+            self.open = _Object("")
         elif kind == "item" and self.part == self.root:
+            self.open = self.objects.get(self._key(values), self.open)  # settings of an item are those of its object
             if values.get("printable", "1") == "0":
                 self.counts[Content("item", "dropped", "marked as not printable")] += 1
                 self.unprinted.append(self._key(values))
@@ -198,9 +201,8 @@ class _Plate:
             self._model(values)
 
     def _value(self, text: str) -> None:
-        if text.strip().lower() == "true":
+        if text.strip().lower() in ("true", "1"):
             self.open.kind = self.setting
-        self.parser.CharacterDataHandler = None
 
     def _model(self, values: dict[str, str]) -> None:
         names = [self.prefixes.get(prefix, prefix) for prefix in values.get("requiredextensions", "").split()]
