@@ -72,11 +72,11 @@ def nonlinear_facts(result: "NonlinearCheck") -> dict[str, Any]:
     return {
         "case": result.case,
         "linear_factor": result.linear,
-        "limit_factor": result.limit,
+        "limit_factor": result.limit or None,
         "gives_way": result.given_way,
         "stopped_after_minutes": result.minutes or None,
-        "imperfection_m": result.imperfection,
-        "displacement_m": result.moved,
+        "imperfection_m": result.imperfection if result.linear else None,
+        "displacement_m": result.moved if result.linear else None,
         "wedges": result.triangles,
         "edge_m": result.edge,
         "path": {"factor": result.load.tolist(), "largest_displacement_m": result.u.tolist()},
@@ -86,6 +86,8 @@ def nonlinear_facts(result: "NonlinearCheck") -> dict[str, Any]:
 def nonlinear_lines(result: "NonlinearCheck") -> Iterator[str]:
     """Yield the result as lines of text."""
     yield result.sentence
+    if result.linear is None:
+        return
     situation = "under its load" if result.limit >= 1 or not result.given_way else "where it gives way"
     yield (
         f"largest displacement {situation}: {length(result.moved)}; this check assumes elastic material and ignores "

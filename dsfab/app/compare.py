@@ -65,12 +65,20 @@ def _mode_lines(competitor: "Competitor") -> list[str]:
     cases = list(competitor.judgement.cases.values()) if competitor.judgement else []
     buckling_cases = [case for case in cases if case.buckling is not None]
     words = []
+
+    def as_solid(power: float) -> str:
+        loss = competitor.judgement.solid_loss(power) if competitor.judgement else 0.0
+        return f", about {percent(loss)} less as a solid" if loss else ""
+
     if buckling_cases:
         lowest = min(buckling_cases, key=lambda case: case.buckling or 0.0)
         local = f" ({lowest.local})" if lowest.local else ""
-        words.append(f"buckles at {bounded(lowest.buckling or 0.0, lowest.buckling_bound)} x the load{local}")
+        words.append(
+            f"buckles at {bounded(lowest.buckling or 0.0, lowest.buckling_bound)} x the load{as_solid(1)}{local}"
+        )
     if vibrating := [case for case in cases if case.frequency is not None]:
-        words.append(f"swings at {bounded(vibrating[0].frequency or 0.0, vibrating[0].frequency_bound, 'Hz')}")
+        hertz = bounded(vibrating[0].frequency or 0.0, vibrating[0].frequency_bound, "Hz")
+        words.append(f"swings at {hertz}{as_solid(0.5)}")
     assumed = next((f" ({case.assumed})" for case in cases if case.assumed), "")
     refused = list(dict.fromkeys(text for case in cases for text in case.refusals))
     lines = [f"{competitor.name} {' and '.join(words)}{assumed}"] if words else []

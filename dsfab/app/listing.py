@@ -1,6 +1,7 @@
 """The commands `dsfab presets`, `materials` and `inspect`."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -139,6 +140,7 @@ def _show_mesh(path: Path, source: Source) -> bool:
 
 def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str, str | None]:
     """Return whether `dsfab build` takes a mesh, a text with reasons or repairs, and the unit of the file's numbers."""
+    from dsfab.core.arrays import polygon_perimeter
     from dsfab.preset.proposal import propose
     from dsfab.surface import unit_guess
 
@@ -152,8 +154,10 @@ def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str, str
         return False, "refuses it: " + choices["pieces"], unit
     mended, sheets = ([x.choice for x in proposal.decisions if x.topic == topic] for topic in ("mended", "sheets"))
     turned = [text for text in proposal.given.repaired if "turned over" in text]
-    triangles, area = count_phrase(proposal.given.surface.m, "triangle"), proposal.given.surface.area
-    size = [f"the surface then has {triangles} and {area:.4g} m2"] if mended else []
+    surface = proposal.given.surface
+    lengths = [polygon_perimeter(surface.V[loop]) for loop in surface.loops]
+    then = f"the surface then has {count_phrase(surface.m, 'triangle')}, {surface.area:.4g} m2 and {_loops(lengths)}"
+    size = [then] if mended else []
     return True, "; ".join(["takes it", *(f"it mends: {text}" for text in mended), *size, *turned, *sheets]), unit
 
 
@@ -166,9 +170,14 @@ def _unit_words(facts: "MeshFacts") -> str:
     return "; ".join([facts.unit, *sizes_in_other_units(facts.box, facts.unit)])
 
 
+def _loops(lengths: Sequence[float]) -> str:
+    if not lengths:
+        return "no boundary: the surface is closed"
+    shown = ", ".join(map(length, lengths[:6])) + (" ..." if len(lengths) > 6 else "")
+    return f"{count_phrase(len(lengths), 'boundary loop')}: {shown}"
+
+
 def _fact_rows(facts: "MeshFacts") -> list[tuple[str, str]]:
-    loops = facts.boundary_lengths
-    loop_words = f"{len(loops)} {'loop' if len(loops) == 1 else 'loops'}: {', '.join(length(x) for x in loops[:6])}"
     return [
         ("size", " x ".join(length(side) for side in facts.box) + f" (read as {facts.unit})"),
         ("likely unit", _unit_words(facts)),
@@ -181,10 +190,7 @@ def _fact_rows(facts: "MeshFacts") -> list[tuple[str, str]]:
         ("area", f"{facts.area:.4g} m2"),
         ("volume", "" if facts.volume is None else f"{facts.volume:.4g} m3"),
         ("pieces", f"{facts.pieces:,}"),
-        (
-            "boundary",
-            "no boundary: the surface is closed" if facts.closed else loop_words + (" ..." if len(loops) > 6 else ""),
-        ),
+        ("boundary", _loops(facts.boundary_lengths).replace("boundary loop", "loop")),
         ("genus", "" if facts.genus is None else str(facts.genus)),
         ("sharpest", f"{facts.smallest_angle:.1f} degrees is the smallest angle of a triangle"),
         ("manifold", "yes, and oriented" if facts.manifold else "no"),

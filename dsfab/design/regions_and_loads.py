@@ -19,6 +19,7 @@ from dsfab.slicing import Sheet
 from dsfab.slicing.cutting.sheet import ON_SIMPLEX
 from dsfab.statics import SpreadLoad, spread_load
 from dsfab.surface import (
+    ACTION_OF_LOAD,
     All,
     Load,
     LoadCase,
@@ -295,6 +296,27 @@ def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[L
             place = surface.V[dropped][size[dropped].argmax()].round(3).tolist()
             return f"the load at {place} m ({lost:.3g} N) stands on a piece that reaches no support"
     return ""
+
+
+def permanent_loads(preset: Preset, surface: Surface, load: LoadCase) -> dict[str, LoadCase]:
+    """Return the loads whose mass vibrates with the sheet besides its own: cladding and other permanent loads, each
+    once if several cases repeat it; and `statics.snow_mass` times the heaviest case of snow.
+    load : load case with the supports."""
+    permanent, snow = list[Load](), dict[str, list[Load]]()
+    for entry in acting_on(preset, surface).load:
+        action = preset.surface.actions.get(entry.case) or ACTION_OF_LOAD.get(entry.kind)
+        unnamed = replace(entry, case="load", name="")
+        if entry.kind == "cladding" or (action == "permanent" and entry.kind != "self_weight"):
+            permanent += [] if unnamed in permanent else [unnamed]
+        elif action in ("snow", "snow high") and preset.statics.snow_mass:
+            snow.setdefault(entry.case, []).append(entry)
+    cases = {str(k): load.with_loads(surface, [entry], 0.0) for k, entry in enumerate(permanent)}
+    if snow:
+        heaviest = min(
+            (load.with_loads(surface, x, 0.0) for x in snow.values()), key=lambda case: case.force[:, 2].sum()
+        )
+        cases["snow"] = combined_case({"snow": heaviest}, {"snow": preset.statics.snow_mass})
+    return cases
 
 
 def sheet_loads(surface: Surface, material: Sheet, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:

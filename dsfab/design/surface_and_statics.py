@@ -13,7 +13,7 @@ from dsfab.core.errors import SurfaceError
 from dsfab.core.limits import FACETS, REPORTED_RESIDUAL, USUAL_SIZE
 from dsfab.core.messages import coordinates, length
 from dsfab.design.buildability import objections, off_surface
-from dsfab.design.regions_and_loads import Loading, loadings, surface_with_regions
+from dsfab.design.regions_and_loads import Loading, loadings, permanent_loads, surface_with_regions
 from dsfab.diffusion import layer_stress, only_bends
 from dsfab.preset.model import Preset, Statics
 from dsfab.preset.surface_section import FileSurface, MeshSurface, OwnSurface
@@ -32,6 +32,7 @@ from dsfab.statics import (
     equilibria,
     facet_number,
     flat_axis,
+    mass_of_loads,
     needle_message,
     sheet_answers,
     sheet_stiffness,
@@ -39,7 +40,16 @@ from dsfab.statics import (
     solve_for,
     stress,
 )
-from dsfab.surface import SizeField, Surface, change_sizes, coincident, parallel_remarks, pieces
+from dsfab.surface import (
+    SizeField,
+    Surface,
+    change_sizes,
+    coincident,
+    faces_without_upper_side,
+    parallel_remarks,
+    pieces,
+)
+from dsfab.surface.loads.load_case import picked_faces
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +117,9 @@ def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log
     requested, refusals = (ResultRequest(), ()) if rough else _affordable_results(sheet, surface, log)
     if requested:
         log.report("statics", f"answering by {requested.elements_for(sheet.elements)} elements")
+    if requested.frequencies:
+        permanent = permanent_loads(preset, surface, solved.acting[0].load)
+        model = replace(model, carried=mass_of_loads(permanent.values()))
     results: list[Answers] = []
     with log.row("answers"):
         for loading, answer in zip(solved.acting, solved.answers, strict=True):
@@ -337,6 +350,13 @@ def _statics_result(
     }
     together = results.pop("", next(iter(results.values())))
     note_statics(surface, results, log)
+    winds = [load for load in preset.surface.load if load.kind == "wind"]
+    on_wall = any((picked_faces(surface, load.at, "wind") & faces_without_upper_side(surface)).any() for load in winds)
+    if on_wall and min(float(np.dot(a.direction, b.direction)) for a in winds for b in winds) >= 0:
+        log.note(
+            "statics",
+            "the wind meets a wall, whose outside is the side of its faces' normals; add a case with the opposite wind",
+        )
     objected = list(objections(preset, surface, results))
     for objection in objected:
         log.note("statics", objection.text)

@@ -86,6 +86,8 @@ class Statics(Section):
     """Number of natural frequencies of the uncut sheet to compute."""
     buckling: Annotated[int, Ge(0), Le(10)] = 0
     """Number of buckling factors of the uncut sheet to compute."""
+    snow_mass: Annotated[float, Ge(0), Le(1)] = 0.0
+    """Share of the snow that vibrates with the sheet, such as psi_2 of EN 1990; permanent loads always do."""
     check: bool = True
     """Refuse a sheet that moves by over a tenth of its span or stands on one vertex. Also refuse a support or load far
     from the surface. false: only report these faults."""

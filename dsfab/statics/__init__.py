@@ -26,7 +26,15 @@ from dsfab.statics.factorisation import Factor, FactorCache, FactorFunction, sti
 from dsfab.statics.internal_forces import CONVENTION, SectionForces, ShearRecovery, section_forces
 from dsfab.statics.membrane import membrane_stiffness
 from dsfab.statics.model import Law, Material, SheetMaterial, SheetModel
-from dsfab.statics.modes import Buckling, ModeSupports, buckling, frequencies, lowest_buckling, mode_supports
+from dsfab.statics.modes import (
+    Buckling,
+    ModeSupports,
+    buckling,
+    frequencies,
+    lowest_buckling,
+    mass_of_loads,
+    mode_supports,
+)
 from dsfab.statics.reactions import SupportEntry, load_entries, resultant, support_entries, support_reactions
 from dsfab.statics.requested_results import Answers, ResultRequest, SolvedCase, sheet_answers
 from dsfab.statics.solve import Equilibrium, equilibria, equilibrium, flat_axis
@@ -51,10 +59,11 @@ __all__ = [
     "ModeSupports", "Quantity", "ResultRequest", "SectionForces", "ShearRecovery", "SheetMaterial", "SheetModel",
     "SheetStress", "SolvedCase", "SpreadLoad", "SupportEntry", "bending_stiffness", "buckling", "elements_of",
     "equilibria", "equilibrium", "facet_number", "flat_axis", "frequencies", "load_entries", "lowest_buckling",
-    "matrix_sum", "membrane_stiffness", "membrane_strains", "membrane_stresses", "mode_supports", "needle_message",
-    "optimality_step", "plane_von_mises", "resultant", "rib_shape", "section_forces", "sheet_answers",
-    "sheet_stiffness", "sheet_stress", "solve_cases", "solve_for", "solve_statics", "spread_load", "stiffness_factor",
-    "stress", "support_entries", "support_reactions", "tolerance_of", "torsion_share", "varying_thickness", "von_mises",
+    "mass_of_loads", "matrix_sum", "membrane_stiffness", "membrane_strains", "membrane_stresses", "mode_supports",
+    "needle_message", "optimality_step", "plane_von_mises", "resultant", "rib_shape", "section_forces",
+    "sheet_answers", "sheet_stiffness", "sheet_stress", "solve_cases", "solve_for", "solve_statics", "spread_load",
+    "stiffness_factor", "stress", "support_entries", "support_reactions", "tolerance_of", "torsion_share",
+    "varying_thickness", "von_mises",
 ]  # fmt: skip
 
 

@@ -54,13 +54,15 @@ class Material:
 class SheetModel:
     """A thin elastic sheet.
     surface : middle surface.    thickness : metres.    law : see `Material.membrane`.
-    clamped : (e,) edges that do not rotate, besides the edges that supports clamp; None without such edges."""
+    clamped : (e,) edges that do not rotate, besides the edges that supports clamp; None without such edges.
+    carried : (n,) masses that vibrate with the sheet, such as glass, kg; None without such masses."""
 
     surface: Surface
     material: Material
     thickness: float
     law: Law = "plane_stress"
     clamped: Bools | None = None
+    carried: Floats | None = None
 
     def with_clamped_edges(self, load: LoadCase) -> LoadCase:
         """Return the load with this sheet's clamped edges added."""

@@ -1,14 +1,16 @@
 """Natural frequencies and buckling factors of a sheet, and the supports of a flat sheet normal to its plane."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import eigh
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from dsfab.core.arrays import Bools, Floats, Ints, lock_floats
 from dsfab.core.errors import StaticsError
+from dsfab.core.units import GRAVITY
 from dsfab.statics.bending import curvatures
 from dsfab.statics.boundary_conditions import all_clamped, require_held, with_springs
 from dsfab.statics.elements import BUBBLES, Elements, assemble_blocks, edge_frames, elements_of
@@ -114,7 +116,7 @@ def frequencies(
 ) -> Vibration:
     """Return the lowest natural frequencies of small vibrations: K x = omega^2 M x, consistent mass, no rotary inertia.
 
-    sheet     : its mass per area is density times thickness.
+    sheet     : its mass per area is density times thickness; the masses that it carries add to this mass.
     fixed     : (n, 3) fixed directions.    spring : (n, 3) stiffness of elastic supports, N/m.
     K         : stiffness of the sheet without springs, if the caller has computed it.
     factor_of : function that factorises K, for instance the cache of an `equilibrium`.
@@ -123,12 +125,26 @@ def frequencies(
     if not density > 0:
         raise StaticsError("natural frequencies need a material with a density; set density in kg/m3")
     M = mass_matrix(surface, density * sheet.thickness, elements)
+    if sheet.carried is not None:
+        M = csr_array(M + diags_array(np.pad(np.repeat(sheet.carried, 3), (0, M.shape[0] - 3 * surface.n))))
     if K is None:
         K = sheet_stiffness(sheet, elements)
     no_force, not_loaded = np.zeros((surface.n, 3)), np.zeros(surface.n, dtype=bool)
     sheet_load = sheet.with_clamped_edges(LoadCase(fixed, no_force, not_loaded, no_force if spring is None else spring))
     inverse, shapes = _supported_modes(surface, M, K, sheet_load, elements, count, factor_of)
     return Vibration(1 / (2 * np.pi * np.sqrt(inverse)), shapes)
+
+
+def mass_of_loads(loads: Iterable[LoadCase]) -> Floats | None:
+    """Return the masses (n,), kg, at the vertices whose weights are these loads; None without loads.
+    Only weight downwards has mass. The mass of each load is that of its resultant, without forces that only turn it."""
+    masses = None
+    for load in loads:
+        up = load.force[:, 2]
+        down = np.maximum(-up, 0.0)
+        mass = down * (max(-float(up.sum()), 0.0) / GRAVITY / max(float(down.sum()), np.finfo(float).tiny))
+        masses = mass if masses is None else masses + mass
+    return masses
 
 
 def buckling(

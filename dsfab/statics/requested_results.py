@@ -95,7 +95,7 @@ def sheet_answers(
     stiffness     : function that returns K for given elements.
     other_factors : function that factorises other K. Loads on the same supports can share one `FactorCache(2)`.
 
-    Vibration counts only the mass of the sheet, without its loads. If modes do not converge, `refusals` has the reason.
+    If modes do not converge, `refusals` has the reason.
     Raises StaticsError if the results need other elements, and these cannot solve the sheet."""
     load, solved, factor_of, surface = case.load, case.equilibrium, case.factor_of, sheet.surface
     plane = flat_axis(surface, load) is not None if case.plane is None else case.plane

@@ -230,7 +230,9 @@ def _files(folder: Path, ended: bool) -> CcxFiles:
     return CcxFiles(text("said"), text("solid.dat"), text("solid.sta"), ended)
 
 
-FACTOR = re.compile(r"^\s+1\s+(\S+)\s*$", re.MULTILINE)
+FACTOR = re.compile(r"^ +\d+ +(\S+) *$", re.MULTILINE)
+FACTORS = (6, 24, 96)  # Numbers of requested factors; negative factors (of the reversed load) hide positive ones.
+SETTLED = 0.01  # Relative change of the lowest positive factor by which it is settled.
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,21 +254,36 @@ class LoadPath:
         return LoadPath(self.load[: last_point + 1], self.u[: last_point + 1], False, False, failed)
 
 
-def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats]:
+def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats] | None:
     """Return the lowest linear buckling factor, and its mode as displacements (p, 3) of any size.
-    Raises StaticsError if CalculiX finds no factor."""
-    step = ["*STEP\n*BUCKLE\n1\n*CLOAD\n", *_loads(model.force), "*NODE PRINT, NSET=ALL\nU\n*END STEP\n"]
-    files = run_ccx([*_model(model, model.solid.nodes), *step], seconds)
+    Return None if no factor is positive, or if the solid would move by more than its own size before it buckles."""
+    lowest = np.inf
+    for count in FACTORS:
+        moved, factors, modes = _buckling_factors(model, count, seconds)
+        earlier, positive = lowest, np.where(factors > 0, factors, np.inf)
+        lowest = float(positive.min())
+        if np.isfinite(positive).all() or abs(lowest - earlier) <= SETTLED * lowest < np.inf:
+            break
+    if lowest * moved > np.ptp(model.solid.nodes, axis=0).max():
+        return None
+    mode, rows = np.zeros_like(model.solid.nodes), modes[int(positive.argmin())]
+    mode[rows[:, 0].astype(int) - 1] = rows[:, 1:]
+    return lowest, mode
+
+
+def _buckling_factors(model: WedgeModel, count: int, seconds: float) -> tuple[float, Floats, list[Floats]]:
+    """Return the largest displacement (m) under the load, and buckling factors with their tables of displacements."""
+    load, table = [*_loads(model.force), "*NODE PRINT, NSET=ALL\nU\n*END STEP\n"], "B U C K L I N G"
+    steps = ["*STEP\n*STATIC\n*CLOAD\n", *load, f"*STEP\n*BUCKLE\n{count}\n*CLOAD, OP=NEW\n", *load]
+    files = run_ccx([*_model(model, model.solid.nodes), *steps], seconds)
     if not files.ended:
         raise _timeout_error(seconds)
-    _, _, table = files.results.partition("B U C K L I N G")
-    factor, shape = FACTOR.search(table), files.tables()
-    if not (factor and shape):
-        raise StaticsError(f"CalculiX found no buckling of the solid: {files.said.strip()[-200:]}")
-    mode = np.zeros_like(model.solid.nodes)
-    nodal_shape = shape[-1][1]
-    mode[nodal_shape[:, 0].astype(int) - 1] = nodal_shape[:, 1:]
-    return float(factor[1]), mode
+    factors = np.array(FACTOR.findall(files.results.partition(table)[2]), dtype=np.float64)
+    (_, still), *modes = files.tables() or [(0.0, np.zeros((0, 4)))]
+    if not len(factors) or len(modes) < len(factors):
+        raise StaticsError(f"CalculiX found no buckling factor of the solid: {files.said.strip()[-200:]}")
+    moved = float(np.linalg.norm(still[:, 1:], axis=1).max())
+    return moved, factors, [rows for _, rows in modes[-len(factors) :]]
 
 
 def load_path(

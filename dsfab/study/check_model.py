@@ -8,7 +8,7 @@ import numpy as np
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.core.errors import StaticsError
 from dsfab.core.messages import value_with_bound
-from dsfab.design import Design, Log, Progress, acting_on, sheet_load, surface_step
+from dsfab.design import Design, Log, Progress, acting_on, permanent_loads, sheet_load, surface_step
 from dsfab.design.regions_and_loads import Loading, loadings
 from dsfab.design.surface_and_statics import check_scale
 from dsfab.export.analysis.calculix import CalculixModel, Element
@@ -171,7 +171,8 @@ def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
         f"SUPPORT_{k}": support.fixed_directions(surface)
         for k, support in enumerate(acting_on(preset, surface).support, 1)
     }
-    setting = LoadedSurface(surface, preset.statics.sheet(), {case.name: case.load for case in acting})
+    permanent = permanent_loads(preset, surface, acting[0].load)
+    setting = LoadedSurface(surface, preset.statics.sheet(), {case.name: case.load for case in acting}, permanent)
     modes = _mode_lines(preset, setting, whole_sheet(surface), progress)
     return _check_model(preset, surface, acting, supports, "uncut", progress, modes)
 

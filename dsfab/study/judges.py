@@ -9,13 +9,14 @@ import numpy as np
 from dsfab.core.arrays import point_tuple
 from dsfab.core.errors import StaticsError
 from dsfab.core.limits import Status
-from dsfab.design import Progress, acting_on, sheet_loads
+from dsfab.design import Progress, acting_on, loads_on, sheet_loads
 from dsfab.statics import (
     Equilibrium,
     ResultRequest,
     SheetStress,
     frequencies,
     lowest_buckling,
+    mass_of_loads,
     mode_supports,
     sheet_stress,
     solve_for,
@@ -94,6 +95,11 @@ class Judgement:
     @property
     def level(self) -> Literal["quick", "full"]:
         return "full" if self.check else "quick"
+
+    def solid_loss(self, power: float) -> float:
+        """Return by how much a quantity is smaller for a solid than for the shell, as a fraction: a quantity that grows
+        with this power of the stiffness, 1 for buckling factors and 0.5 for frequencies."""
+        return float(1 - (1 + (self.theory or 0.0)) ** -power)
 
     def worst(self, name: str) -> Extreme:
         """Return the largest `displacement`, `tension`, `compression` or `stress` of all cases."""
@@ -191,8 +197,9 @@ def _modes(
         refusals.append(f"no buckling factor: {error}")
     try:
         if request.frequencies:
-            turning = replace(sheet, clamped=all_clamped(standing.load))
-            hertz = float(frequencies(turning, standing.load.fixed, 1, spring=load.spring).hertz[0])
+            masses = mass_of_loads(loads_on(task.surface, structure.sheet, task.permanent).values())
+            moving = replace(sheet, clamped=all_clamped(standing.load), carried=masses)
+            hertz = float(frequencies(moving, standing.load.fixed, 1, spring=load.spring).hertz[0])
     except StaticsError as error:
         refusals.append(f"no natural frequency: {error}")
     return factor, hertz, tuple(refusals), standing.told, local
@@ -220,7 +227,8 @@ def full(
         text = f"the sheet carries the loads that its pattern follows, but not every load case: {error}"
         return replace(full(task, structure, ask, False, budget, progress), verdict="fail", reason=text)
     statics = task.preset.statics
-    setting = LoadedSurface(task.surface, statics.sheet(structure.thickness), task.loads_on(structure, every))
+    model, loads = statics.sheet(structure.thickness), task.loads_on(structure, every)
+    setting = LoadedSurface(task.surface, model, loads, task.permanent)
     checked = check(setting, structure.material, "full", budget, progress, structure.cells)
     if checked.status == "fail":
         raise StaticsError(checked.reason)

@@ -279,6 +279,16 @@ def test_snow_and_wind_that_run_along_every_face_act_on_nothing(load, says):
     assert "on 1 m2: change its direction, or pick other faces" in said
 
 
+@pytest.mark.parametrize(("winds", "count"), [([1], 1), ([1, -1], 0)])
+def test_one_wind_on_a_wall_needs_the_opposite_wind_as_a_case(winds, count):
+    wall = Surface(PLATE.V[:, [0, 2, 1]], PLATE.F)
+    loads = [Wind(800.0, (0, sign, 0), case=f"wind {k}") for k, sign in enumerate(winds)]
+    given = {"thickness": 0.02, "material": "GL24h", "check": False}
+    preset = Preset(surface=wall, supports=[Support(Side("z", "min", 0.3))], loads=loads, statics=given)
+    notes = Design.from_preset(preset).until("statics").notes
+    assert sum("add a case with the opposite wind" in note.text for note in notes) == count
+
+
 @pytest.mark.parametrize(("lean", "count"), [(0.7e-3, 1), (1.4e-3, 0)])
 def test_snow_on_a_wall_counts_as_a_load_if_the_wall_leans_by_over_a_thousandth(lean, count):
     wall = Surface(np.c_[PLATE.V[:, 0], lean * PLATE.V[:, 1], PLATE.V[:, 1]], PLATE.F)

@@ -317,6 +317,11 @@ def test_a_plate_thicker_than_the_table_gives_a_note():
     assert any("table of strengths ends at 200 mm" in line for line in found.assumed)
 
 
+def test_timber_names_the_tension_across_the_grain_as_unchecked():
+    found = utilisation(bar(0.1, 0.1, 2.0, N=1e3), rules("GL24h"))
+    assert any("across the grain of curved members (6.4.3) is not checked" in line for line in found.assumed)
+
+
 def test_presets_name_the_rules_of_their_checks():
     vault = load_preset("snow_vault", {"statics.material": "GL24h", "eurocode.duration.snow": "short"})
     found = eurocode_rules(vault, ("dead", "snow", "left", "right", "all_over", "on_the_left", "on_the_right"))

@@ -21,6 +21,7 @@ from dsfab.statics import (
     elements_of,
     frequencies,
     lowest_buckling,
+    mass_of_loads,
     membrane_stiffness,
     solve_statics,
 )
@@ -77,6 +78,28 @@ def test_a_supported_plate_of_hhj_is_exact_to_a_part_in_a_thousand_on_eight_cell
     shape = answer.shapes[0, :, 2]
     assert_allclose(shape, np.sin(np.pi * s.V[:, 0]) * np.sin(np.pi * s.V[:, 1]), atol=5e-3)
     assert_allclose(np.linalg.norm(answer.shapes, axis=2).max(axis=1), 1)
+
+
+def downwards(s, fixed, weight) -> LoadCase:
+    """A load case of weights (n,), N."""
+    return LoadCase(fixed, np.outer(weight, [0.0, 0.0, -1.0]), np.zeros(s.n, dtype=bool))
+
+
+def test_loads_that_vibrate_with_a_plate_slow_it_down_by_their_mass():
+    """Navier with the mass of plate and load. Forces that only turn a load, pull sideways or lift have no mass."""
+    s, fixed = supported_plate(8)
+    glass, sheet = downwards(s, fixed, 2e3 * s.vertex_areas), SheetModel(s, STEEL, H)
+    heavy = STEEL.density * H + 2e3 / 9.80665
+    with_glass = replace(sheet, carried=mass_of_loads([glass]))
+    assert with_glass.carried.sum() == pytest.approx(2e3 / 9.80665)
+    expected = PLATE_HERTZ * np.sqrt(STEEL.density * H / heavy)
+    assert_allclose(frequencies(with_glass, fixed).hertz, expected, rtol=0.01)
+    turning = glass.force.copy()
+    turning[np.linalg.norm(s.V - s.V.mean(axis=0), axis=1).argsort()[:2], 2] += [3e3, -3e3]
+    assert mass_of_loads([glass.with_forces(turning)]).sum() == pytest.approx(2e3 / 9.80665)
+    pull, lift = (glass.with_forces(np.outer(s.vertex_areas, along)) for along in ([1e6, 0, 0], [0, 0, 900.0]))
+    assert_allclose(mass_of_loads([glass, pull, lift]), with_glass.carried, rtol=1e-12)
+    assert mass_of_loads([]) is None
 
 
 def test_the_hinges_of_the_paper_stay_away_from_the_plate():

@@ -15,11 +15,12 @@ import pytest
 import trimesh
 
 import dsfab
+from dsfab.app.check_nonlinear import nonlinear_facts, nonlinear_lines
 from dsfab.app.cli import main
 from dsfab.app.terminal import signals_as_interrupts
 from dsfab.core.errors import StaticsError
 from dsfab.statics import Material
-from dsfab.study.calculix import CcxFiles, LoadPath, load_path, run_ccx, solid_model
+from dsfab.study.calculix import CcxFiles, LoadPath, load_path, lowest_buckling, run_ccx, solid_model
 from dsfab.study.nonlinear import (
     NonlinearCheck,
     last_point,
@@ -68,6 +69,16 @@ def column(cells=24) -> tuple[Surface, LoadCase]:
     root, tip = s.V[:, 0] < 1e-9, s.V[:, 0] > 1 - 1e-9
     force = tip[:, None] * np.array([-1.0, 0, 0]) / tip.sum()
     return s, pressed(s, hold(s, (root, "xyz")), force, root)
+
+
+def bowl(cells, sign) -> tuple[Surface, LoadCase]:
+    """A square of 8 x 8 m that hangs 1.5 m down (sign 1) or stands up (-1), on a pinned edge, pressed by 1 kPa."""
+    flat = grid(cells, cells, 8.0, 8.0)
+    x, y = flat.V[:, 0] - 4, flat.V[:, 1] - 4
+    s = Surface(np.stack([x, y, sign * 1.5 * (x**2 + y**2) / 32], axis=1), flat.F)
+    rim = np.isin(np.arange(s.n), s.edges.ends[s.edges.boundary])
+    force = s.vertex_areas[:, None] * [0, 0, -1000.0]
+    return s, pressed(s, hold(s, (rim, "xyz")), force, np.zeros(s.n, dtype=bool))
 
 
 def checked(given, thickness, material, imperfection, case="load"):
@@ -299,6 +310,48 @@ def test_a_column_buckles_at_its_euler_load():
     assert found.given_way
     assert 0.88 < found.limit / found.linear <= 1.02
     assert found.triangles == 48
+
+
+@pytest.mark.slow
+@needs_ccx
+@pytest.mark.parametrize(("cells", "reversed_share"), [(8, 0.0), (8, -0.1), (12, 1.0)])
+def test_a_bowl_in_tension_does_not_buckle(cells, reversed_share):
+    """CalculiX gives negative factors, of the reversed load, and positive ones that count no real buckling. A patch of
+    the bowl may even carry a tenth of its load upwards."""
+    s, load = bowl(cells, 1.0)
+    x, y = s.V[:, 0], s.V[:, 1]
+    patch = (x > 0) & (y > 0) & (x < 2) & (y < 2)
+    load = replace(load, force=np.where(patch, reversed_share, 1.0)[:, None] * load.force)
+    found = checked((s, load), 0.05, Material(11e9, 0.3), 0.01, "snow")
+    wedges = f"CalculiX, {s.m} quadratic wedges"
+    assert found.sentence == f"snow: linear theory finds no buckling under this load ({wedges})"
+    assert list(nonlinear_lines(found)) == [found.sentence]
+    assert nonlinear_facts(found)["limit_factor"] is None
+
+
+@pytest.mark.slow
+@needs_ccx
+def test_a_bowl_turned_over_buckles_at_a_factor_that_more_factors_confirm():
+    """If CalculiX is asked for one factor, it gives 303 [findings/calculix_one_buckling_factor.sh]."""
+    s, load = bowl(16, -1.0)
+    assert lowest_buckling(solid_model(s, up(s), 0.05, Material(11e9, 0.3), load), 120.0)[0] == pytest.approx(
+        274, rel=1e-3
+    )
+
+
+@pytest.mark.slow
+@needs_ccx
+def test_the_lowest_positive_factor_counts_beside_smaller_negative_ones():
+    """A column is pressed, and a second one pulled by a hundred times its load [Euler]."""
+    one, _ = column(12)
+    s = Surface(np.concatenate([one.V, one.V + [0, 1.0, 0]]), np.concatenate([one.F, one.F + one.n]))
+    root, tip, pulled = s.V[:, 0] < 1e-9, s.V[:, 0] > 1 - 1e-9, s.V[:, 1] > 0.5
+    force = (tip * np.where(pulled, 50.0, -0.5))[:, None] * np.array([1.0, 0, 0])
+    model = solid_model(s, up(s), 0.01, Material(210e9, 0.0), pressed(s, hold(s, (root, "xyz")), force, root))
+    factor, mode = lowest_buckling(model, 120.0)
+    assert factor == pytest.approx(pi**2 * 210e9 * 0.1 * 0.01**3 / 12 / 4, rel=0.02)
+    moved = np.linalg.norm(mode, axis=1)
+    assert moved[model.solid.nodes[:, 1] > 0.5].max() < 1e-3 * moved.max()
 
 
 TOGGLE = """

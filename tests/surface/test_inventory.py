@@ -422,6 +422,32 @@ def test_the_root_model_of_a_3mf_file_may_have_any_suffix(tmp_path):
     assert read_surface(path).area == pytest.approx(AREA)
 
 
+@pytest.mark.parametrize(
+    "setting",
+    [
+        '<metadatagroup><metadata name="cura:{}" type="xs:boolean">{}</metadata></metadatagroup>',
+        '<settings xmlns="http://cura.example/2015"><setting key="{}">{}</setting></settings>',
+    ],
+)
+@pytest.mark.parametrize("aid", ["support_mesh", "anti_overhang_mesh", "infill_mesh", "cutting_mesh"])
+def test_an_object_that_cura_marks_as_a_printing_aid_is_no_surface(tmp_path, setting, aid):
+    """Cura 5 writes such settings as metadata, Cura 2 as settings; a setting that is off changes nothing."""
+    other = setting.format("infill_sparse_density", "True") + setting.format(aid, "False")
+    objects = [("", mesh_text() + other), ("", mesh_text(ROOF.V + 9.0) + setting.format(aid, "True"))]
+    path = archive(tmp_path / "cura.3mf", model(objects, '<item objectid="1"/><item objectid="2"/>'))
+    assert f"1 object of the type '{aid}'" in dropped(path)
+    assert describe(path).area == pytest.approx(AREA)
+
+
+def test_settings_of_an_item_are_those_of_its_object(tmp_path):
+    aid = '<metadatagroup><metadata name="cura:support_mesh">\n 1\n</metadata></metadatagroup>'
+    objects = [("", mesh_text(ROOF.V + 9.0)), ("", mesh_text())]
+    path = archive(tmp_path / "cura.3mf", model(objects, f'<item objectid="1">{aid}</item><item objectid="2"/>'))
+    assert "1 object of the type 'support_mesh'" in dropped(path)
+    assert describe(path).area == pytest.approx(AREA)
+    assert read_surface(path).V.min() == pytest.approx(ROOF.V.min())
+
+
 def test_modifiers_of_slicers_are_ignored_and_named(tmp_path):
     two = mesh_text(np.concatenate([ROOF.V, ROOF.V + 9.0])).replace(
         "</triangles>", "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in ROOF.F + N) + "</triangles>"

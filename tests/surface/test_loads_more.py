@@ -26,9 +26,11 @@ from dsfab.surface import (
     Surface,
     Vertices,
     Wind,
+    faces_without_upper_side,
 )
+from dsfab.surface.loads.load_case import outward_normals
 from dsfab.surface.shapes import cylinder, dome, plate, sphere
-from tests.shapes import box, grid, jittered
+from tests.shapes import box, grid, jittered, joined, tube
 
 BEST = elements_of("displacement")
 
@@ -92,6 +94,35 @@ def test_wind_presses_the_windward_wall_and_sucks_at_the_leeward_wall(turn):
     assert_allclose(slant, 1.3 * q / np.sqrt(2) * np.array([2 * 5, -3 * 5, 0]), atol=1e-9)
     only_suction = total(b, Wind(q, (1.0, 0, 0), windward=0.0, leeward=0.3))
     assert_allclose(only_suction, [0.3 * q * 10, 0, 0], atol=1e-9)
+
+
+def test_the_outside_of_a_roof_is_its_upper_side_whichever_way_its_faces_turn():
+    """Vertical force of wind across a half cylinder: -q (0.8 - 0.5) R L / 2, from the integral of sin cos."""
+    flat = grid(32, 8, np.pi, 8.0)
+    angle = flat.V[:, 0]
+    roof = Surface(np.stack([3 * np.cos(angle), flat.V[:, 1], 3 * np.sin(angle)], axis=1), flat.F)
+    wind = Wind(600.0, (1.0, 0, 0))
+    expected = total(roof, wind)
+    assert_allclose(total(inside_out(roof), wind), expected, atol=1e-9)
+    assert expected[2] == pytest.approx(-0.3 * 600 * 8 * 3 / 2, rel=5e-3)
+    two = joined(roof, inside_out(Surface(roof.V + [20.0, 0, 0], roof.F)))
+    assert_allclose(total(two, wind), 2 * expected, atol=1e-6)
+    assert not faces_without_upper_side(two).any()
+
+
+@pytest.mark.parametrize("flare", [-0.2, 0.0, 0.2])
+def test_the_outside_of_an_open_tower_is_the_side_of_its_faces_whether_it_widens_or_narrows(flare):
+    """Wind along x: 0.8 q and 0.5 q on half of the perimeter; the lean of the wall takes little."""
+    tower = tube(64, 8, 3.0, 8.0)
+    tower = Surface(tower.V * np.where([True, True, False], 1 + flare * tower.V[:, 2:] / 8, 1.0), tower.F)
+    pressed, sucked = (
+        Wind(600.0, (1.0, 0, 0), *c).traction(tower)[:, 0] @ tower.areas for c in ((0.8, 0.0), (0.0, 0.5))
+    )
+    assert pressed / sucked == pytest.approx(1.6, rel=1e-6)
+    beside = joined(tower, inside_out(centred_box(3.0, 2.0, 5.0)))
+    box_faces = np.arange(beside.m) >= tower.m
+    assert_array_equal(faces_without_upper_side(beside), ~box_faces)
+    assert_allclose(outward_normals(beside)[box_faces], -beside.normals[box_faces])
 
 
 def test_wind_on_a_sphere_is_the_integral_of_the_squared_cosine():

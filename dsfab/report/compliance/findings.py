@@ -319,9 +319,10 @@ class Findings:
         if factor is None:
             return None
         low, high = (factor * (1 + side * (bound or 0.0)) for side in (-1, 1))
+        low *= 1 - self.judgement.solid_loss(1.0)
         status: Status = "fail" if high < 1 else "pass" if low >= SAFE_BUCKLING_FACTOR else "unknown"
         local = f"; {case.local}" if case.local else ""
-        suffix = self._case_suffix("buckling") + local + self._assumption_suffix()
+        suffix = self._case_suffix("buckling") + self._solid_suffix(1.0) + local + self._assumption_suffix()
         words = f"{value_with_bound(factor, bound)} times the load (linear, perfect shape){suffix}"
         return CheckLine("Buckling", status, words, f"{SAFE_BUCKLING_FACTOR:g} or more")
 
@@ -329,8 +330,13 @@ class Findings:
         case = next((case for case in self.judgement.cases.values() if case.frequency is not None), None)
         if case is None or case.frequency is None:
             return None
-        words = f"{value_with_bound(case.frequency, case.frequency_bound, 'Hz')}{self._assumption_suffix()}"
+        value = value_with_bound(case.frequency, case.frequency_bound, "Hz")
+        words = f"{value}{self._solid_suffix(0.5)}{self._assumption_suffix()}"
         return CheckLine("Lowest natural frequency", "note", words, "not judged")
+
+    def _solid_suffix(self, power: float) -> str:
+        loss = self.judgement.solid_loss(power)
+        return f"; about {percent(loss)} less as a solid" if loss else ""
 
     def _assumption_suffix(self) -> str:
         assumption = next((case.assumed for case in self.judgement.cases.values() if case.assumed), "")

@@ -201,6 +201,9 @@ def scope_sections(findings: Findings) -> list[ReportSection]:
     if statics.law == "stvk":
         assumed[0] = "Material law of St. Venant and Kirchhoff, linearised; small displacements."
     cases = list(findings.judgement.cases.values()) if findings.carries else []
+    if any(case.frequency for case in cases):
+        snow = f", and {percent(statics.snow_mass)} of the snow" if statics.snow_mass else ""
+        assumed.append(f"The mass of the sheet and of permanent loads vibrates{snow}.")
     missing = [
         "Strength: the preset gives no strength, so dsfab does not judge the stress." if not statics.strength else "",
         ""

@@ -11,6 +11,7 @@ from dsfab.core.arrays import Bools, Floats
 from dsfab.core.errors import PatternError
 from dsfab.design.design import Design
 from dsfab.design.directions import diffusion_step, load_axes
+from dsfab.design.regions_and_loads import permanent_loads
 from dsfab.design.slicing_and_thickening import slicing_step
 from dsfab.design.stripe_pattern import WidthSearch, drawable_families, kept_regions, solved_layers, tidy_of
 from dsfab.diffusion import DiffusionTensors, diffusion_modes, diffusion_operator, reference_axes
@@ -105,6 +106,11 @@ class ComparisonTask:
     def is_plane(self) -> bool:
         """True if the sheet is flat and its loads lie in its plane."""
         return flat_axis(self.surface, *self.all_loads.values()) is not None
+
+    @cached_property
+    def permanent(self) -> dict[str, LoadCase]:
+        """Loads whose mass vibrates with the sheet, see `permanent_loads`."""
+        return permanent_loads(self.preset, self.surface, next(iter(self.loads.values())))
 
     def loads_on(self, structure: "Structure", every: bool = False) -> dict[str, LoadCase]:
         """Return `loads`, or `all_loads` if `every`, on the uncut surface. Self-weight is that of `structure`."""

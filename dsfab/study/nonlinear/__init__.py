@@ -18,7 +18,8 @@ CANDIDATE, JUMP = 10.0, 5.0
 @dataclass(frozen=True, eq=False)
 class NonlinearCheck:
     """Result of CalculiX for a design under one case.
-    linear    : load factor at which the perfect solid buckles by linear theory.
+    linear    : load factor at which the perfect solid buckles by linear theory; None: it does not buckle, so the
+                other values are 0 or empty.
     limit     : load factor at which the imperfect solid fails; if it does not fail, the largest computed factor.
     given_way : True if the solid fails.
     imperfection : largest initial deviation in the shape of the buckling mode, metres.
@@ -29,7 +30,7 @@ class NonlinearCheck:
     minutes   : time limit that ended the path; else 0."""
 
     case: str
-    linear: float
+    linear: float | None
     limit: float
     given_way: bool
     imperfection: float
@@ -42,6 +43,9 @@ class NonlinearCheck:
 
     @property
     def sentence(self) -> str:
+        model = f"CalculiX, {self.triangles:,} quadratic wedges"
+        if self.linear is None:
+            return f"{self.case}: linear theory finds no buckling under this load ({model})"
         how, stop = f"the sheet gives way at {self.limit:.3g} times its load", ""
         if self.minutes:
             how = f"the sheet was solved up to {self.limit:.3g} times its load"
@@ -52,7 +56,7 @@ class NonlinearCheck:
         return (
             f"{self.case}: {how}, with large displacements and an imperfection of {length(self.imperfection)} in the "
             f"shape of the first buckling mode{stop}; by linear theory the sheet buckles at {self.linear:.3g} times "
-            f"its load (CalculiX, {self.triangles:,} quadratic wedges{mesh}, linear elastic material)"
+            f"its load ({model}{mesh}, linear elastic material)"
         )
 
 
@@ -117,7 +121,10 @@ def solid_check(
 ) -> NonlinearCheck:
     """Return the buckling factor and the limit load of a solid. imperfection : metres.    seconds : limit of a run."""
     progress("nonlinear", f"linear buckling of {len(model.solid.elements):,} wedges by CalculiX")
-    linear, mode = lowest_buckling(model, seconds)
+    lowest = lowest_buckling(model, seconds)
+    if lowest is None:
+        return NonlinearCheck(case, None, 0.0, False, 0.0, 0.0, np.zeros(0), np.zeros(0), len(model.solid.elements))
+    linear, mode = lowest
     shape = mode / np.linalg.norm(mode, axis=1).max()
     shape *= np.sign((shape * model.force).sum()) or 1.0  # so that the imperfection has the direction of the loads
     middle = model.solid.columns[:, 2]

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import islice
 
+from dsfab.core.arrays import Floats
 from dsfab.core.errors import DsfabError
-from dsfab.design import Progress
+from dsfab.design import Progress, loads_on
 from dsfab.slicing import Sheet
 from dsfab.slicing.cutting.sheet import SmoothSurface, meshes
 from dsfab.statics import (
@@ -20,6 +21,7 @@ from dsfab.statics import (
     flat_axis,
     frequencies,
     lowest_buckling,
+    mass_of_loads,
     mode_supports,
     sheet_stiffness,
 )
@@ -79,7 +81,8 @@ def mode_intervals(
     assumed = ""
     try:
         sheet, _, loads = attached_material(setting, material)
-        forces = shares(sheet, loads)
+        permanent = setting.permanent if request.frequencies else {}
+        forces, weights = shares(sheet, loads), shares(sheet, loads_on(setting.surface, sheet, permanent))
         for mesh in islice(meshes(sheet, SmoothSurface.from_surface(setting.surface)), MOST_MESHES):
             # two factorisations are stored, so the estimate is for the solver that needs more memory
             needed = memory_needed(MODE_ELEMENTS.unknowns(mesh.surface), MODE_ELEMENTS.bending, "multifrontal")
@@ -91,7 +94,8 @@ def mode_intervals(
             cases, spreads = on_mesh(setting.surface, mesh, setting.loads, forces)
             standing = mode_supports(mesh.surface, next(iter(cases.values())), _is_plane(mesh.surface, cases))
             assumed = standing.told
-            levels.append(mode_level(mesh.surface, setting.made, cases, spreads, standing, request))
+            masses = mass_of_loads(on_mesh(setting.surface, mesh, permanent, weights)[0].values())
+            levels.append(mode_level(mesh.surface, setting.made, cases, spreads, standing, request, masses))
             hertz = _hertz(levels)
             modes = [*_factors(levels).values(), *([hertz] if hertz else [])]
             if len(levels) > 1 and all(mode.bound <= estimates.WIDEST_MODE_BOUND for mode in modes):
@@ -108,6 +112,7 @@ def mode_level(
     spreads: Mapping[str, SpreadLoad],
     standing: ModeSupports,
     request: ResultRequest,
+    carried: Floats | None = None,
 ) -> ModeLevel:
     """Return the lowest buckling factors and frequency on one mesh. Raises StaticsError if a solve fails."""
     sheet, factor_cache = material.model_for(surface), FactorCache(2)
@@ -126,7 +131,7 @@ def mode_level(
             local |= {name: clause} if clause else {}
     hertz = None
     if request.frequencies:
-        still = replace(sheet, clamped=all_clamped(supports))
+        still = replace(sheet, clamped=all_clamped(supports), carried=carried)
         hertz = float(frequencies(still, supports.fixed, 1, MODE_ELEMENTS, K, factor_cache, supports.spring).hertz[0])
     return ModeLevel(surface.m, factors, hertz, local)
 

@@ -13,7 +13,7 @@ from scipy.sparse import csr_array, eye_array
 from dsfab.core.errors import DsfabError, StaticsError
 from dsfab.core.limits import CONVERGED, FACETS, SEVERITY, Status
 from dsfab.core.sparse import NotPositiveDefinite, solver_name
-from dsfab.design import held_vertices, sheet_loads
+from dsfab.design import held_vertices, permanent_loads, sheet_loads
 from dsfab.design.design import Design
 from dsfab.results import Progress
 from dsfab.slicing import Sheet, improve_cells
@@ -39,11 +39,13 @@ from dsfab.surface import LoadCase, Surface, pieces
 
 @dataclass(frozen=True, eq=False)
 class LoadedSurface:
-    """The uncut surface, the sheet's material and thickness (`made`), and the loads by case."""
+    """The uncut surface, the sheet's material and thickness (`made`), and the loads by case.
+    permanent : the permanent loads besides the sheet's weight; their mass vibrates with the sheet."""
 
     surface: Surface
     made: SheetMaterial
     loads: Mapping[str, LoadCase]
+    permanent: Mapping[str, LoadCase] = field(default_factory=dict)
 
     @classmethod
     def from_design(cls, design: Design, share: float = 1.0) -> "LoadedSurface":
@@ -51,7 +53,7 @@ class LoadedSurface:
         statics = design.preset.statics
         material, surface = statics.sheet(share * statics.thickness), design.surface
         loads = {name: case.load.of_thickness(surface, share) for name, case in design.statics.cases.items()}
-        return cls(surface, material, loads)
+        return cls(surface, material, loads, permanent_loads(design.preset, surface, next(iter(loads.values()))))
 
 
 class Dropped(NamedTuple):

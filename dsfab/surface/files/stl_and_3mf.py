@@ -100,6 +100,7 @@ def _line_number(text: str, position: int) -> int:
 _NAMESPACES = "core material production beamlattice slice trianglesets".split()  # noqa: SIM905
 """Words in the names of those 3MF extensions that dsfab reads, or that it may ignore: they do not change shapes."""
 _TAKEN = ("model", "surface")  # Types of objects that belong to the model; other types help only the printing.
+_CURA_AIDS = ("support_mesh", "anti_overhang_mesh", "infill_mesh", "cutting_mesh")  # settings of an object [Cura 5]
 _ROOT = re.compile(r"""<[^<>]*/3dmodel["'][^<>]*>""")  # entry that names the root model, which may have any suffix
 _TARGET = re.compile(r"""Target\s*=\s*["']/*([^"']+)["']""", re.IGNORECASE)
 Key = tuple[str, str]  # Name of a part of the file, and number of an object in this part.
@@ -153,7 +154,7 @@ class _Plate:
             self._read(texts[self.part])
 
     def _read(self, text: bytes) -> None:
-        parser = expat.ParserCreate(namespace_separator=" ")
+        self.parser = parser = expat.ParserCreate(namespace_separator=" ")
         parser.StartElementHandler, parser.StartDoctypeDeclHandler = self._element, _refuse_doctype
         parser.StartNamespaceDeclHandler = lambda prefix, name: self.prefixes.update({prefix or "": name})
         try:
@@ -183,7 +184,13 @@ class _Plate:
             self.open = self.objects[self.part, values["id"]] = _Object(values.get("type", "model"), names)
         elif kind == "component":
             self.open.parts.append((self._key(values), _place(values)))
+        elif kind in ("metadata", "setting"):
+            self.setting = values.get("name", values.get("key", "")).removeprefix("cura:")
+            self.parser.CharacterDataHandler = self._value if self.setting in _CURA_AIDS else None
+        elif kind == "build":
+            self.open = _Object("")
         elif kind == "item" and self.part == self.root:
+            self.open = self.objects.get(self._key(values), self.open)  # settings of an item are those of its object
             if values.get("printable", "1") == "0":
                 self.counts[Content("item", "dropped", "marked as not printable")] += 1
                 self.unprinted.append(self._key(values))
@@ -191,6 +198,10 @@ class _Plate:
                 self.items.append((self._key(values), _place(values), values.get("partnumber", "")))
         elif kind == "model":
             self._model(values)
+
+    def _value(self, text: str) -> None:
+        if text.strip().lower() in ("true", "1"):
+            self.open.kind = self.setting
 
     def _model(self, values: dict[str, str]) -> None:
         names = [self.prefixes.get(prefix, prefix) for prefix in values.get("requiredextensions", "").split()]

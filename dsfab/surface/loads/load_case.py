@@ -7,12 +7,12 @@ from typing import Annotated, ClassVar, Literal, Self
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from dsfab.core.arrays import Bools, Floats, lock
+from dsfab.core.arrays import Bools, Floats, Ints, lock
 from dsfab.core.errors import SurfaceError
 from dsfab.surface.loads.outlines import Picker
 from dsfab.surface.loads.pickers import STRICT, All, CaseName, Real, Vector, unit_vector
 from dsfab.surface.loads.supports import Name, Support
-from dsfab.surface.mesh import Surface
+from dsfab.surface.mesh import Surface, signed_volumes
 from dsfab.surface.orientation import one_sided_pieces, require_two_sides
 
 EDGE_ON = 1e-12  # A face with the normal n is parallel to a unit direction d if |n . d| is at most this.
@@ -73,8 +73,8 @@ class Wind:
         c = windward (-n . d)   if the outside faces the wind (pressure),
         c = -leeward (n . d)    if the outside faces away (suction).
 
-    Normals n point to the outside; dsfab finds the outside of closed surfaces. By default, walls perpendicular to the
-    wind have coefficients +0.8 and -0.5 [EN 1991-1-4:2005, table 7.1, zones D and E, h/d = 1].
+    Normals n point to the outside, see `outward_normals`. By default, walls across the wind have the coefficients +0.8
+    and -0.5 [EN 1991-1-4:2005, table 7.1, zones D and E, h/d = 1].
 
     This load is a first estimate for choosing a pattern. It omits suction along roofs and side walls, and pressure
     inside open halls. Add these as loads of kind `pressure` on picked faces.
@@ -113,9 +113,32 @@ class Wind:
         return forces_at_corners(surface, self.traction(surface) * surface.areas[:, None])
 
 
+ROOF_RISE = 0.5  # An open piece is a roof if its mean normal rises by more than this: under 60 degrees of slope.
+
+
 def outward_normals(surface: Surface) -> Floats:
-    """Return the normals (m, 3) of the faces, reversed if they point into a closed surface."""
-    return -surface.normals if surface.is_closed and surface.volume < 0 else surface.normals
+    """Return the normals (m, 3) of the faces to the outside: out of closed pieces, and to the upper side of roofs.
+    Other open pieces, such as walls, keep the side of their faces."""
+    rise, is_closed, piece = _pieces_in_space(surface)
+    volume = signed_volumes(surface.V, surface.F, piece, len(rise))
+    inward = (volume.sum() if surface.is_closed else volume) < 0  # a closed surface may have voids
+    turned = np.where(is_closed, inward, rise < -ROOF_RISE)
+    return np.where(turned[piece][:, None], -surface.normals, surface.normals)
+
+
+def faces_without_upper_side(surface: Surface) -> Bools:
+    """Return the faces (m,) of open pieces that are no roofs, see `outward_normals`."""
+    rise, is_closed, piece = _pieces_in_space(surface)
+    return np.asarray((~is_closed & (np.abs(rise) <= ROOF_RISE))[piece])
+
+
+def _pieces_in_space(surface: Surface) -> tuple[Floats, Bools, Ints]:
+    """Return for each piece (k,) the mean vertical part of its normals and whether it is closed; and the piece (m,)
+    of each face."""
+    count, piece = surface.pieces
+    rise = np.bincount(piece, surface.normals[:, 2] * surface.areas) / np.bincount(piece, surface.areas)
+    is_open = np.bincount(piece, surface.edges.boundary[surface.edges.of].any(axis=1), count) > 0
+    return rise, ~is_open, piece
 
 
 def picked_faces(surface: Surface, picker: Picker, kind: str) -> Bools:
