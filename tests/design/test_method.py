@@ -226,7 +226,7 @@ def test_a_plate_with_a_hole_and_a_wall_over_an_arch_come_near_to_topology_optim
     quicker = {
         "major": {"mode": 1},
         "minor": {"mode": 1},
-        "width": {"rule": "graded", "solid_fraction": share, "steps": 4},
+        "width": {"rule": "graded", "solid_fraction": share, "steps": 2},
     }
     made = dsfab.design.draft(coarse_shape(name, share, edge, **quicker))
     own = against_simp.structure(made)
