@@ -54,7 +54,7 @@ def turned_and_noisy(surface):
 
 @pytest.mark.slow
 def test_readings_do_not_depend_on_the_mesh():
-    """At most one of 16 decisions changes where vertices are both turned about the vertical axis and moved by chance."""
+    """At most one of 16 decisions changes if vertices are turned about the vertical axis and moved by chance."""
     wrong = [name for name in QUICK if not is_as_meant(turned_and_noisy(MEANT[name].surface), MEANT[name])]
     assert len(wrong) <= 1, wrong
 

@@ -119,9 +119,7 @@ def test_a_bar_between_two_posts_is_removed_as_a_whole_or_not_at_all(steps, y, c
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "least", "gone"), [("roof", 1, (4.23, 3.15)), ("terrain", 5, (26.9, 9.15))])
-def test_hooks_of_imported_surfaces_are_removed_without_new_defects(
-    name, least, gone, tmp_path, monkeypatch, request
-):
+def test_hooks_of_imported_surfaces_are_removed_without_new_defects(name, least, gone, tmp_path, monkeypatch, request):
     """A hook under a member of the roof; and an ear of two stubs that overlap at the rim of a terrain."""
     monkeypatch.setattr("dsfab.slicing.cutting.halving.GAIN", np.inf)  # with less crowded lines both have fewer
     if name == "roof":
