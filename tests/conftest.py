@@ -110,6 +110,25 @@ def no_pictures(monkeypatch):
 
 
 @pytest.fixture
+def unjudged(monkeypatch):
+    """Builds in this process without the verdict on the cut sheet, which takes half of their time: other tests read it.
+
+    As where a sheet is too large to be judged, which is a remark and no fault.
+    """
+    monkeypatch.setattr("dsfab.study.carrying.BUDGET", 0)
+
+
+@pytest.fixture
+def rough_shipped(tmp_path_factory, monkeypatch):
+    """Shipped presets on coarser meshes in this process, for tests that open any of them by name."""
+    from dsfab.core.toml_files import shipped_presets
+
+    folder = designs.rough_presets(tmp_path_factory.mktemp("presets"), shipped_presets().values())
+    for module in ("core.toml_files", "preset.surface_section"):
+        monkeypatch.setattr(f"dsfab.{module}.PRESETS", (folder,))
+
+
+@pytest.fixture
 def rough_shares(monkeypatch):
     """Shares of material that are right to 2 %, for tests of other things: each step of the search cuts the sheet."""
     monkeypatch.setattr("dsfab.design.stripe_pattern.SHARE_TOLERANCE", 0.02)

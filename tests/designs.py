@@ -39,6 +39,7 @@ COARSER = {
     "boys_surface": 0.13,
     "bridge": 0.35,
     "globe": 0.1,
+    "gridshell": 0.16,
     "mouse": 0.005,
     "pirate": 0.032,
     "slab": 0.3,

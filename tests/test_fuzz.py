@@ -8,9 +8,9 @@ from tests.fuzz import corpus, oracles
 from tests.fuzz.__main__ import run
 from tests.hangs import ended_if_it_hangs
 
-SECONDS = 4
+SECONDS = 10
 """For each target in the slow part: `python -m tests.fuzz` takes as long as one likes."""
-FILES = 300
+FILES = 60
 """At most, always the same ones: a machine that is faster than another must not find what has nothing to do with a
 change, or nobody could land one."""
 SEEDS = sorted(corpus.SEEDS.glob("*/*"))
@@ -71,7 +71,7 @@ def test_fuzzed_for_a_while(tmp_path):
     for found in run(list(oracles.TARGETS), SECONDS, tmp_path, FILES):
         few = 5 if found.target == "3dm" else 30  # a 3dm is read in a process of its own
         again = (
-            [] if found.broken or found.tried > few else run([found.target], 30 * SECONDS, tmp_path / "busy", 2 * few)
+            [] if found.broken or found.tried > few else run([found.target], 12 * SECONDS, tmp_path / "busy", 2 * few)
         )
         for one in (found, *again):  # a busy machine tries few in the time
             assert not one.broken, one.broken

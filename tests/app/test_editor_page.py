@@ -507,7 +507,7 @@ def test_stripes_cost_little_more_than_the_plain_mesh(tab):
 
 
 @pytest.mark.slow
-def test_the_page_asks_for_the_unit_of_a_dropped_mesh(tab, coarse_proposals):
+def test_the_page_asks_for_the_unit_of_a_dropped_mesh(tab, coarse_proposals, rough_shipped):
     tab.run(DROP)
     until(tab, "document.getElementById('ask').open")
     tab.run("document.getElementById('ask-unit').value = 'cm'; document.querySelector('#ask button.main').click()")

@@ -284,7 +284,7 @@ def test_the_server_lists_describes_and_turns_pages_away():
 @pytest.mark.slow
 def test_the_hops_server_solves_requests_and_ends_slow_ones():
     with serving() as server:
-        wide = "surface.edge = 0.5\npattern.major.spacing = 1.6\npattern.minor.spacing = 1.6"
+        wide = "surface.edge = 0.7\npattern.major.spacing = 2\npattern.minor.spacing = 2"
         lines = f"statics.material = 'S235'\nworkshop.thickness = 0.002\n{wide}"
         more = sent("preset", "System.String", json.dumps(lines))
         status, text = asked(server, "POST", "/solve", body(vault(), more, pointer="/structure"))

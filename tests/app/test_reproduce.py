@@ -352,6 +352,7 @@ def test_a_mode_with_its_gradients_needs_a_new_previewer_for_another_one(dome):
 def test_the_claim_on_the_sphere_is_judged_and_written_as_data_and_a_chart(tmp_path, monkeypatch):
     """In rough, in less than half of a gigabyte; the recorded files in docs/paper are those of a finer mesh."""
     monkeypatch.setattr(volumes, "MEMORY", 4e8)
+    monkeypatch.setattr("dsfab.study.verdict.levels.rib_softening", lambda *_: {})  # study/test_theory.py looks at it
     monkeypatch.setattr("dsfab.study.baselines.structures.PAIRS", [(1, 1)])
     sphere_volumes(tmp_path, Reporter(quiet=True), coarser=3.0, shares=(0.5,))
     told = json.loads((tmp_path / "sphere_volumes.json").read_text())

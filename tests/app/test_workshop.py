@@ -106,7 +106,7 @@ def test_the_preview_of_a_built_folder_goes_into_it_without_new_computation(caps
 
 
 @pytest.mark.slow
-def test_build_and_inspect_draw_the_marked_picture_on_request(capsys, tmp_path):
+def test_build_and_inspect_draw_the_marked_picture_on_request(capsys, tmp_path, unjudged):
     folder = tmp_path / "out"
     words = ["build", "cantilever", "--set", "surface.edge=0.08", "-f", "stl", "--no-picture", "--marked"]
     assert main([*words, "-o", str(folder)]) == 0

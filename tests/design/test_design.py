@@ -159,7 +159,7 @@ def test_every_way_out_gives_the_same_bytes(whole: Design, tmp_path: Path, capsy
 
 @pytest.mark.slow
 def test_python_and_the_command_line_write_the_same_smooth_step_file(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], unjudged: None
 ) -> None:
     few = {"pattern.major.spacing": 2.6, "pattern.minor.spacing": 2.6, "export.formats": ["stl"]}
     whole = dsfab.run(load_preset("barrel_vault", few))

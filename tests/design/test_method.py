@@ -204,12 +204,13 @@ def coarse_shape(name, share, edge, **pattern):
 def test_a_bracket_of_method_auto_comes_near_to_topology_optimisation():
     """1.15 times its compliance are asked; 2.56 it had while widths were constant or graded only.
 
-    On half of the benchmark's triangles, where topology optimisation is as stiff to 1.4 %, and the design has 1.140
+    On half of the benchmark's triangles, where topology optimisation is as stiff to 1.4 %, and the design has 1.137
     times its compliance; 1.26 if the best of graded widths is taken. Of .3 of the material it has 1.392, asked are 1.5;
     what method auto makes of so little is held against a record in design/test_targets.py.
     """
     share = 0.5
-    made = dsfab.design.draft(coarse_shape("bracket", share, 0.055))
+    first = {family: {"mode": 1} for family in ("major", "minor")}  # the search for a pair, which wins nothing here
+    made = dsfab.design.draft(coarse_shape("bracket", share, 0.055, **first))
     own = against_simp.structure(made)
     task = ComparisonTask.from_design(made, own.sheet.surface.area)
     most = against_simp.ASKED[share] * quick(task, against_simp.simp(task)).compliance
@@ -225,7 +226,7 @@ def test_a_plate_with_a_hole_and_a_wall_over_an_arch_come_near_to_topology_optim
     quicker = {
         "major": {"mode": 1},
         "minor": {"mode": 1},
-        "width": {"rule": "graded", "solid_fraction": share, "steps": 4},
+        "width": {"rule": "graded", "solid_fraction": share, "steps": 2},
     }
     made = dsfab.design.draft(coarse_shape(name, share, edge, **quicker))
     own = against_simp.structure(made)
@@ -245,7 +246,7 @@ def test_half_a_sphere_is_as_stiff_as_topology_optimisation_begun_at_ribs():
         forces="optimal",
         major={},
         minor={},
-        width={"rule": "stressed", "solid_fraction": 0.5},
+        width={"rule": "stressed", "solid_fraction": 0.5, "steps": 4},
     )
     made = dsfab.design.draft(asked)
     own = against_simp.structure(made)

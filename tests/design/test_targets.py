@@ -57,10 +57,10 @@ def test_method_auto_keeps_the_target_without_phases_by_hand():
     best is taken there, too, the bracket of design/test_method.py tells.
 
     Slits between tidied modes are filled, as between evenly spaced stripes: with 11 of them left, stripes that are 5 %
-    softer were taken, 1.758.
+    softer were taken, 1.758. Only phases are searched for: stripes win here, and the next test finds the modes too.
     """
     share = 0.3
-    keys = {f"pattern.{family}.{key}": "auto" for family in ("major", "minor") for key in ("mode", "phase")}
+    keys = {f"pattern.{family}.phase": "auto" for family in ("major", "minor")}
     widths = {"pattern.width.rule": "stressed", "pattern.width.solid_fraction": share}
     design = dsfab.run(
         dsfab.load_preset("cantilever", {**keys, **widths, "pattern.method": "auto", "surface.edge": 0.035})
@@ -68,14 +68,14 @@ def test_method_auto_keeps_the_target_without_phases_by_hand():
     assert design.sheet.surface.area / design.surface.area == pytest.approx(share, abs=1e-3)
     ratio = over_full(design)
     assert ratio <= 3.2
-    assert ratio == pytest.approx(3.193, rel=0.01)
+    assert ratio == pytest.approx(3.187, rel=0.01)
 
 
 @pytest.mark.slow
 def test_auto_reaches_the_target_of_the_cantilever_too():
-    """On a slightly coarser mesh than the preset's: 1.804 there, 1.828 on its own; 55 tried, 20 and 29 CPU seconds."""
+    """On a coarser mesh than the preset's: 1.795 there, 1.804 where edges are 0.025 m, 1.828 on its own; 55 tried."""
     auto = {f"pattern.{family}.{key}": "auto" for family in ("major", "minor") for key in ("mode", "phase")}
-    design = dsfab.run(dsfab.load_preset("cantilever", {**auto, "surface.edge": 0.025}))
+    design = dsfab.run(dsfab.load_preset("cantilever", {**auto, "surface.edge": 0.035}))
     assert design.pattern.choice is not None
     assert design.pattern.mode == (1, 1)
     assert len(design.pattern.choice.candidates) > 32

@@ -65,7 +65,7 @@ def test_every_drawing_of_the_concepts_is_shown():
     assert set(re.findall(r"concepts/(\w+)\.webp", page)) == set(CONCEPTS)
 
 
-APART, ROUGHER = 2.2, 3.0
+APART, ROUGHER = 3.0, 4.0
 """Times the distance of members and the edges of triangles in small pictures."""
 
 

@@ -491,7 +491,7 @@ def test_members_of_other_surfaces_are_their_sheets(name, rough_shares):
     preset = preset_for(mesh_file(f"{name}.obj"))
     apart = 3 * preset.pattern.major.spacing
     spacings = {"pattern.major.spacing": apart, "pattern.minor.spacing": apart}
-    made = sliced(with_overrides(preset, {"surface.edge": 3.5 * preset.surface.edge, **spacings}))
+    made = sliced(with_overrides(preset, {"surface.edge": 4.5 * preset.surface.edge, **spacings}))
     assert_whole(made.members, made.sheet)
 
 

@@ -219,7 +219,7 @@ def test_a_sheet_alone_has_none_and_a_spoilt_file_is_not_kept(suffix, dome_desig
 
 
 @pytest.mark.slow
-def test_section_forces_are_exported_from_a_built_folder(tmp_path, capsys):
+def test_section_forces_are_exported_from_a_built_folder(tmp_path, capsys, unjudged):
     folder = tmp_path / "out"
     few = ["--set", "surface.edge=0.6", "--set", "pattern.major.spacing=2", "--format", "stl", "--no-preview"]
     assert main(["build", "dome", *few, "-o", str(folder)]) == 0

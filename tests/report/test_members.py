@@ -126,7 +126,7 @@ def test_the_command_writes_a_report_and_its_tables(tmp_path, capsys):
     words = [
         "barrel_vault",
         "--set",
-        "surface.edge=0.5",
+        "surface.edge=0.7",
         "--set",
         "statics.material=GL24h",
         "-o",
@@ -146,7 +146,7 @@ def test_the_command_writes_a_report_and_its_tables(tmp_path, capsys):
     for text in (page, printed):
         assert "The loads have no partial factors" in text
         assert worst in text
-        assert "dsfab report barrel_vault --set surface.edge=0.5" in text
+        assert "dsfab report barrel_vault --set surface.edge=0.7" in text
     assert page.count("<img") == 1 + 4  # the structure; diagrams of ten members, three in a figure
     client = (tmp_path / "out" / "structure.html").read_text(encoding="utf-8")
     facts = json.loads(re.search(r'id="facts">(.*?)</script>', client, re.DOTALL)[1])

@@ -119,9 +119,11 @@ def test_a_bar_between_two_posts_is_removed_as_a_whole_or_not_at_all(steps, y, c
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "least", "gone"), [("roof", 1, (4.23, 3.15)), ("terrain", 5, (26.9, 9.15))])
-def test_hooks_of_imported_surfaces_are_removed_without_new_defects(name, least, gone, tmp_path, monkeypatch):
+def test_hooks_of_imported_surfaces_are_removed_without_new_defects(name, least, gone, tmp_path, monkeypatch, request):
     """A hook under a member of the roof; and an ear of two stubs that overlap at the rim of a terrain."""
     monkeypatch.setattr("dsfab.slicing.cutting.halving.GAIN", np.inf)  # with less crowded lines both have fewer
+    if name == "roof":
+        request.getfixturevalue("rough_shares")  # its hook stays; the ear of the terrain moves with its share
     mesh = mesh_file("roof_with_opening.obj") if name == "roof" else OWN["terrain"](tmp_path)
     made = draft(with_overrides(preset_for(mesh), {"pattern.major.spacing": 0.3} if name == "roof" else {}))
     found = []

@@ -225,7 +225,7 @@ def test_presets_ask_within_reason(key, value):
 
 
 @pytest.mark.slow
-def test_a_build_writes_and_prints_the_statics_answers(tmp_path, capsys):
+def test_a_build_writes_and_prints_the_statics_answers(tmp_path, capsys, unjudged):
     sets = [f"{key}={json.dumps(value)}" for key, value in {**SMALL, **ALL, "export.formats": ["stl"]}.items()]
     where, verbose = Files(tmp_path / "out"), Output(verbose=True)
     build(DOME_MODES, source=Source(tuple(sets)), files=where, pictures=PictureFlags(False), output=verbose)

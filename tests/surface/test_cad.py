@@ -396,7 +396,7 @@ def test_dxf_has_layers_too(tmp_path, away):
 
 
 @pytest.mark.slow
-def test_build_takes_all_from_one_file(tmp_path, monkeypatch, capsys):
+def test_build_takes_all_from_one_file(tmp_path, monkeypatch, capsys, unjudged):
     """The opening is there, and what lies on which layer is told."""
     monkeypatch.chdir(tmp_path)
     site(tmp_path / "site.3dm", MARKS)
