@@ -159,7 +159,9 @@ def _remarks(tests: Sequence["Test"], rows: Sequence["VerificationRow"]) -> list
     theory_tests = {row.test for row in rows if row.verdict == "theory"}
     lines += [f"{test.name}, verdict theory: {test.beyond}" for test in tests if test.name in theory_tests]
     failed = {f"{row.test} ({row.mesh}): {row.elements} {row.verdict}": None for row in failures(rows)}
-    lines += [f"dsfab misses a tolerance in {one}" for one in failed] or ["dsfab misses no tolerance on a finest mesh"]
+    lines += [f"dsfab misses a tolerance in {failure}" for failure in failed] or [
+        "dsfab misses no tolerance on a finest mesh"
+    ]
     with_target = [row for row in rows if row.met is not None]
     if with_target:
         lines.append(f"targets of {pair}: {sum(bool(row.met) for row in with_target)} of {len(with_target)} met")

@@ -273,8 +273,8 @@ def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
     faults = [crowded_edge_fault(edges), repeated_face_fault(F)]
     if len(opposed):
         note = "" if flips_to_orient(F, edges) is not None else "; the surface is not orientable"
-        many, first = len(opposed), named_edges(opposed, edges)
-        faults.append(f"{count_phrase(many, 'edge', 'have')} two faces of opposite orientation (first: {first}){note}")
+        count, names = count_phrase(len(opposed), "edge", "have"), named_edges(opposed, edges)
+        faults.append(f"{count} two faces of opposite orientation (first: {names}){note}")
     if len(touching):
         places = count_phrase(len(touching), "vertex")
         faults.append(f"parts touch in a point at {places} (first: {first_few(touching)})")

@@ -445,9 +445,9 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
     notes = []
     if strips.shortened:
         number, missed = len(strips.shortened), _quantity(len(strips.missed_nodes), "node")
-        one = "1 strip stops before its ends, where it would run into other strips of its layer or curl up"
-        more = f"{number} strips stop before their ends, where they would run into others of their layer or curl up"
-        reason = one if number == 1 else more
+        singular = "1 strip stops before its ends, where it would run into other strips of its layer or curl up"
+        plural = f"{number} strips stop before their ends, where they would run into others of their layer or curl up"
+        reason = singular if number == 1 else plural
         notes.append(f"{reason}: {names_and_count(strips.shortened)}; this leaves {missed} unreached")
     if strips.vanished:
         notes.append(f"NOT BUILT, because other strips of the layer are in the way: {names_and_count(strips.vanished)}")

@@ -50,7 +50,7 @@ def test_an_invalid_variant_is_refused(opened, monkeypatch):
             kept.keep(KeptVariant("", opened, {}, picture))
     monkeypatch.setattr(workspace, "MAX_VARIANTS", 1)
     kept.keep(KeptVariant("", opened, {}))
-    with pytest.raises(DsfabError, match="holds 1 variants already"):
+    with pytest.raises(DsfabError, match="already holds 1 variants"):
         kept.keep(KeptVariant("", opened, {}))
 
 

@@ -234,7 +234,7 @@ def test_a_coarse_mesh_gives_a_note_with_a_better_size(small):
 
 def test_an_unusual_thickness_gives_a_note():
     thick = dsfab.run(dsfab.load_preset(DOME_MODES, {**SMALL["dome"], "statics.thickness": 2.0}))
-    assert any("statics are valid for size / thickness" in note.text for note in thick.notes)
+    assert any("statics need a size / thickness of about" in note.text for note in thick.notes)
 
 
 def test_a_load_that_bends_the_sheet_too_far_gives_a_note():

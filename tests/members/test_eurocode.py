@@ -297,7 +297,7 @@ def test_the_worst_of_all_cases_decides():
         "largest utilisation: A1, 17% (tension, EN 1993-1-1 6.2.3 (6.5)) under up; no member"
     )
     assert found.worst_bays(10) == [0]
-    assert any("stability of the structure" in line for line in found.unchecked)
+    assert any("stability of the whole structure" in line for line in found.unchecked)
 
 
 def test_other_materials_are_compared_with_their_strength_and_no_standard():

@@ -327,7 +327,7 @@ def test_the_area_of_kept_regions_is_near_the_cut_area():
 def test_fields_that_do_not_fit_together_are_refused():
     surface = holed(0)
     one, two = (curve_fields(surface, [(boundary_origins(surface), 0.2)])[0] for _ in range(2))
-    with pytest.raises(ValueError, match="one division"):
+    with pytest.raises(ValueError, match="the same value of `divided`"):
         cut(surface, [one, two], [[-0.2], [-0.2]])
     ones = np.ones((surface.m, 3))
     corners = CornerField(np.zeros((surface.n, 2)), ones, 0 * ones, np.zeros(surface.m, dtype=bool))

@@ -321,7 +321,10 @@ def test_compliances_of_the_followed_cases_are_added_with_their_weights():
             {"surface.combination": [{"name": "combined", "factors": {"dead": 1}}]},
             r"name = 'combined': diffusion\.follow uses",
         ),
-        ({"surface.load.1.case": "combined"}, r"surface\.load\.1\.case = 'combined': diffusion\.follow uses this name"),
+        (
+            {"surface.load.1.case": "combined"},
+            r"surface\.load\.1\.case = 'combined': diffusion\.follow uses the name 'combined'",
+        ),
         ({"surface.load.1.case": "snow/2"}, r"surface\.load\.1\.case = 'snow/2': "),
         (
             {"diffusion.weights": {"snw": 1}},

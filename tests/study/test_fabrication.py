@@ -302,12 +302,12 @@ def test_features_narrower_than_the_thickness_are_reported_with_their_place(cant
         assert f"{facts[key]['what']} of {length(facts[key]['m'])} at ({at}) m" in line
     assert "set fabrication.min_gap and fabrication.min_member and build with --fix" in line
     told = fabrication_facts(fabrication(with_limits(thick, min_gap=0.001)))  # who asks for a limit has one
-    (line,) = [line for line in fabrication_lines(told) if line.startswith("narrower")]
+    (line,) = [line for line in fabrication_lines(told) if line.startswith("features narrower")]
     assert "min_gap" not in line
     wide = fabrication_facts(
         fabrication(dsfab.revise(cantilever, with_overrides(cantilever.preset, {"statics.thickness": 0.0001})))
     )
-    assert not [line for line in fabrication_lines(wide) if line.startswith("narrower")]
+    assert not [line for line in fabrication_lines(wide) if line.startswith("features narrower")]
 
 
 def test_specks_between_evenly_spaced_stripes_are_filled_by_default(monkeypatch):

@@ -228,5 +228,5 @@ def test_simp_on_a_bracket_is_the_same_whatever_rim_keep_mesh_and_seed():
 def test_the_penalisation_rises_in_steps_from_where_the_start_does_not_matter():
     assert Simp().penalisations == pytest.approx([1.0, 1.5, 2.0, 2.5, 3.0])
     assert Simp(steps=0).penalisations == pytest.approx([3.0])
-    with pytest.raises(StaticsError, match="steps of 0 or more"):
+    with pytest.raises(StaticsError, match="0 or more for radius, steps and change"):
         Simp(steps=-1)

@@ -281,7 +281,7 @@ BAD = {
     "obj semicolon": (
         "mesh.obj",
         TRIANGLE.replace("v ", "v;", 1) + "f 1 2 3\n",
-        r"outside .* not know \(first: line 1: 'v;",
+        r"outside .* of unknown kind \(first: line 1: 'v;",
     ),
     "lines alone": ("mesh.obj", TRIANGLE + "l 1 2 3\n", "no faces; ignored: 1 line; give"),
     "obj index zero": ("mesh.obj", TRIANGLE + "f 0 1 2\n", "1 face names vertices outside"),
@@ -301,7 +301,11 @@ BAD = {
     "empty off": ("mesh.off", "OFF\n", "cannot be read as OFF"),
     "not ply": ("mesh.ply", "solid\n", "cannot be read as PLY .*no PLY header"),
     "odd ply": ("mesh.ply", PLY_HEAD.format("ebcdic", 1), "the format 'ebcdic' is not"),
-    "short ply": ("mesh.ply", PLY_HEAD.format("ascii", 1) + "0 0 0 7\n1 0\n", "5 records of 'vertex', but ends"),
+    "short ply": (
+        "mesh.ply",
+        PLY_HEAD.format("ascii", 1) + "0 0 0 7\n1 0\n",
+        "ends before the last of its 5 records of 'vertex'",
+    ),
     "ply word": ("mesh.ply", PLY_HEAD.format("ascii", 1) + "0 0 zero 7\n", "'vertex' has a word that is no number"),
     "cut ply": ("mesh.ply", PLY_HEAD.format("binary_little_endian", 1) + "abc", "cannot be read as PLY"),
     "garbage stl": ("mesh.stl", "this is no mesh at all, really not" * 9, "mesh.stl"),

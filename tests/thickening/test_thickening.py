@@ -355,7 +355,7 @@ def test_sheets_closer_than_their_thickness_are_thinned_until_separate():
     assert "met itself in " in note
     assert "was thinned at " in note
     assert solid.repairs.lost == pytest.approx(1 - solid.volume / 0.2, rel=1e-9)
-    assert f"by {solid.repairs.lost:.2%} of its volume" in note
+    assert f"it lost {solid.repairs.lost:.2%} of its volume" in note
 
 
 def test_sheets_much_closer_than_their_thickness_become_films_with_a_note():

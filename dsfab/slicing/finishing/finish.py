@@ -4,7 +4,7 @@ polygons                                cells
 --------                                -----
 ends        join stripes at a node      pinches   join or split material that touches in a point
 closed      fill chosen openings        filled    fill small openings
-loose_ends  cut stripes back            merged    fill slits; again after walls are smoothed or rounded
+loose_ends  cut stripes back            merged    fill slits, also after each change of walls
 stubs       remove ends near a node     bridged   bridge narrow places of openings
 bars        straighten bent bars        spikes    cut off spikes of material
                                         rounded   round corners; then bridge and widen narrow places
@@ -118,7 +118,7 @@ class FinishingOptions(NamedTuple):
 
     @property
     def of_trial(self) -> "FinishingOptions":
-        """These options without `member`, `least` and `tolerance`, which do not matter for reuse of a `TrialCut`."""
+        """The same options without `member`, `least` and `tolerance`, which do not matter for reuse of a `TrialCut`."""
         return self._replace(member=0.0, least=(0.0, 0.0), tolerance=None)
 
 

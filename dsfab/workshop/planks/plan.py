@@ -256,10 +256,10 @@ def _omission_lines(plan: PlankPlan) -> Iterator[str]:
         yield f"{planks.level_ends} ends at supports are cut along the ground"
     if planks.shortened:
         names, nodes = names_and_count(planks.shortened), names_and_count(planks.missed_nodes)
-        one = f"{names} stops before its ends, where it would run into another plank of the family or curl up"
-        several = f"{names} stop before their ends, where they would run into another plank of the family or curl up"
+        singular = f"{names} stops before its ends, where it would run into another plank of the family or curl up"
+        plural = f"{names} stop before their ends, where they would run into another plank of the family or curl up"
         missed = f"; this leaves nodes unreached: {nodes}" if nodes else ""
-        yield f"{one if len(planks.shortened) == 1 else several}{missed}"
+        yield f"{singular if len(planks.shortened) == 1 else plural}{missed}"
     if planks.vanished:
         yield f"NOT BUILT, because other planks of the same family are in the way: {names_and_count(planks.vanished)}"
     plates = [part for part in plan.parts if part.member and not len(part.axis)]

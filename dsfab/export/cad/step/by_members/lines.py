@@ -138,7 +138,7 @@ class NetLines:
 
 
 def with_ends_on_lines(lines: NetLines) -> NetLines:
-    """Where a line ends at an inner node of another line, move its end onto that other line."""
+    """Move the ends of lines that lie at an inner node of another line onto that other line."""
     points = _points_on(lines)
     moved = list[ChainLine]()
     for line in lines.lines:
