@@ -16,6 +16,7 @@ from dsfab.surface import Surface, read_surface, refined_surface, remeshed_surfa
 from dsfab.surface.edge_changes import feature_edges
 from dsfab.surface.remesh import smoothing
 from dsfab.surface.remesh.features import design_features
+from dsfab.thickening import offsets
 from tests.canopy import canopy
 from tests.meshes import mesh_file
 from tests.shapes import ZOO, annulus, folded, grid, jittered, smallest_angle, sphere, zoo
@@ -182,6 +183,27 @@ def test_slivers_at_the_border_of_a_curved_sheet_do_not_stay():
         whole += [[face[j], face[(j + 1) % 3], plate.n + k] for j in range(3)]
     mesh = remeshed_surface(Surface(np.concatenate([V, tip]), np.array(whole)), 0.45)
     assert smallest_angle(mesh) > 15
+
+
+@pytest.mark.parametrize("height", [0.02, 0.04, 0.08])
+def test_a_low_triangle_at_a_curved_border_does_not_tilt_the_sheet(height):
+    """Its third corner lies on the curve, 31 mm above the chord of its border edge, and 20 to 80 mm beside it: the
+    triangle stands up by 57 to 21 degrees, and a thick sheet met itself there."""
+    arch = grid(8, 6, 8.0, 6.0)
+    V = np.stack([arch.V[:, 0], arch.V[:, 1], -((arch.V[:, 0] - 4) ** 2) / 8], axis=1)
+    a = np.flatnonzero((V[:, 1] == 0) & (V[:, 0] == 3))[0]
+    b = np.flatnonzero((V[:, 1] == 0) & (V[:, 0] == 4))[0]
+    face = np.flatnonzero(np.isin(arch.F, [a, b]).sum(axis=1) == 2)
+    (rim,) = (k for k in face if (V[arch.F[k], 1] == 0).sum() == 2)
+    tip, corners = arch.n, arch.F[rim]
+    split = [[corners[j], corners[(j + 1) % 3], tip] for j in range(3)]
+    F = np.concatenate([np.delete(arch.F, rim, axis=0), split])
+    new = remeshed_surface(Surface(np.concatenate([V, [[3.5, height, -0.03125]]]), F), 0.4, smooth=True)
+    exact = np.stack([(new.centroids[:, 0] - 4) / 4, 0 * new.areas, 1 + 0 * new.areas], axis=1)
+    exact /= np.linalg.norm(exact, axis=1, keepdims=True)
+    tilt = np.degrees(np.arccos(np.abs((exact * new.normals).sum(axis=1)).clip(0, 1)))
+    assert tilt.max() < 10
+    assert offsets(new, 0.2, "mid").smallest == 1
 
 
 def test_low_even_triangles_at_a_fine_round_border_stay():

@@ -15,6 +15,7 @@ from dsfab.surface.edge_changes import (
     leading_candidates,
     meets_link_condition,
     quads,
+    sharp_edges,
     with_other_diagonals,
 )
 from dsfab.surface.mesh import Surface
@@ -383,18 +384,65 @@ def with_ears_flipped(surface: Surface) -> Surface:
     return Surface(surface.V, with_other_diagonals(surface.F, pairs[chosen], quad[chosen]))
 
 
+LOW = 1 / 8
+"""Height of a border face / its border edge b. On a curve of radius r, normals of lower faces err by over b / r, the
+angle by which the surface turns along the border edge."""
+
+
 def without_rim_slivers(surface: Surface) -> Surface:
-    """Return the surface without border faces whose height is below `TOLERANCE` times their border edge.
-    The normals of such faces are mere rounding errors. The new border passes through the third corner, which was inside
-    the surface."""
+    """Return the surface without low border faces, whose normals are errors of rounding or of the mesh.
+    Faces lower than `TOLERANCE` times their border edge are removed; the new border passes through the third corner,
+    which was inside the surface. The third corner of other faces lower than `LOW` moves to the nearer end of the border
+    edge, unless a crease passes there or a face would turn over or be as low."""
+    chosen, _, _, tip = _low_border_faces(surface, TOLERANCE)
+    chosen = chosen[np.unique(tip, return_index=True)[1]]  # remove only one face at each vertex
+    surface = Surface(surface.V, np.delete(surface.F, chosen, axis=0)) if len(chosen) else surface
+    while True:
+        onto = _collapsed_tips(surface)
+        if onto is None:
+            return surface
+        used, F = np.unique(contracted_faces(surface.F, onto), return_inverse=True)
+        surface = Surface(surface.V[used], F.reshape(-1, 3))
+
+
+def _low_border_faces(surface: Surface, ratio: float) -> tuple[Ints, Ints, Ints, Ints]:
+    """Return faces (c,) that are lower than `ratio` times their only border edge a-b, lowest first, with a, b and their
+    third corner, which lies inside the surface above the edge."""
     V, F, edges = surface.V, surface.F, surface.edges
     bare = edges.boundary[edges.of].reshape(-1, 3)
     side = bare.argmax(axis=1)  # the border edge starts at corner `side`
     a, b, tip = (F[np.arange(len(F)), (side + k) % 3] for k in range(3))
-    base = edge_lengths(V, np.stack([a, b], axis=1))
-    low = 2 * surface.areas < TOLERANCE * base**2  # faces with a height below TOLERANCE x border edge
-    low &= (bare.sum(axis=1) == 1) & ~on_boundary(edges, surface.n)[tip]
+    height = 2 * surface.areas / edge_lengths(V, np.stack([a, b], axis=1)) ** 2
+    low = (height < ratio) & (bare.sum(axis=1) == 1) & ~on_boundary(edges, surface.n)[tip]
     low &= (angles_at(V, a, b, tip) < np.pi / 2) & (angles_at(V, b, a, tip) < np.pi / 2)
-    chosen = np.flatnonzero(low)
-    chosen = chosen[np.unique(tip[chosen], return_index=True)[1]]  # remove only one face at each vertex
-    return Surface(V, np.delete(F, chosen, axis=0)) if len(chosen) else surface
+    faces = np.flatnonzero(low)
+    faces = faces[np.argsort(height[faces], kind="stable")]
+    return faces, a[faces], b[faces], tip[faces]
+
+
+def _collapsed_tips(surface: Surface) -> Ints | None:
+    """Return the vertex (n,) onto which each vertex moves; None if no low border face can lose its third corner."""
+    V, F, edges, n = surface.V, surface.F, surface.edges, surface.n
+    faces, a, b, tip = _low_border_faces(surface, LOW)
+    to_a, to_b = (edge_lengths(V, np.stack([tip, end], axis=1)) for end in (a, b))
+    end = np.where(to_a < to_b, a, b)
+    sharp = sharp_edges(surface)
+    creased = np.bincount(edges.ends[sharp].ravel(), minlength=n)
+    own = sharp[edges.of.reshape(-1, 3)[faces]].sum(axis=1)  # creases by the tilt of the low face itself
+    keep = creased[tip] <= own
+    keys = np.sort(np.stack([tip, end], axis=1)) @ (n, 1)
+    keep &= meets_link_condition(edges, np.searchsorted(edges.ends @ (n, 1), keys), n)
+    tip, end = tip[keep], end[keep]
+    tip, end = (x[np.sort(np.unique(tip, return_index=True)[1])] for x in (tip, end))
+    order = leading_candidates(np.arange(len(tip)), np.stack([tip, end], axis=1), n, edges.ends)
+    tip, end = tip[order], end[order]
+    onto = np.arange(n)
+    onto[tip] = end
+    moved = (onto[F] != F).any(axis=1) & has_three_corners(onto[F])
+    turn = np.einsum("mi,mi->m", area_vectors(V, onto[F[moved]]), surface.normals[moved])
+    longest = _longest(V, onto[F[moved]])
+    bad = F[moved][turn < LOW * longest**2]
+    spoilt = np.zeros(n, dtype=bool)
+    spoilt[bad] = True
+    onto[spoilt] = np.flatnonzero(spoilt)
+    return onto if (onto != np.arange(n)).any() else None
