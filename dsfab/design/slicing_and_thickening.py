@@ -28,6 +28,7 @@ from dsfab.slicing.finishing.finish import (
 from dsfab.slicing.measures.widths import kept_cells
 from dsfab.surface import LoadCase, Surface, pieces
 from dsfab.thickening import Base, OffsetLayer, Solid, offsets, proven_cells, thicken, with_extras
+from dsfab.thickening.offset_vectors import Offsets
 
 SPECK = 0.15
 """Smallest width of an opening between evenly spaced stripes, divided by their spacing. Smaller openings are filled;
@@ -342,19 +343,27 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
         log.note("slicing", "loads without a covering act only on members; for the stripes they act on the uncut sheet")
 
 
+def checked_offsets(preset: Preset, surface: Surface) -> Offsets:
+    """Return the offsets of both skins from the uncut surface.
+    Raises SolidError if the surface bends too sharply for the thickness."""
+    options = preset.thickening
+    offset = offsets(surface, preset.statics.thickness, options.side)
+    if offset.smallest < options.thinnest:
+        x, y, z = surface.V[offset.tightest]
+        raise SolidError(
+            f"the surface bends so sharply at ({x:.4g}, {y:.4g}, {z:.4g}) m that only {offset.smallest:.0%} of "
+            f"the thickness would remain (allowed: {options.thinnest:.0%}); reduce statics.thickness, smooth the "
+            "surface, or lower thickening.thinnest"
+        )
+    return offset
+
+
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:
     """Thicken the sheet along the normals of the uncut surface: stage 6.
     Raises SolidError if the surface bends too sharply for the thickness."""
     options = preset.thickening
     with log.stage("thickening", f"thickening {slicing.sheet.surface.m:,} triangles"):
-        offset = offsets(surface, preset.statics.thickness, options.side)
-        if offset.smallest < options.thinnest:
-            x, y, z = surface.V[offset.tightest]
-            raise SolidError(
-                f"the surface bends so sharply at ({x:.4g}, {y:.4g}, {z:.4g}) m that only {offset.smallest:.0%} of "
-                f"the thickness would remain (allowed: {options.thinnest:.0%}); reduce statics.thickness, smooth the "
-                "surface, or lower thickening.thinnest"
-            )
+        offset = checked_offsets(preset, surface)
         D = slicing.sheet.carry_corners(offset.at_corners(surface.F), surface.F)
         cells = slicing.cells
         layer = OffsetLayer(surface, offset.D, cells.surface, cells.carry(offset.D), cells.parent, options.side)

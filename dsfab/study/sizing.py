@@ -2,15 +2,16 @@
 
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from dsfab.core.errors import PatternError, StaticsError
+from dsfab.core.errors import PatternError, SolidError, StaticsError
 from dsfab.core.materials import STOCK
 from dsfab.core.messages import length, load_factor, mass, table
-from dsfab.design import Design, Log, Progress, refusal, run, silent, surface_step
+from dsfab.design import Design, Log, Progress, checked_offsets, refusal, run, silent, surface_step
 from dsfab.preset.file import with_overrides
 from dsfab.preset.model import Preset
 from dsfab.preset.proposal.sizes import sizes, two_digits
@@ -144,8 +145,9 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails."""
     preset.statics.require_strength()
     guess = guessed_preset(preset)
-    stock, source = stock_thicknesses(preset, guess.statics.thickness)
-    design, trials = _standing_design(guess, stock[-1], progress), list[SizingTrial]()
+    design, trials = Design.from_preset(guess, None, progress), list[SizingTrial]()
+    stock, source = _possible_thicknesses(design, *stock_thicknesses(preset, guess.statics.thickness))
+    design = _standing_design(design, stock[-1], progress)
     thickness = design.preset.statics.thickness
     candidates, ladder = list[tuple[SizingTrial, dict[str, Any]]](), further_changes(design)
     for changes in ladder:
@@ -172,11 +174,28 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     return _with_result(design, SizingResult(tuple(trials), source, changes))
 
 
-def _standing_design(guess: Preset, thickest: float, progress: Progress) -> Design:
-    """Return the design of the preset `guess`. If its uncut sheet moves too much, use the thickness `thickest` (m)."""
-    design = Design.from_preset(guess, None, progress)
-    is_refused = bool(refusal(guess, design.statics))
-    return Design.from_preset(guess.with_thickness(thickest), design, progress) if is_refused else design
+def _possible_thicknesses(design: Design, stock: Sequence[float], source: str) -> tuple[Sequence[float], str]:
+    """Return the thicknesses (m) for which the surface does not bend too sharply, and the source with a remark.
+    Raises SolidError if the surface bends too sharply for each of them."""
+    checked_offsets(design.preset.with_thickness(stock[0]), design.surface)
+
+    def is_refused(thickness: float) -> bool:
+        with suppress(SolidError):
+            return not checked_offsets(design.preset.with_thickness(thickness), design.surface)
+        return True
+
+    count = bisect_left(stock, True, key=is_refused)
+    if count < len(stock):
+        source += f"; up to {length(stock[count - 1])}, because the surface bends too sharply for more"
+    return stock[:count], source
+
+
+def _standing_design(design: Design, thickest: float, progress: Progress) -> Design:
+    """Return the design, with at most the thickness `thickest` (m), and with it if the uncut sheet moves too much."""
+    preset = design.preset.with_thickness(min(design.preset.statics.thickness, thickest))
+    design = Design.from_preset(preset, design, progress)
+    is_refused = bool(refusal(preset, design.statics))
+    return Design.from_preset(preset.with_thickness(thickest), design, progress) if is_refused else design
 
 
 def _nearest_trials(design: Design, stock: Sequence[float], progress: Progress) -> "_StockTrials":

@@ -10,9 +10,10 @@ import pytest
 import dsfab
 from dsfab.app.cli import main
 from dsfab.app.options import Source
-from dsfab.core.errors import PatternError, PresetError
+from dsfab.core.errors import PatternError, PresetError, SolidError
 from dsfab.core.materials import STOCK
 from dsfab.design import Design, refusal
+from dsfab.preset import Preset
 from dsfab.preset.file import load_preset, preset_toml, with_overrides
 from dsfab.statics import factorisation
 from dsfab.study import guessed_preset, run_sized, sized_preset, sizing, sizing_result
@@ -20,7 +21,9 @@ from dsfab.study.calculix import load_path, lowest_buckling, solid_model
 from dsfab.study.carrying import carrying, cut_carrying, cut_statics
 from dsfab.study.check_model import cut_model
 from dsfab.study.sizing import further_changes, stock_thicknesses
+from dsfab.surface import SelfWeight, Side, Snow, Support, Surface
 from tests.calculix import ccx, needs_ccx
+from tests.shapes import grid
 
 AUTO = {
     "surface.edge": 0.9,
@@ -175,6 +178,34 @@ def test_closer_members_have_three_quarters_of_the_spacing(counted):
     assert (closer["pattern.major.spacing"] / 3.1, closer["pattern.minor.spacing"] / 2.0) == pytest.approx(
         (0.75, 0.75), abs=0.02
     )
+
+
+def rippled(thicknesses) -> Preset:
+    """A sheet with waves of 2 m: at their crests 52 % of a thickness of 2 m would remain, and 90 % are asked."""
+    flat = grid(40, 20, 6.0, 3.0)
+    return Preset(
+        surface=Surface(np.c_[flat.V[:, :2], 0.15 * np.cos(np.pi * flat.V[:, 0])], flat.F),
+        supports=[Support(Side("y", end), "xyz") for end in ("min", "max")],
+        loads=[SelfWeight(), Snow(1000.0)],
+        statics={"thickness": "auto", "material": "CLT"},
+        sizing={"thicknesses": thicknesses, "first": thicknesses[0]},
+        pattern={
+            "method": "stripes",
+            "fillet": 0.0,
+            "major": {"spacing": 1.5},
+            "minor": {"spacing": 1.5},
+            "width": {"rule": "constant", "member": 0.5},
+        },
+        thickening={"thinnest": 0.9},
+    )
+
+
+def test_a_thickness_for_which_the_surface_bends_too_sharply_is_not_tried():
+    result = sizing_result(dsfab.sized_design(rippled([0.1, 2.0])))
+    assert result.stock.endswith("of the preset; up to 100 mm, because the surface bends too sharply for more")
+    assert {trial.thickness for trial in result.trials} == {0.1}
+    with pytest.raises(SolidError, match=r"bends so sharply at .* only 52% of the thickness would remain"):
+        dsfab.sized_design(rippled([2.0]))
 
 
 def test_thicknesses_without_a_stock_grow_by_about_a_seventh():

@@ -385,8 +385,8 @@ def with_ears_flipped(surface: Surface) -> Surface:
 
 
 LOW = 1 / 8
-"""Height of a border face / its border edge b. On a curve of radius r, normals of lower faces err by over b / r, the
-angle by which the surface turns along the border edge."""
+"""Height of a border face / its border edge. Normals of lower faces err by more than the turn of a curved surface along
+the border edge."""
 
 
 def without_rim_slivers(surface: Surface) -> Surface:
@@ -428,8 +428,8 @@ def _collapsed_tips(surface: Surface) -> Ints | None:
     end = np.where(to_a < to_b, a, b)
     sharp = sharp_edges(surface)
     creased = np.bincount(edges.ends[sharp].ravel(), minlength=n)
-    own = sharp[edges.of.reshape(-1, 3)[faces]].sum(axis=1)  # creases by the tilt of the low face itself
-    keep = creased[tip] <= own
+    by_tilt = sharp[edges.of.reshape(-1, 3)[faces]].sum(axis=1)  # creases that the low face makes
+    keep = creased[tip] <= by_tilt
     keys = np.sort(np.stack([tip, end], axis=1)) @ (n, 1)
     keep &= meets_link_condition(edges, np.searchsorted(edges.ends @ (n, 1), keys), n)
     tip, end = tip[keep], end[keep]
