@@ -302,14 +302,20 @@ def permanent_loads(preset: Preset, surface: Surface, load: LoadCase) -> dict[st
     """Return the loads whose mass vibrates with the sheet besides its own: cladding and other permanent loads, each
     once if several cases repeat it; and `statics.snow_mass` times the heaviest case of snow.
     load : load case with the supports."""
-    permanent, snow = list[Load](), dict[str, list[Load]]()
+    by_case, snow, permanent = dict[str, list[Load]](), dict[str, list[Load]](), list[Load]()
     for entry in acting_on(preset, surface).load:
         action = preset.surface.actions.get(entry.case) or ACTION_OF_LOAD.get(entry.kind)
-        unnamed = replace(entry, case="load", name="")
         if entry.kind == "cladding" or (action == "permanent" and entry.kind != "self_weight"):
-            permanent += [] if unnamed in permanent else [unnamed]
+            by_case.setdefault(entry.case, []).append(replace(entry, case="load", name=""))
         elif action in ("snow", "snow high") and preset.statics.snow_mass:
             snow.setdefault(entry.case, []).append(entry)
+    for entries in by_case.values():
+        repeated = list(permanent)
+        for entry in entries:
+            if entry in repeated:
+                repeated.remove(entry)
+            else:
+                permanent.append(entry)
     cases = {str(k): load.with_loads(surface, [entry], 0.0) for k, entry in enumerate(permanent)}
     if snow:
         heaviest = min(

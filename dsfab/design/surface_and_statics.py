@@ -13,7 +13,7 @@ from dsfab.core.errors import SurfaceError
 from dsfab.core.limits import FACETS, REPORTED_RESIDUAL, USUAL_SIZE
 from dsfab.core.messages import coordinates, length
 from dsfab.design.buildability import objections, off_surface
-from dsfab.design.regions_and_loads import Loading, loadings, permanent_loads, surface_with_regions
+from dsfab.design.regions_and_loads import Loading, acting_on, loadings, permanent_loads, surface_with_regions
 from dsfab.diffusion import layer_stress, only_bends
 from dsfab.preset.model import Preset, Statics
 from dsfab.preset.surface_section import FileSurface, MeshSurface, OwnSurface
@@ -43,6 +43,7 @@ from dsfab.statics import (
 from dsfab.surface import (
     SizeField,
     Surface,
+    Wind,
     change_sizes,
     coincident,
     faces_without_upper_side,
@@ -350,7 +351,8 @@ def _statics_result(
     }
     together = results.pop("", next(iter(results.values())))
     note_statics(surface, results, log)
-    winds = [load for load in preset.surface.load if load.kind == "wind"]
+    winds = [load for load in acting_on(preset, surface).load if isinstance(load, Wind)]
+    winds = [load for load in winds if load.windward != load.leeward]  # else the side does not matter
     on_wall = any((picked_faces(surface, load.at, "wind") & faces_without_upper_side(surface)).any() for load in winds)
     if on_wall and min(float(np.dot(a.direction, b.direction)) for a in winds for b in winds) >= 0:
         log.note(

@@ -132,9 +132,11 @@ def supports_text(pieces: Sequence[Piece]) -> str:
     loaded = [piece for piece in pieces if piece.loaded]
     if not loaded:
         lost = sum(not piece.held for piece in pieces)
-        lost_words = f"the load is spread, and {lost} of {len(pieces)} pieces reach no support"
+        lost_words = (
+            f"the load is spread, and {lost} of {len(pieces)} pieces {'reaches' if lost == 1 else 'reach'} no support"
+        )
         return lost_words if lost else "the load is spread, and all of it is supported"
     lost = sum(not piece.held for piece in loaded)
     if lost:
-        return f"{lost} of {len(loaded)} pieces that carry a load reach no support"
+        return f"{lost} of {len(loaded)} pieces that carry a load {'reaches' if lost == 1 else 'reach'} no support"
     return f"the loads reach the supports through {_count(len(loaded))}"

@@ -264,7 +264,7 @@ def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats] |
         lowest = float(positive.min())
         if np.isfinite(positive).all() or abs(lowest - earlier) <= SETTLED * lowest < np.inf:
             break
-    if lowest * moved > np.ptp(model.solid.nodes, axis=0).max():
+    if not lowest * moved <= np.ptp(model.solid.nodes, axis=0).max():  # also without a positive factor
         return None
     mode, rows = np.zeros_like(model.solid.nodes), modes[int(positive.argmin())]
     mode[rows[:, 0].astype(int) - 1] = rows[:, 1:]

@@ -177,17 +177,16 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
 def _possible_thicknesses(design: Design, stock: Sequence[float], source: str) -> tuple[Sequence[float], str]:
     """Return the thicknesses (m) for which the surface does not bend too sharply, and the source with a remark.
     Raises SolidError if the surface bends too sharply for each of them."""
-    checked_offsets(design.preset.with_thickness(stock[0]), design.surface)
-
-    def is_refused(thickness: float) -> bool:
+    possible = list[float]()
+    for thickness in stock:
         with suppress(SolidError):
-            return not checked_offsets(design.preset.with_thickness(thickness), design.surface)
-        return True
-
-    count = bisect_left(stock, True, key=is_refused)
-    if count < len(stock):
-        source += f"; up to {length(stock[count - 1])}, because the surface bends too sharply for more"
-    return stock[:count], source
+            checked_offsets(design.preset.with_thickness(thickness), design.surface)
+            possible.append(thickness)
+    if not possible:
+        checked_offsets(design.preset.with_thickness(stock[0]), design.surface)
+    if refused := [length(thickness) for thickness in stock if thickness not in possible]:
+        source += f"; without {', '.join(refused)}, for which the surface bends too sharply"
+    return possible, source
 
 
 def _standing_design(design: Design, thickest: float, progress: Progress) -> Design:

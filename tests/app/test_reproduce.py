@@ -108,7 +108,7 @@ def test_the_page_shows_every_step_of_every_figure_and_opens_offline(folder):
     assert "http" not in page.text
     assert "url(" not in page.text
     assert all(image["alt"] for image in page.images)
-    assert "8 times coarser" in page.text
+    assert "8 times as long as in the presets" in page.text
     for words in (
         "Towards the Michell truss",
         "The effect of the anisotropy r",
@@ -227,9 +227,9 @@ def test_the_page_describes_the_pieces_between_loads_and_supports():
     whole, loose, bare = Piece(1.0, True, True), Piece(0.5, False, True), Piece(0.2, True, False)
     assert supports_text([whole, bare]) == "the loads reach the supports through one piece"
     assert supports_text([whole, whole]) == "the loads reach the supports through 2 pieces"
-    assert supports_text([whole, loose]) == "1 of 2 pieces that carry a load reach no support"
+    assert supports_text([whole, loose]) == "1 of 2 pieces that carry a load reaches no support"
     assert supports_text([bare]) == "the load is spread, and all of it is supported"
-    assert "one piece reach" in supports_text([bare, Piece(0.1, False, False)])
+    assert "1 of 2 pieces reaches no support" in supports_text([bare, Piece(0.1, False, False)])
 
 
 def stressed(surface, angle: float, r: float = 100.0):

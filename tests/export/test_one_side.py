@@ -130,4 +130,4 @@ def test_occt_accepts_and_cuts_a_one_sided_strip():
     made = member_file(replace(part, hurry=0))
     assert made.solids == 1
     assert made.volume == pytest.approx(1e9 * solid.volume, rel=0.01)
-    assert made.used.startswith("8 of 8")
+    assert made.used.startswith("OCCT made 8 of 8")

@@ -434,7 +434,7 @@ def test_the_archive_and_the_preset_give_the_same_design_back(ribs, tmp_path):
 def test_another_angle_guide_or_family_makes_stripes_anew(ribs):
     wider = design.draft(with_overrides(ribs.preset, {"pattern.width.solid_fraction": 0.5}), earlier=ribs)
     assert wider.pattern.even is ribs.pattern.even
-    assert [n.text for n in wider.notes if "guides" in n.text and "symmetry" in n.text]
+    assert [n.text for n in wider.notes if "guides" in n.text and "symmetric images" in n.text]
     guide = ribs.preset.pattern.guide[0]
     for change in ({"pattern.rotate": 40}, {"pattern.families": "major"}, {"pattern.guide.0.weight": 2 * guide.weight}):
         preset = with_overrides(ribs.preset, change)

@@ -202,7 +202,7 @@ def rippled(thicknesses) -> Preset:
 
 def test_a_thickness_for_which_the_surface_bends_too_sharply_is_not_tried():
     result = sizing_result(dsfab.sized_design(rippled([0.1, 2.0])))
-    assert result.stock.endswith("of the preset; up to 100 mm, because the surface bends too sharply for more")
+    assert result.stock.endswith("of the preset; without 2 m, for which the surface bends too sharply")
     assert {trial.thickness for trial in result.trials} == {0.1}
     with pytest.raises(SolidError, match=r"bends so sharply at .* only 52% of the thickness would remain"):
         dsfab.sized_design(rippled([2.0]))

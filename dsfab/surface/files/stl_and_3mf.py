@@ -169,7 +169,7 @@ class _Plate:
 
     def _element(self, tag: str, values: dict[str, str]) -> None:
         space, _, kind = tag.rpartition(" ")
-        self.count += 1
+        self.count, self.parser.CharacterDataHandler = self.count + 1, None
         if not self.count % CHUNK:
             self.budget.require_time()
             self.budget.require_vertices(self.count // 2)
@@ -186,11 +186,12 @@ class _Plate:
             self.open.parts.append((self._key(values), _place(values)))
         elif kind in ("metadata", "setting"):
             self.setting = values.get("name", values.get("key", "")).removeprefix("cura:")
-            self.parser.CharacterDataHandler = self._value if self.setting in _CURA_AIDS else None
+            if self.setting in _CURA_AIDS:
+                self.parser.CharacterDataHandler = self._value
         elif kind == "build":
             self.open = _Object("")
         elif kind == "item" and self.part == self.root:
-            self.open = self.objects.get(self._key(values), self.open)  # settings of an item are those of its object
+            self.open = self.objects.get(self._key(values), _Object(""))  # an item has settings for its object
             if values.get("printable", "1") == "0":
                 self.counts[Content("item", "dropped", "marked as not printable")] += 1
                 self.unprinted.append(self._key(values))

@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, edge_lengths, lengths, row_max, row_min
+from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, edge_lengths, lengths, row_max, row_min, unit_vectors
 from dsfab.surface.edge_changes import (
     contracted_faces,
     halved_edges,
@@ -389,20 +389,18 @@ LOW = 1 / 8
 the border edge."""
 
 
-def without_rim_slivers(surface: Surface) -> Surface:
+def without_rim_slivers(surface: Surface, smooth: bool = False) -> Surface:
     """Return the surface without low border faces, whose normals are errors of rounding or of the mesh.
     Faces lower than `TOLERANCE` times their border edge are removed; the new border passes through the third corner,
-    which was inside the surface. The third corner of other faces lower than `LOW` moves to the nearer end of the border
-    edge, unless a crease passes there or a face would turn over or be as low."""
+    which was inside the surface.
+    smooth : also collapse faces lower than `LOW` at a curved border, see `_collapsed_tips`."""
     chosen, _, _, tip = _low_border_faces(surface, TOLERANCE)
     chosen = chosen[np.unique(tip, return_index=True)[1]]  # remove only one face at each vertex
     surface = Surface(surface.V, np.delete(surface.F, chosen, axis=0)) if len(chosen) else surface
-    while True:
-        onto = _collapsed_tips(surface)
-        if onto is None:
-            return surface
+    while smooth and (onto := _collapsed_tips(surface)) is not None:
         used, F = np.unique(contracted_faces(surface.F, onto), return_inverse=True)
         surface = Surface(surface.V[used], F.reshape(-1, 3))
+    return surface
 
 
 def _low_border_faces(surface: Surface, ratio: float) -> tuple[Ints, Ints, Ints, Ints]:
@@ -421,7 +419,10 @@ def _low_border_faces(surface: Surface, ratio: float) -> tuple[Ints, Ints, Ints,
 
 
 def _collapsed_tips(surface: Surface) -> Ints | None:
-    """Return the vertex (n,) onto which each vertex moves; None if no low border face can lose its third corner."""
+    """Return the vertex (n,) onto which each vertex moves: the third corners of low border faces move to the nearer end
+    of the border edge. Return None without such faces.
+    A corner moves only if the curve of the border explains its height over the border edge, if no crease passes there,
+    if it is not at a side of the bounding box, and if no face turns over or becomes as low."""
     V, F, edges, n = surface.V, surface.F, surface.edges, surface.n
     faces, a, b, tip = _low_border_faces(surface, LOW)
     to_a, to_b = (edge_lengths(V, np.stack([tip, end], axis=1)) for end in (a, b))
@@ -429,20 +430,42 @@ def _collapsed_tips(surface: Surface) -> Ints | None:
     sharp = sharp_edges(surface)
     creased = np.bincount(edges.ends[sharp].ravel(), minlength=n)
     by_tilt = sharp[edges.of.reshape(-1, 3)[faces]].sum(axis=1)  # creases that the low face makes
-    keep = creased[tip] <= by_tilt
+    fits = (creased[tip] <= by_tilt) & _explained_by_border(surface, faces, a, b, tip)
+    fits &= ((V[tip] > V.min(axis=0)) & (V[tip] < V.max(axis=0))).all(axis=1) | (np.ptp(V, axis=0) == 0).any()
     keys = np.sort(np.stack([tip, end], axis=1)) @ (n, 1)
-    keep &= meets_link_condition(edges, np.searchsorted(edges.ends @ (n, 1), keys), n)
-    tip, end = tip[keep], end[keep]
-    tip, end = (x[np.sort(np.unique(tip, return_index=True)[1])] for x in (tip, end))
-    order = leading_candidates(np.arange(len(tip)), np.stack([tip, end], axis=1), n, edges.ends)
-    tip, end = tip[order], end[order]
-    onto = np.arange(n)
-    onto[tip] = end
-    moved = (onto[F] != F).any(axis=1) & has_three_corners(onto[F])
-    turn = np.einsum("mi,mi->m", area_vectors(V, onto[F[moved]]), surface.normals[moved])
-    longest = _longest(V, onto[F[moved]])
-    bad = F[moved][turn < LOW * longest**2]
-    spoilt = np.zeros(n, dtype=bool)
-    spoilt[bad] = True
-    onto[spoilt] = np.flatnonzero(spoilt)
-    return onto if (onto != np.arange(n)).any() else None
+    fits &= meets_link_condition(edges, np.searchsorted(edges.ends @ (n, 1), keys), n)
+    candidate = np.full(n, -1)
+    candidate[tip] = np.arange(len(tip))
+    fits &= candidate[tip] == np.arange(len(tip))  # one face at each corner
+    for corner in range(3):
+        changed = np.flatnonzero(candidate[F[:, corner]] >= 0)
+        number, new = candidate[F[changed, corner]], F[changed].copy()
+        new[:, corner] = end[number]
+        stays = has_three_corners(new)
+        new, number, normals = new[stays], number[stays], surface.normals[changed[stays]]
+        height = np.einsum("mi,mi->m", area_vectors(V, new), normals)
+        fits[number[height < LOW * _longest(V, new) ** 2]] = False
+    tip, end = tip[fits], end[fits]
+    onto, leads = np.arange(n), independent(np.stack([tip, end], axis=1), np.minimum(to_a, to_b)[fits], n, edges.ends)
+    onto[tip[leads]] = end[leads]
+    return onto if leads.any() else None
+
+
+def _explained_by_border(surface: Surface, faces: Ints, a: Ints, b: Ints, tip: Ints) -> Bools:
+    """Return whether the curve of the border explains the height of each tip (c,) over the border edge a-b of its face:
+    the height is at most twice that of an arc over a-b that turns as the border turns at a and b."""
+    V, F, edges = surface.V, surface.F, surface.edges
+    weighted = np.zeros((surface.n, 3))
+    rest = np.delete(np.arange(len(F)), faces)
+    for corner in F[rest].T:
+        np.add.at(weighted, corner, area_vectors(V, F[rest]))
+    normal = unit_vectors(weighted[tip])
+    along = unit_vectors(V[b] - V[a])
+    slope = np.zeros((surface.n, 3))  # sum of the directions from a border vertex to its border neighbours
+    for start, stop in (edges.ends[edges.boundary].T, edges.ends[edges.boundary].T[::-1]):
+        np.add.at(slope, start, unit_vectors(V[stop] - V[start]))
+    turn = np.abs(np.einsum("ci,ci->c", (slope[a] + slope[b]) / 2, normal))
+    foot = V[tip] - V[a]
+    rise = np.abs(np.einsum("ci,ci->c", foot - np.einsum("ci,ci->c", foot, along)[:, None] * along, normal))
+    base = np.linalg.norm(V[b] - V[a], axis=1)
+    return np.asarray(rise <= 2 * base * turn / 8 + 1e-9 * base)

@@ -62,7 +62,7 @@ def remeshed_surface(
         sizes = [*sizes, SizeField(surface, curvature_sizes(surface, edge, finest))]
     for field in sizes or [SizeField(surface, np.full(surface.n, edge))]:
         _check_count(field, finest or float(field.length.min()))
-    surface = with_ears_flipped(without_rim_slivers(surface))
+    surface = with_ears_flipped(without_rim_slivers(surface, smooth))
     nearest_to = NearestOnSurface(surface)
     by_sides = _by_sides(nearest_to, edge, smooth, sizes) if mirrored else None
     if by_sides and _smallest_angle(by_sides) > SHARP_ANGLE:
