@@ -439,12 +439,12 @@ def _collapsed_tips(surface: Surface) -> Ints | None:
     fits &= candidate[tip] == np.arange(len(tip))  # one face at each corner
     for corner in range(3):
         changed = np.flatnonzero(candidate[F[:, corner]] >= 0)
-        number, new = candidate[F[changed, corner]], F[changed].copy()
-        new[:, corner] = end[number]
-        stays = has_three_corners(new)
-        new, number, normals = new[stays], number[stays], surface.normals[changed[stays]]
-        height = np.einsum("mi,mi->m", area_vectors(V, new), normals)
-        fits[number[height < LOW * _longest(V, new) ** 2]] = False
+        number, triangles = candidate[F[changed, corner]], F[changed].copy()
+        triangles[:, corner] = end[number]
+        stays = has_three_corners(triangles)
+        triangles, number, normals = triangles[stays], number[stays], surface.normals[changed[stays]]
+        height = np.einsum("mi,mi->m", area_vectors(V, triangles), normals)
+        fits[number[height < LOW * _longest(V, triangles) ** 2]] = False
     tip, end = tip[fits], end[fits]
     onto, leads = np.arange(n), independent(np.stack([tip, end], axis=1), np.minimum(to_a, to_b)[fits], n, edges.ends)
     onto[tip[leads]] = end[leads]
