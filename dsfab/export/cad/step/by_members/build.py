@@ -119,7 +119,7 @@ class TriangleReport:
 
     @classmethod
     def from_mesh(cls, mesh: StepMesh, gate: PieceJudge) -> "TriangleReport":
-        """Check triangles. A fault is stored, not raised, as other checks run meanwhile. gate : measures distances."""
+        """Check triangles. A fault is stored, as other checks run meanwhile. gate : measures distances to the mesh."""
         triangles = step_triangles(mesh)
         forth, back = gate.distances(MM_PER_M * triangles.V, triangles.F)
         try:
@@ -170,7 +170,7 @@ def _cut_once(part: Part, plan: SolidPlan, draft: MemberDraft, shape: bytes) -> 
 
 
 def _use_sentence(draft: MemberDraft, seconds: float) -> str:
-    """Summarise OCCT's trial cuts and fillets. Raises ExportError if a trial shows that CAD programs would fail."""
+    """Summarise trial cuts and fillets by OCCT. Raises ExportError if a trial shows that CAD programs would fail."""
     try:
         report = use_report(draft.text, seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError) as error:
