@@ -110,7 +110,7 @@ def preview(
     watch: Annotated[bool, Switch(help="Draw again when the preset file is saved, until Ctrl-C.")] = False,
     quiet: Quiet = False,
 ) -> int:
-    """Draw a preset in seconds. Evenly spaced stripes are drawn as built. Other pictures show the uncut sheet.
+    """Draw a preset in seconds: evenly spaced stripes as built, other patterns and all fields on the uncut sheet.
 
     Parameters
     ----------

@@ -143,7 +143,7 @@ class Steering:
 
 def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacing: float) -> Steering:
     """Return the changes that a [pattern] section makes to stripe directions.
-    symmetry : symmetry of surface, supports and loads.    spacing : default distance at which guides act, metres.
+    symmetry : symmetry of surface, supports and loads.    spacing : default distance up to which guides act, metres.
     Raises PatternError for an oblique `rotate` on a one-sided surface, and for a guide without effect."""
     oblique = options.rotate % 90 != 0
     if oblique and one_sided_pieces(frames.surface.F, frames.surface.edges).any():

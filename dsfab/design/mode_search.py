@@ -251,7 +251,7 @@ START = (0.25, 0.0, 0.5, 0.75)
 """Phases of the first round if the search chooses the modes of both families, which then have the same phase. All four
 phases are tried if a family has mode 1. Otherwise only the first is tried: higher modes hardly depend on the phase."""
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
-"""Phases of the first round, in all combinations: a list if the preset sets both modes, and a list if it sets one."""
+"""Phases of the first round, in all combinations. First list: the preset sets both modes. Second list: it sets one."""
 TOGETHER = ((1, 1), (-1, -1))  # Equal changes of the phases of both families, in steps of `ROUNDS`.
 AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Changes of the phases of major and minor stripes.
 ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))

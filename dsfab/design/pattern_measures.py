@@ -142,7 +142,7 @@ def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> 
 
 
 def followed_directions(design: PatternedDesign) -> StressDirections:
-    """Return the directions that the families follow, and the stress along each; with `rotate`, its absolute value."""
+    """Return directions that the families follow, and the stress along each; with `rotate`, from absolute values."""
     preset = design.preset
     stress, direction = principal_stresses(design.surface, followed_stress(preset, design.surface, design.statics))
     if design.pattern.even is None and preset.diffusion.labelling == "magnitude":

@@ -37,7 +37,7 @@ from dsfab.surface import (
 )
 
 IMAGE_DIFFERENCE = 0.3
-"""Largest allowed difference of a region or guide from its symmetric image / its area; uneven meshes differ."""
+"""Largest difference of a region or guide from its symmetric image, as a fraction of its area; meshes are uneven."""
 
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:

@@ -118,8 +118,8 @@ def corrected_pattern(
     nearest_share : function of a share. It returns the nearest share that was measured for the latest stripes.
     added_share   : function that returns the share that finishing adds by rounded corners and filled openings.
     bridged_share : slow function that returns the share of added bridges. After a result of 0, it is not called again.
-    The stripes alone get the requested share minus the added share (`aim`). If openings close, the added share jumps.
-    Then the next `aim` is the mean of two trials: a trial with too little material, and a trial with too much."""
+    The stripes alone get `aim`: the requested share minus the added share. If openings close, the added share jumps.
+    Then the next `aim` is the mean `aim` of two trials: one with too little material, and one with too much."""
     requested, tolerance = width.solid_fraction, width.solid_fraction_tolerance
     trials = list[_ShareTrial]()
     bridges = 0.0
@@ -187,7 +187,7 @@ class WidthSearch(NamedTuple):
 @dataclass
 class _MeasuredShares:
     """Function that cuts the surface along layers (stripes and kept regions), and returns the share with material.
-    reached : all returned shares.    layers, polygons : the latest.    trial : cut, after corners were rounded once."""
+    reached : all returned shares.    layers, polygons : the latest.    trial : latest cut, corners rounded once."""
 
     preset: Preset
     given: StressedSurface

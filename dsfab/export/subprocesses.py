@@ -50,7 +50,7 @@ _WAITING: ContextVar[_Work | None] = ContextVar("_WAITING", default=None)
 
 @contextmanager
 def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
-    """Call `work` once: while the first program of the `with` block runs, or after the block, if nothing failed."""
+    """Call `work` once: while the first program in the `with` block runs, else after the block, if nothing failed."""
     waiting = _Work(work)
     token = _WAITING.set(waiting)
     try:

@@ -301,7 +301,7 @@ class Joints:
     normals: Floats
 
     def nodes(self, shared: list[SharedPatch]) -> list[Node]:
-        """Return the nodes of all overlaps. Numbers grow along each member; a node belongs to its first member."""
+        """Return the nodes of all overlaps. Numbers grow along each member; a node counts for its first member."""
         listed = []
         for overlap in shared:
             pair = min(overlap.a, overlap.b), max(overlap.a, overlap.b)
@@ -316,7 +316,7 @@ class Joints:
         return [replace(node, id=f"N{number:0{digits}d}") for number, (_, node) in enumerate(listed, 1)]
 
     def _ends_within(self, overlap: SharedPatch) -> tuple[Floats, Ints]:
-        """Return an end of a middle line inside the other member, such as two rims at a corner, and the end's cell."""
+        """Return a middle line's end in the other member, for example where two rims form a corner, and its cell."""
         for k, neighbour in ((overlap.a, overlap.b), (overlap.b, overlap.a)):
             line = self.parts[k].line
             if line is None or line.closed or self.parts[neighbour].line is None:

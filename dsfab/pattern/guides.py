@@ -26,13 +26,13 @@ class Guide:
     """A curve, or a direction in a region, for stripes. The larger its weight, the more closely stripes follow it.
 
     curve     : points of a polyline on the surface or near it, metres.
-    reach     : straight distance from the curve at which the weight falls to 0, m; default: smaller stripe spacing.
+    reach     : straight distance from the curve at which the weight falls to 0, m; default: the smaller stripe spacing.
     at        : a region, instead of a curve.
     direction : direction (3,) of stripes in the region; only the component tangential to the surface is used.
     weight    : 1 is as strong as a stress with full confidence; 0 has no effect; 100 or more overrules the stress.
     family    : the family whose stripes follow the guide. Stripes of the other family run across it.
     member    : True for a member on the curve itself, whatever the weight.
-    Raises GuideError unless exactly one of `curve` and `at` is set. A region needs a direction, cannot be a member."""
+    Raises GuideError unless one of `curve`, `at` is set, not both. A region needs a direction and is never a member."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     curve: tuple[Vector, ...] | None = None
@@ -111,7 +111,7 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
 
 
 def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
-    """Return squares (n,) of the curve's direction at the vertices: means over the nearest pieces; 0 at `reach`."""
+    """Return squares (n,) of the curve's direction: means over the nearest pieces; their size falls to 0 at `reach`."""
     surface, points = frames.surface, np.array(guide.curve)
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)
@@ -199,7 +199,7 @@ class GuideLine:
 
 
 def guide_phases(lines: Sequence[GuideLine], frames: Frames, g: Floats, density: Floats) -> tuple[Bools, Floats]:
-    """Return a mask (n,) of vertices beside the guides' curves, and their target phases (n,), in periods."""
+    """Return a mask (n,) of vertices beside guides' curves, and their target phases (n,), in periods; 0 elsewhere."""
     lock, aim = np.zeros(frames.surface.n, dtype=bool), np.zeros(frames.surface.n)
     for line in lines:
         vertices, phase = line.target_phases(frames, g, density)

@@ -135,7 +135,7 @@ CLOSING_WIDTHS = (1.45, 1.55)
 Up to the first limit, members become thinner, so that openings stay. From the second limit on, members merge.
 Openings that become material as a whole (see `Layer.closed`) use `WHOLE` instead."""
 FOLLOWING_WIDTHS = (1.15, 1.25)
-"""Replaces `CLOSING_WIDTHS` if widths follow the stress. Members merge at smaller widths: stress needs material."""
+"""Replaces `CLOSING_WIDTHS` if widths follow stress. Members merge at smaller widths: large stress needs material."""
 WHOLE = 1.3
 """An opening is filled if the mean half width in it is over WHOLE x the crowded half width (see `CLOSING_WIDTHS`).
 If widths follow the stress, the mean of `FOLLOWING_WIDTHS` replaces `WHOLE`."""

@@ -40,7 +40,7 @@ class Flow:
 
     @cached_property
     def turn(self) -> Floats:
-        """(e,) growth of the phase from an edge's first end to its second end, periods; positive along the first g."""
+        """(e,) growth of the phase along each edge to its second end, periods; positive along `g` at the first end."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
@@ -251,7 +251,7 @@ def propagate_phases(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
     """Set `signs` and `shifts` (m,): phase seen from the first face in `order` = sign x (phase in a face) + shift.
-    At first, s and q relate a face to its `predecessor`. Each loop doubles the number of steps between faces."""
+    Both begin with s and q, for the step to the `predecessor`. Each loop doubles the number of steps they bridge."""
     child = order[1:]
     if not len(child):
         return

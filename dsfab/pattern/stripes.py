@@ -63,7 +63,7 @@ class Stripes:
         return np.stack([z + d, z - d], axis=1)
 
     def middles(self, x: Floats) -> Floats:
-        """Return phases (k,) of middle lines: whole numbers in the range of phases, and up to two more at each end."""
+        """Return middle lines (k,): whole numbers in the range of the phases of x (n,), plus up to two at each end."""
         z = self.phases(x)
         return np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
 

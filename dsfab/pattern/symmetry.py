@@ -58,7 +58,7 @@ class Images:
     def projection(self, V: Floats, g: Floats, density: Floats) -> Projection:
         """Return the projection onto symmetric phases, which have the gradient `density` (n,) x g (n, 3) at V (n, 3).
         The symmetric image of a vertex may lie between vertices. The phases of these vertices are extrapolated to the
-        image, because a plain mean has large errors. A phase is conjugated if g has opposite signs there."""
+        image, because a plain mean has large errors. A phase is conjugated if its g is opposite to the image's g."""
         if len(self.maps) == 1:
             return lambda x: x
         growth = density[:, None] * g

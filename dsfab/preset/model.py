@@ -320,12 +320,12 @@ class Pattern(Section):
     families: Literal["both", "major", "minor"] = "both"
     """Families of stripes. A single family has no crossings, so halve has no effect. Only rim and keep join members."""
     symmetry: Literal["auto", "none"] = "auto"
-    """Symmetry of stripes. auto: the symmetry of surface, supports and loads. none: the pattern may be asymmetric."""
+    """For stripes: symmetry. auto: that of surface, supports and loads. none: the pattern may be asymmetric."""
     rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
-    """Rotation (degrees) of both families of stripes from the principal directions of the stress. It is
+    """For stripes: rotation (degrees) of both families from the principal directions of the stress. It is
     counter-clockwise, seen from the side of the normals or from outside a closed surface. 90 swaps major and minor."""
     forces: Literal["uncut", "optimal"] = "uncut"
-    """Forces that set directions and graded widths of stripes. uncut: forces in the uncut sheet. optimal: forces in
+    """For stripes: forces that set directions and graded widths. uncut: forces in the uncut sheet. optimal: forces in
     the stiffest sheet of varying thickness with the same material (solid_fraction), for stiffer flat designs."""
     weight_rounds: Annotated[int, Ge(0), Le(2)] = 0
     """For stripes: number of times that the directions are computed again with only the weight of the stripes. This is
@@ -575,7 +575,7 @@ class Preset(Section):
 
     @model_validator(mode="after")
     def _keeps_its_count(self) -> "Preset":
-        """Refuse vertex numbers in guides and regions if voids change them. Supports, loads keep their vertices."""
+        """Refuse vertex numbers in guides and regions if voids change them. Supports and loads are picked before."""
         regions = tuple(None if entry.do == "void" else entry for entry in self.pattern.region)
         lists: dict[str, Any] = {"pattern.guide": self.pattern.guide, "pattern.region": regions}
         counted = [

@@ -68,7 +68,7 @@ class Workshop(Section):
     millimetre. 0: no change."""
     splice: Literal["cover", "scarf", "fingers", "none"] = "cover"
     """Joint of parts longer than the stock. cover: bolted cover plate for members, butt joint for flat sheets. scarf:
-    glued overlap, eight thicknesses long. fingers: finger joints for flat sheets. none: butt joints."""
+    glued slope, eight thicknesses long. fingers: finger joints for flat sheets. none: butt joints."""
 
     @field_validator("stock", mode="before")
     @classmethod

@@ -139,8 +139,8 @@ def bending_stiffness(surface: Surface, material: Material, thickness: float, el
 def hinge_blocks(surface: Surface, material: Material, thickness: float) -> PairBlocks:
     """Return the stiffness K_b, N/m, of the energy 1/2 sum_e D l_e^2 / (A1 + A2) (theta_e - theta_e0)^2.
     K_b is the sum of w g g^T with g = grad theta, w = D l^2 / (A1 + A2), positive semidefinite also on curved sheets.
-    Stress directions are accurate, but deflections do not converge: for clamped plates, they are 20 to 45 % wrong
-    [Wardetzky et al. 2007]."""
+    Stress directions are accurate, but deflections do not converge: for clamped plates, they are 20 to 45 % wrong.
+    Source of the energy: [Wardetzky et al. 2007]."""
     h = hinges(surface)
     gradients, weight = angle_gradients(surface, h)
     g = np.ascontiguousarray((gradients * np.sqrt(material.bending_stiffness(thickness) * weight)[:, None, None]).T)

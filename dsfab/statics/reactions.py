@@ -37,7 +37,7 @@ def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> 
 def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
     """Return the resultant of each support's forces and torques on the sheet.
     The torque of an edge goes to the supports that clamp the edge; without these, to the supports of its ends. Edges
-    clamped by the sheet itself (`SheetModel.clamped`) belong to no support, so reactions can differ from the loads."""
+    clamped by the sheet itself (`SheetModel.clamped`) belong to no support, so reactions can fail to balance loads."""
     forces = support_forces(surface, supports, answer)
     fixed = np.array([support.fixed_directions(surface) for support in supports])  # (s, n, 3)
     torques = np.zeros((len(supports), 0))

@@ -106,7 +106,7 @@ def equilibria(
     sums: Sequence[Sequence[float]] = (),
     factor_of: "FactorFunction | None" = None,
 ) -> tuple[Equilibrium, ...]:
-    """Return the `equilibrium` of each load, then of each combination of loads, from one factorisation.
+    """Return the `equilibrium` of each load, then of each combination in `sums`, from one factorisation.
     K    : (u, u), see `equilibrium`.    spreads : spread part of each load.    factor_of : function that factorises K.
     sums : k factors of the loads for each combination. A combination's residual is a bound from the loads' residuals.
     Raises StaticsError as `equilibrium`, and for loads on different supports."""

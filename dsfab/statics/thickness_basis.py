@@ -69,7 +69,7 @@ class ThicknessStiffness:
         return np.asarray(thickness * (self.membrane @ x) + thickness**3 * (self.bending @ x))
 
     def with_derivatives(self, thickness: float, factor: Factor, x: Floats, count: int) -> list[Floats]:
-        """Return [x, A x, ..., A^count x] for x (u, k), with A = K^-1 dK/dt. factor : factorised K(thickness)."""
+        """Return [x, P x, ..., P^count x] for x (u, k), with P = K^-1 dK/dt. factor : factorised K(thickness)."""
         vectors = [x]
         for _ in range(count):
             forces = self.membrane @ vectors[-1] + 3 * thickness**2 * (self.bending @ vectors[-1])

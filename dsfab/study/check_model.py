@@ -39,8 +39,8 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
     force  : (n, 3) newtons on the vertices. They include the loads `spread`.
     spread : loads per area and per length.
     The shape function of a middle node is the bubble function of its edge. The force on this node is therefore the work
-    of the loads on the bubble. The shape function of a corner is linear, minus half of the bubble of each of its edges.
-    So half of a middle node's force is subtracted at each end of the edge."""
+    of the loads on the bubble. The shape function of a corner is a linear function minus half of the bubble of each of
+    its edges. So half of a middle node's force is subtracted at each end of the edge."""
     middle = np.zeros((len(surface.edges.ends), 3))
     if spread is not None:
         on_bubbles = spread.bubble_forces(surface, elements_of("six_nodes"))[:, -3:]

@@ -180,7 +180,7 @@ def corner_fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bool
 
 
 def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | None = None) -> tuple[int, Ints]:
-    """Return the count of fans (edge-connected faces at a vertex), each corner's fan; inputs as in `corner_fans`."""
+    """Return the count of fans (edge-connected faces at a vertex) and each corner's fan; inputs: see `corner_fans`."""
     pairs = edges.pairs if apart is None else edges.pairs[~apart[edges.count == 2]]
     h0, h1 = (pairs if also is None else np.concatenate([pairs, also])).T
     a, _ = half_edges(F)

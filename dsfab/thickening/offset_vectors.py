@@ -128,7 +128,7 @@ def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
 
 
 def _unit_normals(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
-    """Normalise `point` (n, 3). Points at 90 degrees or more to a face normal become `mean`; zeros, a face normal."""
+    """Normalise `point` (n, 3). At 90 degrees or more to a face normal, use `mean`; near zero, a face normal."""
     N = np.where(_sees_all(surface, point, faces)[:, None], point, mean)
     lost = lengths(N) < 1e-6
     if lost.any():

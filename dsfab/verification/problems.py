@@ -211,7 +211,7 @@ class Test:
 
 
 def held_directions(n: int, *supports: tuple[Bools, str]) -> Bools:
-    """Return a mask (n, 3) of fixed directions. supports : a mask (n,) of vertices and directions such as "xz"."""
+    """Return a mask (n, 3) of fixed directions. supports : pairs of a vertex mask (n,) and directions, such as "xz"."""
     fixed = np.zeros((n, 3), dtype=bool)
     for where, axes in supports:
         for axis in axes:

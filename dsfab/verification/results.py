@@ -24,7 +24,7 @@ class VerificationRow:
                the test clamps edges, and hinges have no rotations. `refused`: the sheet is too thin for the solver.
     target   : largest allowed relative error on this mesh; None without a target.
     met      : True if the error is below the target.
-    limit    : value from which the error for `target` is measured; None for `reference` (see `Test.limit`).
+    limit    : value from which the error for `target` is measured; None if it is `reference` (see `Test.limit`).
     of_limit : value / limit."""
 
     test: str

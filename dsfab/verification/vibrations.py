@@ -64,7 +64,7 @@ The load from the theory of shallow shells is 4 % too high for modes with few wa
 
 def axial_cylinder(cells: int, mesh: Mesh) -> Problem:
     """Return a quarter of a tube pressed along its axis, on simple supports at its ends; the value is N R / (E t^2).
-    The stress before buckling is for ends that can widen, so it is uniform. The buckling modes are for round ends."""
+    The stress before buckling is for ends that can widen, so it is uniform. In buckling modes, the ends are fixed."""
     uv, F = square(cells, 2 * max(1, round(cells * WAVE / np.pi)), mesh)
     turn = np.pi / 2 * uv[:, 0]
     surface = Surface(np.stack([np.cos(turn), np.sin(turn), WAVE * uv[:, 1]], axis=1), F)

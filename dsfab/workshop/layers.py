@@ -27,7 +27,7 @@ class Layering:
 
     major  ═══════════════     0      numbers for two layers; with four layers both families alternate
     minor  ─┤ ├─── ┤ ├────     1
-    rim    ═══════════════     2, 3   strips along edges; strips of kept regions are layer 3
+    rim    ═══════════════     2, 3   strips along edges (2); strips of kept regions (3)
                                4      plates (members that are not strips), below all strips
     families_below : the names in `FAMILIES_BELOW` whose families exist in this structure.
     letters        : largest heights of part names and of node names, metres.

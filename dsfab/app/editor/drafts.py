@@ -166,7 +166,7 @@ def _lines_per_metre(surface: Surface, x: Floats) -> float:
 
 
 def _mark_arrays(surface: Surface, load: LoadCase, reaction: Floats, middle: Floats) -> dict[str, Floats]:
-    """Return arrows (k, 6): place (m) from `middle`, and sum (N) of nearby forces; and places (k, 3) of supports."""
+    """Return arrows (k, 6): place (m) and sum (N) of nearby forces; and places (k, 3) of supports. middle : origin."""
     acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
     V = surface.V - middle
     loads = [_gathered_forces(V, load.force, acts & load.loaded, POINT_LOAD_SPACING, surface.size)]

@@ -160,7 +160,7 @@ class Session:
         return {"name": f"{opened.preset_with(changes).name}.toml", "toml": opened.toml(changes)}
 
     def command(self, changes: Changes) -> dict[str, Any]:
-        """Return a dict: `command` builds the preset; `saved` is the preset file that the session wrote, or '';
+        """Return a dict. `command` builds the preset. `saved` is the preset file that the session wrote, or ''.
         `save` is True if the editor's page must offer the preset file to the user."""
         opened, outputs = self.current_preset, self.builds.outputs
         command, save = opened.command(changes)
@@ -216,7 +216,7 @@ class Session:
         return self._model(shown, 0) if shown else b""
 
     def model(self, have: int) -> bytes:
-        """Return the last draft; only its widths if the page has version `have`. Raises DsfabError without a draft."""
+        """Return the last draft, or only widths if its version is `have` (on the page). Raises DsfabError if none."""
         with self._lock:
             shown = self._shown
         if shown is None:

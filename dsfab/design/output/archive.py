@@ -235,7 +235,7 @@ _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFil
 
 def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
     """Return the preset as it is written into `folder`. It names a mesh file there without a path, and contains curves
-    instead of names of drawings. A mesh from Python becomes a file in `folder`. home : its path after the build.
+    instead of names of drawings. A mesh from Python is written into `folder`. home : path of `folder` after the build.
     Raises SurfaceError for a missing drawing."""
     preset = preset.self_contained()
     section = preset.surface

@@ -123,7 +123,7 @@ def _sides(member: Member) -> Floats:
 def _divide_bay(
     member: Member, span: tuple[float, float], joint_widths: tuple[float, float], least: int
 ) -> tuple[Floats, Floats]:
-    """Return arc lengths (k + 1,) that divide a bay into joints and beams, and extra widths (k,) of the joints."""
+    """Return arc lengths (k + 1,) that divide a bay into joints and beams, and extra widths (k,), 0 for beams."""
     (s, t), axis = span, member.curve
     half = fitting(np.array(joint_widths) / 2, t - s)
     half[half < 0.05 * member.mean_width] = 0.0  # half joints shorter than this are left out

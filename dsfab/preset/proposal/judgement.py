@@ -63,7 +63,7 @@ class JudgedReading:
 
 
 def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float = 1.0) -> JudgedReading:
-    """Return the reading (way of support) and its score, 0 if the sheet could move freely. usual : factor for `up`."""
+    """Return the reading with its score, 0 if the sheet could move freely. usual : factor of `up` on the score."""
     if reading.kind == "object":
         return JudgedReading(reading, DRAWN * usual, up)
     surface, supported = shape.surface, reading.vertices(shape.surface)
@@ -235,7 +235,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
 
 
 def _ranking(shapes: Mapping[Up, Shape], candidates: Sequence[tuple[float, Up, SupportReading]]) -> list[JudgedReading]:
-    """Return ways to support with their scores, the best first. Ways with a low `form` (largest score) are left out."""
+    """Return ways to support with scores, the best first, without ways of low `form` (highest possible score)."""
     ranking = list[JudgedReading]()
     for factor, up, reading in sorted(candidates, key=lambda candidate: -candidate[0] * candidate[2].form):
         highest = factor * reading.form

@@ -173,7 +173,7 @@ def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
 
 
 def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
-    """Return triangles with the highest least quality, and their polygons. rating[i, j] : least, corners i to j."""
+    """Return triangles with the highest least quality, and their rows. rating[i, j] : least quality, corners i to j."""
     g, size = polygons.shape
     if size == 3:
         return polygons, np.arange(g)

@@ -85,7 +85,7 @@ class PolygonField:
         return self._upper if self.values.shape[1] == 1 else self._upper ^ 1
 
     def slot_values(self, side: int) -> Floats:
-        """Return the field (h,) at all polygon corners. side : edge of a stripe of width 2 d, 0: z + d, 1: z - d."""
+        """Return the field (h,) at all polygon corners. side : stripe edge, 0: z + d, 1: z - d (field z, width 2 d)."""
         return self._slots[side]
 
     @cached_property
@@ -129,7 +129,7 @@ class PolygonField:
         return PolygonField._from_leads(mesh, self.field, np.concatenate([self.values, new_values]), lead)
 
     def turned_edges(self) -> tuple[Bools, Bools]:
-        """Find edges where the field changes sign; return a mask (h,) of sides for their first and second polygon."""
+        """Find edges where the field changes sign; return two masks (h,): sides in their first and second polygon."""
         cells = self.mesh.cells
         a, b = cells.corner, cells.next_values(cells.corner)
         leading, second = np.zeros((2, len(a)), dtype=bool)
@@ -158,7 +158,7 @@ def corner_band(
     If the field changes its sign across a mesh edge, this edge first gets vertices at all levels.
 
     snaps : snap fractions (see `cut`): for moves of whole stripes, and for moves of one edge of a stripe (see `TIP`).
-    size  : size of the surface, m.    edges : (l, 2) rows of `CutLines` for both edges of the stripe at each level."""
+    size  : size of the surface, m.    edges : (l, 2) rows of `CutLines` for the edges z + d and z - d at each level."""
     void = (mesh.void | mesh.again) & ~field.blank[mesh.parent]
     if field.wanted is not None and void.any():
         void &= _cells_to_cut(mesh, field.wanted)
@@ -254,7 +254,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved.reshape(self.seen.values.shape)))
 
     def with_turned_edges(self, side: int) -> "StripeCut":
-        """On edges where the field changes sign, add vertices at the levels of its values in the first polygon."""
+        """On edges where the field changes sign, add vertices where its values in the first polygon equal levels."""
         leading, second = self.seen.turned_edges()
         owner = self.seen.mesh.cells.owner
         if not self.active[owner[leading | second]].any():

@@ -133,7 +133,7 @@ def _tip_snap(snap: float) -> float:
 def _plain_splits(
     mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Split polygons at levels `lines` of x; return splits, and a mask of new material. edges : rows of `CutLines`."""
+    """Split polygons at levels `lines` of x; return splits, and a mask of material. edges : rows of `CutLines`."""
     if x.ndim == 2:
         return _band(mesh, x, lines, snap, size, edges)
     split = clean_split(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, Snapping(snap, size))
@@ -143,7 +143,7 @@ def _plain_splits(
 def _band(
     mesh: PolygonMesh, x: Floats, levels: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Split void cells at levels of x[:, 0], then of x[:, 1], the edges of stripes; return splits, a mask of material.
+    """Split void cells at levels of x[:, 0], then of x[:, 1], the edges of stripes; return splits and a material mask.
     The second split uses the vertices of the first split, so the two edges meet in a vertex where the stripe ends."""
     cells, X, void = mesh.cells, mesh.X, mesh.void | mesh.again
     if not len(levels):

@@ -236,7 +236,7 @@ def _sides(
 
 
 def _with_new_corners(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
-    """Return polygons with new corners, and sides' strips. Flat sides take the previous strip; one side is not flat."""
+    """Return polygons with new corners, and sides' strips. Flat sides take the previous strip; not all are flat."""
     count = sides.count + 1
     offset = np.concatenate([[0], np.cumsum(count)])
     side = np.repeat(np.arange(len(count)), count)

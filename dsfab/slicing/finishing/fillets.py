@@ -42,7 +42,7 @@ class DiscStops:
 def rolled_arcs(sheet: Sheet, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
     """Yield corners (p,) where discs of `radius` metres, rolled along walls, touch two walls, and arcs (p,) for them.
 
-    Corners of the first set are, in each tip, the wall vertex nearest to the disc; of the second set, the farthest.
+    In the first set, each corner is a wall vertex of the tip, near its disc; in the second set, the farthest vertex.
     On a curved surface, an arc may fit at one of these vertices only.
     taken : parts of walls; corners on these parts are left out."""
     flat, walls = flat_openings_of(sheet), sheet.walls
@@ -104,7 +104,7 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 
 
 def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
-    """Return discs that stop at narrow tips of openings, and each tip's nearest and farthest wall (p,) from a disc."""
+    """Return discs that stop before narrow tips of openings, and in each tip a near and the farthest wall (p,)."""
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
     chain_start, chain_size = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]

@@ -192,7 +192,7 @@ SNAP = 0.05  # Vertices at most this far from a strip's side move onto the side;
 
 
 class LeastWidths(NamedTuple):
-    """The cells after all changes, and the number of changes of each kind.
+    """The cells after all changes, and numbers of filled openings, of bridges, and of strips that widen members.
     merged, necks : slits filled, and bridges built, after members were widened."""
 
     cells: Sheet

@@ -228,7 +228,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
 
 
 def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:
-    """Cut corners without neighbours at their sides off a convex polygon X (s, 3); return rest and corners."""
+    """Cut corners without neighbours at their sides off a convex polygon X (s, 3); return the rest, then corners."""
     count, every = len(X), np.arange(len(X))
     least = 1e-3 * _area(X)  # smaller corners are not cut off
     marked = has_neighbour | np.roll(has_neighbour, 1)

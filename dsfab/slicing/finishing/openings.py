@@ -87,7 +87,7 @@ class Openings:
 
     @cached_property
     def crowded_slits(self) -> Bools:
-        """(o,) mask of slits with a `narrowness` under a limit, for patterns with dense members.
+        """(o,) mask of slits where members are crowded: slits with a `narrowness` under a limit.
         In a dense pattern (small median of `narrowness`), the limit is smaller than `NARROWER` (see `CROWDING`).
         So not all openings are filled."""
         area = np.where(np.isfinite(self.narrowness), np.bincount(self.label, self.void.surface.areas, self.count), 0.0)

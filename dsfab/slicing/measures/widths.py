@@ -283,7 +283,7 @@ def below_limit(sizes: float | Floats, limit: float) -> Bools:
 
 
 def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) -> Floats:
-    """Return limits of about `count` equal bins; one is `limit`. For a small `limit`, only the first bin is narrow."""
+    """Return limits of about `count` equal bins, one at `limit`. For a small `limit`, only the first bin is narrow."""
     if not 0 < limit < end:
         return np.linspace(0, end, count + 1)
     step = limit / max(1, round(limit / end * count))

@@ -62,7 +62,7 @@ def _loose(design: Design) -> float:
 
 
 def _min_width(design: Design) -> float:
-    """Return the width exceeded on 90 % of the stripes' area: 2 d / |grad z|, z = frequency x mode, d = half width."""
+    """Return the width exceeded on 90 % of stripes' area: 2 d / |grad z|, z: frequency x mode, d: half width in z."""
     pattern = design.pattern
     if pattern.even is not None:
         chart_pattern = stripes_on_chart(design)

@@ -121,7 +121,7 @@ def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
 
 
 def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> Ints:
-    """Return face, sample (row of `SAMPLES`), and each face in its plane that covers the sample. V : size 1."""
+    """Return face, sample (row of `SAMPLES`), and each face in its plane covering the sample. V : scaled to size 1."""
     P = V[F]
     normal = unit_vectors(area_vectors(V, F))
     reach = np.maximum(SAG * lengths(P - np.roll(P, 1, axis=1)).max(axis=1), WELD)[faces]
@@ -185,7 +185,7 @@ def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
 
 
 def _tied_faces(edges: EdgeTable, covers: Ints, faces: Ints) -> Bools:
-    """Mark connected groups of `faces` whose removal opens an edge of a remaining face, which overlaps none of them."""
+    """Mark connected groups of `faces` whose removal opens an edge between two faces that do not overlap each other."""
     m, remaining = len(edges.of), np.full(len(edges.ends), -1)
     remaining_faces = np.delete(np.arange(m), faces)
     remaining[edges.of[remaining_faces]] = remaining_faces[:, None]

@@ -144,7 +144,7 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _leading(net: Net, long: Bools, length: Floats) -> Bools:
-    """Return long edges with at least 70 % of the longest edge's length in each of their faces; in needles 100 %."""
+    """Return long edges with at least 70 % of the length of each face's longest `long` edge; in needles 100 %."""
     faces = np.flatnonzero(faces_at(net.edges.of, long))
     edge = net.edges.of[faces]
     marked_length = np.where(long, length, -1.0)[edge]

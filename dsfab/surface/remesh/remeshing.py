@@ -162,7 +162,7 @@ def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _shortest_lengths(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
-    """Return the shortest edge length (k,), metres, wanted by `sizes` at points (k, 3). trees : search trees."""
+    """Return the shortest edge length (k,), metres, of `sizes` at points (k, 3). trees : trees of their surfaces."""
     candidates = []
     for tree in trees:
         if tree_lengths := [field.length for field in sizes if field.surface is tree.surface]:

@@ -151,7 +151,7 @@ def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
 
 
 def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
-    """Return the ratio of `width` to the distance from the common corner of two curves; 0 without a common corner."""
+    """Return `width` over the distance from the common corner of the curves of `start` and `end`; 0 without one."""
     corner, distances = _corners(net)
     slope = np.zeros(len(start))
     for i in range(2):

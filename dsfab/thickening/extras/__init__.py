@@ -21,7 +21,7 @@ Extra = Feet | Ring | Holes | Trim | SplitBodies
 
 
 def with_extras(solid: Solid, extras: Sequence[Extra], base: Base) -> Solid:
-    """Apply extras (feet, rings, holes ...) to a solid, in order; its new `notes` count faces that cross by rounding.
+    """Apply extras to a solid, in order; `notes` of the result counts faces that intersect because of rounding.
     Raises SolidError if an extra has no effect or removes everything, or if the result is not a solid."""
     if not extras:
         return solid

@@ -2,7 +2,7 @@
 
 A prism is the solid over a face. A grid of boxes divides the faces. A cylinder contains the prisms of each box; its
 axis is the mean normal of the box's faces. A box and the boxes around it form its block. The prisms of a box meet no
-other prisms if the projections of all prisms along the axis do not overlap. Two conditions ensure this:
+other prisms if the projections of the prisms along the axis do not overlap. Two conditions ensure this:
 
 1. All skin normals of the block are within 90 degrees of the axis.
 2. The rim of the block's faces goes exactly once around the box's cylinder, without entering it."""

@@ -77,7 +77,7 @@ class Footing:
         return cls(points, up, float(surface.mean_edge), anchor) if len(points) and anchor else None
 
     def legs(self, points: Floats, normals: Floats, widths: Sequence[float]) -> dict[int, Leg | None]:
-        """Return a `Leg` by number of each node (q, 3) near a support; None if its surface slopes under 5 degrees."""
+        """Return the `Leg` of each node (q, 3) near a support, by node number; None at slopes under 5 degrees."""
         away = np.asarray(cKDTree(self.supports).query(points)[0])
         legs: dict[int, Leg | None] = {}
         limits = self.reach + 0.75 * np.asarray(widths)  # largest distance from a node to its support (m)
@@ -312,7 +312,7 @@ def _counter_clockwise(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints,
 
 def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
     """Return half the width of a node plate's arms, and the distance of their folds from the node (m). Sharper `gaps`
-    (angles) put bars farther from the node, with narrower arms. lean : extra distances of tilted bars. long : bays."""
+    (angles) put bars farther off, and narrow the arms. lean : extra distances of tilted bars. long : bay lengths."""
     notch = 0.9  # distance of the corner between two arms from the node, divided by the bars' distance from the node
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2

@@ -134,7 +134,7 @@ def _member_bays(
 def _place_groups(
     keys: list[str], raw_bays: list[_RawBay], places: dict[str, tuple[Floats, Floats]], bolt: float
 ) -> tuple[Ints, int]:
-    """Group nodes joined by bays that are too short for bars, and overlapping free ends. Return groups, bay count."""
+    """Group nodes at bays too short for bars, and free ends that overlap. Return groups and the count of such bays."""
     number = {key: k for k, key in enumerate(keys)}
     half = np.zeros(len(keys))
     ends = np.array([[number[key] for key in raw_bay.ends] for raw_bay in raw_bays], dtype=np.int64).reshape(-1, 2)

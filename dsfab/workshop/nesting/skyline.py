@@ -35,7 +35,7 @@ class PartShape:
 
 @dataclass(frozen=True)
 class ColumnGrid:
-    """Gap between parts, width of a sheet's columns, largest height of a part (m); grain: members lie lengthwise."""
+    """Gap between parts, column width, largest height of a part (m). grain : true if members' parts lie lengthwise."""
 
     gap: float
     step: float

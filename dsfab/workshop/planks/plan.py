@@ -32,7 +32,7 @@ def upright_course(course: StripCourse, depth: float) -> StripCourse:
 
 
 def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, StripCourse], dict[str, StripCourse]]:
-    """Return the courses of all planks, and the courses that end early: at a plank, or before a sharply turning end."""
+    """Return the courses of all planks, and those that end early: at another plank, or before a sharply turning end."""
     members = [m for m in graph.members if is_strip(m)]
     extra_length = 2 * (stock.splice_reach + stock.depth + stock.overhang)
     courses = {m.id: member_course(graph, m, stock.overhang, extra_length) for m in members}

@@ -119,7 +119,7 @@ class TriangleReport:
 
     @classmethod
     def from_mesh(cls, mesh: StepMesh, gate: PieceJudge) -> "TriangleReport":
-        """Check triangles. A fault is stored, as other checks run meanwhile. gate : measures distances to the mesh."""
+        """Check triangles. A fault is stored, not raised, as other checks run meanwhile. gate : measures distances."""
         triangles = step_triangles(mesh)
         forth, back = gate.distances(MM_PER_M * triangles.V, triangles.F)
         try:

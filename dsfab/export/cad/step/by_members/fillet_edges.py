@@ -97,7 +97,7 @@ def curves_beyond(model: NetModel) -> dict[int, Floats]:
 
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
-    """Return edge -> lengths (2,) added to a seam at start and end, as fractions of the seam, and its poles (4, 6)."""
+    """Return edge -> lengths (2,) added to a seam at start and end, as fractions of the seam, and new poles (4, 6)."""
     longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
     shares = dict[int, Floats]()
     for corner in corners:

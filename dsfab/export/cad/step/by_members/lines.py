@@ -53,7 +53,7 @@ class ChainLine:
         return self._divide(lambda a, b, P: (float(a), float(b)) not in marked)
 
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
-        """Divide cubics until `may_stay` accepts all. Cut in the middle, or at a chain's end near the middle."""
+        """Divide cubics until `may_stay` accepts all. Cut at a chain's end near the middle, or else in the middle."""
         shortest = 1 / 16  # shortest span that is divided; otherwise, division may never end
         middle_share = 1 / 4  # a cut at a chain's end is nearer to the cubic's middle than this fraction of the cubic
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]

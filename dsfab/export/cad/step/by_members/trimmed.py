@@ -59,7 +59,7 @@ class FaceDomain:
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
         """Choose two of the directions `ways` (k, 2) as right-handed sides of a parallelogram.
-        The corners, on a quadratic surface fitted to all points, must be outside of `box` by the least distance."""
+        Its corners, on a quadratic surface fitted to all points, leave `box` as little as possible."""
         least_sine = 1 / 4  # sine of the angle of the sides; at smaller angles, a bent surface would have folds
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
@@ -99,7 +99,7 @@ def _outside(points: Floats, box: Floats) -> Floats:
 
 SPLIT = 0.045
 """Widest gap (mm) between a face and an edge that OCCT may cut, measured at 23 points of the edge.
-Parts of a cut edge have their own 23 points, where OCCT allows wider gaps: 0.05 mm (`BOPAlgo_Builder::PostTreat`)."""
+Parts of a cut edge have their own 23 points, where OCCT allows gaps up to 0.05 mm (`BOPAlgo_Builder::PostTreat`)."""
 
 EDGE_WEIGHTS = (100.0, 10.0)
 """Weights of edge points in trial fits of a face; inner points have weight 1. The last trials have the smaller one."""

@@ -90,7 +90,7 @@ def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[Trimme
 def _with_peaks(
     face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int], exact_poles: Mapping[int, Floats]
 ) -> TrimmedFace:
-    """Move widest gaps of a face's seams to places where OCCT measures. exact_poles : by edge, of an exact face."""
+    """Move widest gaps at a face's seams to where OCCT measures. exact_poles : by edge, curves of an exact face."""
     fine = 5e-4  # mm; if an edge has a smaller gap, the poles of its face are written with all digits
     face_edges = sorted({e for loop in face.loops for e, _ in loop})
     seams = [e for e in face_edges if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]

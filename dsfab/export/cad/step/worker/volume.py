@@ -14,7 +14,7 @@ MANY_EDGES = 16  # faces with at least this many edges are integrated by Green's
 
 
 class PlaneSpline(NamedTuple):
-    """Curve in a surface's parameters. knots : with repetitions.   way : 1 if a face's edge runs forwards, else -1."""
+    """Curve in a surface's parameters. knots : with repetitions.    way : 1 if the face's edge follows it, else -1."""
 
     degree: int
     knots: list[float]
