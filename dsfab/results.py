@@ -86,7 +86,7 @@ class EvenStripes:
     """Lines of evenly spaced stripes, major and minor, of any width. An unused family has no phase.
 
     phases  : phases of each family's finest lines, before halving (removal of each second line).
-    wanted  : (m,) fraction of each face without removed lines, for each family and each halving, finest lines first.
+    wanted  : (m,) share of each face where a halving removes no lines; for each family and halving, finest lines first.
     slope   : (n, 2) finest lines per metre.    density : (n, 2) lines per metre after halving.
     first   : number of the family, 0 or 1, whose finer lines are added first.
     chart   : surface divided at ends of lines, with both phases, for pictures and measures.
@@ -177,8 +177,8 @@ class Attempt(NamedTuple):
 
     @property
     def rank(self) -> tuple[bool, bool, bool, bool, float]:
-        """Sort key, the best first: not refused, no dead ends, no plate of filled openings, no slits, then stiffest.
-        The last number is compliance times share of material, rounded so that mirror images are equal."""
+        """Sort key, least first: flags for refused, dead ends, plates (filled openings), slits; then softness.
+        Softness is compliance times share of material, rounded so that mirror images are equal."""
         soft = float("inf") if self.refused else float(f"{self.compliance * self.kept:.3g}")
         return bool(self.refused), self.dead_ends > 0, self.plate > 0, self.slits > 0, soft
 
@@ -188,17 +188,16 @@ class PatternResult:
     """Stage 4: named fields, linear on faces, and the values at which each field is cut (`dsfab.slicing.cutting.cut`).
 
     fields      : (n,) values at vertices, or (n, 2) for stripes of varying width; a `CornerField` for evenly spaced
-                  stripes; a `DividedField` for kept regions. A point has material if an odd number of
-                  levels lie below the field value there. A family may have several fields, coarse lines first.
+                  stripes; a `DividedField` for kept regions. A point has material if an odd number of levels
+                  lie below the field value there. A family may have several fields: widely spaced lines come first.
     half_widths : (n,) d for each field: a family has material where |z - k| < d for an integer k. For stripes on modes,
-                  z is frequency x + phase. For even stripes, z is an integer on remaining lines. Other fields: d = inf.
+                  z is frequency x + phase. For even stripes, z is an integer on lines left by halving. Others: d = inf.
     factor      : factor on the widths, which gives pattern.width.solid_fraction; 1 without this key.
     frequency   : frequencies of the major and of the minor stripes, from `spacing` if the preset has it.
     mode, phase : modes and phases of both families; for `auto` the results.
-    choice      : trials for `auto`, or None.
     even        : lines of evenly spaced stripes; None for stripes that follow diffusion modes.
     asked       : section [pattern] of the preset, with a value in place of each `auto`; None without `auto`.
-    tidy        : rules by which finishing removes stripes, or None.
+    choice      : trials for `auto`, or None.    tidy : rules by which finishing removes stripes, or None.
     attempts    : trials for the method `auto`, best first; empty for another method.
     trial       : last cut of the search for widths, for use by slicing; not pickled."""
 
@@ -255,7 +254,7 @@ class FilledOpenings(NamedTuple):
 
     @property
     def message(self) -> str:
-        """A sentence on openings that form a plate."""
+        """A sentence on neighbouring filled openings, which form a plate (an area without openings)."""
         x, y, z = (np.round(self.place, 2) + 0.0).tolist()
         return (
             f"{self.openings} filled openings lie side by side around ({x:g}, {y:g}, {z:g}) m, where stripes come "

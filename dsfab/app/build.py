@@ -61,7 +61,7 @@ class PictureFlags:
             probe_ahead()
 
     def drawable(self, reporter: Reporter) -> "PictureFlags":
-        """Return these flags, or flags without pictures if this machine cannot draw."""
+        """Return these flags, or default flags without pictures if this machine cannot draw requested pictures."""
         from dsfab.render.opengl import why_no_pictures
 
         why = why_no_pictures() if self.picture or self.marked else ""

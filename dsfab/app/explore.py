@@ -121,7 +121,7 @@ class TileOptions:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class FilmOptions:
-    """Options of a film, whose pictures follow the values of one key."""
+    """Options of a film. Its pictures show the values of the single key that is varied."""
 
     animate: Annotated[
         Literal["gif", "webp"] | None, Parameter(help="Also make a film over the one key that is varied: gif or webp.")

@@ -42,7 +42,7 @@ class FirstPicture:
 
     @property
     def draws_sketches(self) -> bool:
-        """True if the drawing process draws a sketch."""
+        """True if the drawing process also draws a sketch (because `on_sketch` was given)."""
         return self._told is not None
 
     def __enter__(self) -> Self:
@@ -65,7 +65,7 @@ class FirstPicture:
             raise
 
     def draw(self, sketch: "Design", path: Path, pixels: tuple[int, int], options: dict[str, Any]) -> None:
-        """Start to draw the sketch; later calls do nothing. Draw nothing if `path` is an unreadable file.
+        """Start to draw the sketch; later calls do nothing. Draw nothing if an old file at `path` is unreadable.
         sketch  : see `Design.sketch`.    options : options of `dsfab.render.previewer.Previewer`."""
         if self._sketched:
             return

@@ -127,7 +127,7 @@ NO_MESH_FLAGS = MeshFlags()  # dsfab chooses supports and loads.
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Source(MeshFlags):
-    """Changes of a preset on the command line."""
+    """Options of the command line that change a preset, such as --set and --mesh."""
 
     set_: Set = ()
     mesh: Mesh = None

@@ -37,7 +37,7 @@ SHOW_WORDS = {
 """Words of --show that are not the name of a single picture, with the pictures that they show."""
 
 SHOWN_ON_REQUEST = {"utilisation": "strength", "buckling": "buckling", "frequency": "frequencies"}
-"""Pictures that `--show all` includes only if the preset sets a key of [statics], each with this key."""
+"""Pictures that `--show all` includes only if the preset sets a certain key of [statics]: picture -> key."""
 
 
 def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
@@ -88,7 +88,7 @@ class PictureOptions:
     ] = None
 
     def page(self, preset: "Preset", folder: Path = Path()) -> PreviewPage:
-        """Return a preset's page; without --output its file is in `folder`. Raises DsfabError for a wrong option."""
+        """Return a preset's page; its file is in `folder` without --output. Raises DsfabError for a wrong option."""
         from dsfab.render.drawing import check_ground
 
         names = (self.show.strip(),) if self.show.strip() in FINISHED_PICTURES else picture_names(self.show, preset)
@@ -110,7 +110,7 @@ def preview(
     watch: Annotated[bool, Switch(help="Draw again when the preset file is saved, until Ctrl-C.")] = False,
     quiet: Quiet = False,
 ) -> int:
-    """Draw a preset in seconds: evenly spaced stripes as in a build, other patterns and all fields on the uncut sheet.
+    """Draw a preset in seconds: evenly spaced stripes as built, other patterns and all fields on the uncut sheet.
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ def _draw_structure(
     reporter: Reporter,
     first_picture: FirstPicture | None,
 ) -> bool:
-    """Draw the built sheet, without loose ends and sharp corners of an uncut pattern; return False if impossible."""
+    """Draw the sheet as built, after cutting and thickening; return False without even stripes or if cutting fails."""
     from dsfab.render.design_picture import structure_drawing
     from dsfab.render.opengl import require_rendering
     from dsfab.render.picture import write_png

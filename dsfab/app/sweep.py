@@ -69,7 +69,7 @@ class PlanOptions:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Work:
-    """Folder and workers of a sweep, and runs to repeat."""
+    """Folder and workers of a sweep, and which earlier runs a continued sweep repeats."""
 
     output: Annotated[Path | None, OutputName(help="The sweep's folder [outputs/NAME-sweep].")] = None
     workers: Annotated[int | None, Parameter(help="Number of processes [all cores, if memory suffices].")] = None
@@ -86,7 +86,7 @@ class Work:
         return ("killed", "failed") if self.retry == "all" else (self.retry,)
 
     def folder(self, what: str, varied: bool) -> Path | None:
-        """Return the sweep's folder; None for a new sweep without -o. Raises DsfabError if -o differs from `what`."""
+        """Return `what` if it is a sweep's folder, else -o or None. Raises DsfabError if -o differs from it."""
         if _is_sweep_folder(what, varied):
             if self.output is not None and self.output.resolve() != Path(what).resolve():
                 raise DsfabError(f"{what} is a sweep's folder, and the sweep continues in it; leave out -o")

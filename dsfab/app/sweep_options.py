@@ -1,4 +1,4 @@
-"""Options of `dsfab sweep` as tables of a sweep file, so that the same code checks both."""
+"""Options of `dsfab sweep` as tables of a sweep file, so that the same code checks options and files."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -41,7 +41,7 @@ class SweepProgress:
             self._best = (value, number)
 
     def __call__(self, progress: Progress) -> None:
-        """Report the end of a run, or the start of the first run."""
+        """Report the run that ended last, if any, and the progress of the sweep."""
         outcome = progress.last
         if outcome is not None and outcome.error:
             limit = 110  # characters of the reason that are shown; the log has the whole reason

@@ -84,7 +84,7 @@ TEST_HEAD = (
     *("test", "mesh", "elements", "cells", "unknowns", "value", "reference"),
     *("ratio", "of limit", "rate", "target", "verdict"),
 )
-"""Head of the table. `of limit` is the value divided by the limit of thin sheets; empty if that is the reference."""
+"""Head of the table. `of limit` is the value / the limit of thin sheets; empty if that limit is the reference."""
 
 PAGE = Path("outputs/verification")  # Default folder of the page.
 

@@ -30,7 +30,7 @@ def lock(owner: object, name: str, dtype: Any, shape: tuple[int | None, ...]) ->
 
 
 def lock_floats(owner: object, **shapes: tuple[int | None, ...]) -> None:
-    """Replace fields of a frozen dataclass by read-only copies in floats. shapes : their shapes by name, see `lock`."""
+    """Replace fields of the frozen dataclass `owner` by read-only float arrays. shapes : shape by field, see `lock`."""
     for name, shape in shapes.items():
         lock(owner, name, np.float64, shape)
 

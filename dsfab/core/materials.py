@@ -44,7 +44,7 @@ def _steel(name: str, strength: int, source: str = "") -> NamedMaterial:
 
 
 def _timber(name: str, young: float, density: float, strength: float, says: str, source: str) -> NamedMaterial:
-    """Return a timber with values along its grain. says : derivation of the strength.    source : of the values."""
+    """Return a timber with values along its grain. says : derivation of the strength.    source : source of values."""
     source += "; strength factors EN 1995-1-1; thermal expansion EN 1991-1-5; Poisson's ratio assumed"
     return NamedMaterial(name, young, 0.3, density, strength, 5e-6, f"tension along the grain {says}", source)
 

@@ -72,7 +72,7 @@ class StageResults:
         return any(name in self.results for name in RESULT_NAMES.get(stage, (stage,)))
 
     def result(self, name: str, compute: Callable[[], T]) -> T:
-        """Return the result `name`, computed on first access; then delete the inputs of its stage."""
+        """Return the result `name`, computed on first access; then delete the stored inputs of the stage `name`."""
         if name not in self.results:
             self.results[name] = compute()
             for key in [key for key, (stage, _) in self.inputs.items() if stage == name]:
@@ -129,8 +129,8 @@ class Design:
 
     @classmethod
     def from_preset(cls, preset: Preset, earlier: "Design | None" = None, progress: Progress | None = None) -> "Design":
-        """Return a design. It shares results of `earlier` from the stages before the first section with other values.
-        Raises PresetError if `preset` is not a preset, or if its thickness is 'auto'."""
+        """Return a design. It shares results of `earlier` from the stages before the first changed section of the
+        preset. Raises PresetError if `preset` is not a preset, or if its thickness is 'auto'."""
         if not isinstance(preset, Preset):
             raise PresetError(missing_preset(preset))
         if not preset.statics.is_sized:
@@ -168,7 +168,7 @@ class Design:
         return self._results.has(stage)
 
     def cached_result(self, stage: str, name: str, make: Callable[[], T]) -> T:
-        """Return `make()`, called once and stored under `name`. A revision keeps it if only later stages change."""
+        """Return `make()`, called once and stored under `name`; a design with changes only to later stages keeps it."""
         return self._results.derived_value(stage, name, make)
 
     def existing_result(self, name: str) -> Any:

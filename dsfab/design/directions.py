@@ -84,7 +84,7 @@ def _tensors(preset: Preset, surface: Surface, statics: StaticsResult) -> tuple[
 
 
 def without_modes(preset: Preset, surface: Surface, statics: StaticsResult) -> DiffusionResult:
-    """Return the tensors without modes, for evenly spaced stripes."""
+    """Return the diffusion tensors. Compute no modes, because evenly spaced stripes need none."""
     none = Modes(np.zeros(0), np.zeros((surface.n, 0)))
     return DiffusionResult(_tensors(preset, surface, statics)[1], none, none)
 
@@ -113,12 +113,12 @@ class Steering:
     loops: tuple[LoopSurroundings, ...] = ()
 
     def with_loops(self, frames: Frames, stress: StressDirections) -> "Steering":
-        """Return a `Steering` with one more guide around each of the small boundary loops in `loops`."""
+        """Return a copy with a guide (curve that steers stripes) around each small boundary loop in `loops`."""
         around = (loop.guidance(frames, stress, self.turn) for loop in self.loops)
         return replace(self, guidance=(*self.guidance, *around), loops=())
 
     def confidence(self, surface: Surface, stress: Floats) -> Floats:
-        """Return how clear the stripe direction is on each face (m,), 0 to 1. stress : (m,) clarity by stress alone."""
+        """Return how clear the stripe direction is on each face (m,), 0 to 1. stress : (m,) the same without guides."""
         return np.minimum(stress + self.guide_weights(surface), 1.0) if self.guidance else stress
 
     def guide_weights(self, surface: Surface) -> Floats:
@@ -142,9 +142,9 @@ class Steering:
 
 
 def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacing: float) -> Steering:
-    """Return the changes of stripe directions in a [pattern] section.
-    symmetry : symmetry of surface, supports and loads.    spacing : default reach of guides, metres.
-    Raises PatternError for an angle on a one-sided surface, and for a guide without effect."""
+    """Return the changes that a [pattern] section makes to stripe directions.
+    symmetry : symmetry of surface, supports and loads.    spacing : default distance up to which guides act, metres.
+    Raises PatternError for an oblique `rotate` on a one-sided surface, and for a guide without effect."""
     oblique = options.rotate % 90 != 0
     if oblique and one_sided_pieces(frames.surface.F, frames.surface.edges).any():
         raise PatternError(

@@ -45,12 +45,11 @@ SLOPES = (0.6, 1.6)
 
 @dataclass(frozen=True, eq=False)
 class FamilyLines:
-    """The lines of one family: curves on which its phase is a whole number. Each halving ends every second line.
-    most  : largest number of halvings.
-    wish  : (m,) wanted number of halvings on each face, 0 to `most`.
+    """The lines of one family: curves on which its phase is a whole number. A halving ends every second line.
+    most  : largest number of halvings.    wish : (m,) wanted number of halvings on each face, 0 to `most`.
     free  : (m,) wanted number of halvings on each face, without limits.
     slope : (n,) lines per metre at each vertex, before halving.
-    grown : mean number of lines per metre, divided by the mean of the requested numbers."""
+    grown : mean number of lines per metre before halving, divided by the mean wanted number."""
 
     phase: CornerPhase
     most: int
@@ -106,7 +105,7 @@ class StripeDirections:
         return cross(self.frames.normal, self.along), self.along
 
     def steered_with_members(self, families: Sequence[FamilyLines]) -> StripeSteering | None:
-        """Return the record of changed directions, with a note on each guide curve that becomes a member."""
+        """Return the record of steered stripe directions, with a note on each guide curve that becomes a member."""
         if self.steered is None or not self.members:
             return self.steered
         surface, messages = self.frames.surface, [self.steered.told] * bool(self.steered.told)
@@ -135,8 +134,8 @@ def stripe_directions(
     options: Pattern, frames: Frames, stress: StressDirections, steer: Steering, images: Images, length: float
 ) -> tuple[Floats, Bools]:
     """Return directions (n, 3) of the major stripes, smoothed over `length` (m), and a mask (n,) of vertices where
-    major stripes follow the minor principal stress. There the direction of the larger stress has changed by 90 degrees,
-    and members keep their own. steer : changes by the user.    images : symmetric images of the surface."""
+    major stripes follow the minor principal stress. At these vertices the direction of the larger stress has changed by
+    90 degrees, and members keep their directions. steer : changes by the user.    images : symmetric images."""
 
     def smooth(stress: StressDirections, length: float) -> Floats:
         guidance = steer.with_loops(frames, stress).guidance
@@ -168,7 +167,7 @@ def _exchanged_on(directions: StressDirections, faces: Bools) -> StressDirection
 
 
 def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
-    """Return a mask (n,) where major and minor swap names; all False with guides or `rotate`, or if not symmetric."""
+    """Return a mask (n,) where major and minor swap names; all False with guides or `rotate`, or if asymmetric."""
     crossed = family_crossings(frames, along)
     symmetric = np.abs(images.mean(crossed.astype(float)) - crossed).max() < 0.5
     return crossed if symmetric and not options.is_steered else np.zeros_like(crossed)
@@ -189,7 +188,7 @@ class FamilyCourse:
 
     @classmethod
     def for_family(cls, directions: StripeDirections, name: str, halve: bool) -> Self:
-        """Return directions and density of family `name`. `start` is the relative stress to the fourth power."""
+        """Return directions and density of family `name`. `start` is (stress / largest stress) ** 4 at each vertex."""
         g = directions.gradients[FAMILIES.index(name)]
         surface = directions.frames.surface
         size = vertex_means(surface, np.abs(directions.given.stress).max(axis=1))
@@ -234,7 +233,7 @@ def _movement(preset: Preset, surface: Surface, statics: StaticsResult) -> Float
 
 
 def no_lines(surface: Surface, spacing: float) -> FamilyLines:
-    """Return a family without lines. All of its faces are marked as singular."""
+    """Return a family without lines. All of its faces are singular, so they have no phase. `slope` is 1 / `spacing`."""
     sides = (surface.m, 3)
     phase = CornerPhase(np.zeros(surface.n), np.ones(sides), np.zeros(sides), np.ones(surface.m, dtype=bool))
     return FamilyLines(phase, 0, np.zeros(surface.m), np.zeros(surface.m), np.full(surface.n, 1 / spacing), 1.0)
@@ -248,7 +247,7 @@ def _symmetry(preset: Preset, surface: Surface, statics: StaticsResult) -> Symme
 
 
 def _slope(surface: Surface, size: Floats, singular: Bools, wanted_density: Floats) -> Floats:
-    """Return lines per metre (n,) around each vertex, near `wanted_density` (n,). size : (m,) length of gradients."""
+    """Return lines per metre (n,) at each vertex, near `wanted_density` (n,). size : (m,) length of phase gradients."""
     regular = (~singular).astype(float)
     mean, regular_share = vertex_means(surface, np.stack([size * regular, regular], axis=1)).T
     slope = np.divide(mean, regular_share, out=wanted_density.copy(), where=regular_share > 0)
@@ -283,7 +282,7 @@ FINEST = 0.5  # Smallest spacing of stripes, divided by the mean edge length.
 
 def same_stripes(earlier: Pattern, current: Pattern) -> bool:
     """Return True if two [pattern] sections give the same centre lines. The sections may differ in widths, kept regions
-    and keys for modes. With `rounds` they must be equal, because stripes then depend on their own weight."""
+    and keys for modes. If `current.rounds` > 0, the stripes depend on their own weight, so all keys must be equal."""
     if current.rounds:
         return earlier == current
 
@@ -321,7 +320,7 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
 def _redrawn_lines(
     directions: StripeDirections, courses: dict[int, FamilyCourse], families: list[FamilyLines], spacings: list[float]
 ) -> "_DividedFamilies":
-    """Draw families again if their mean spacing is off by over 5 %, and without halving if still off by over 30 %."""
+    """Draw families again if their mean spacing is off by over 5 %; if still over 30 %, draw them without halving."""
     surface, result = directions.frames.surface, _DividedFamilies.from_lines(directions, *families)
     tries = [result]
     for limit, halve in ((0.05, True), (0.3, False)):
@@ -374,7 +373,7 @@ def _digits(length: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _DividedFamilies:
-    """Families of lines after halving. density : (n, 2) remaining lines per metre, the mean of all symmetric images."""
+    """Families after halving of their lines. density : (n, 2) lines per metre that remain, mean of symmetric images."""
 
     both: tuple[FamilyLines, FamilyLines]
     halved: LineHalving

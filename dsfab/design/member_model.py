@@ -168,7 +168,7 @@ def beam_agreement(
 def _sheet_and_bar_answers(
     model: SheetModel, loads: Mapping[str, LoadCase]
 ) -> tuple[Mapping[str, Equilibrium], Mapping[str, Equilibrium]]:
-    """Return results for ribs that twist like a sheet, and like bars; equal for loads in plane, or if bars fail."""
+    """Results for ribs that twist like sheets, and like bars; equal without bending, or if bars have no result."""
     try:
         as_bars = solve_for(model, loads, "displacement", bars=True)
     except StaticsError:

@@ -1,4 +1,4 @@
-"""Search for the best pattern method: it compares modes and even stripes, width rules, forces and spacings."""
+"""Search for the best pattern method. It compares modes with even stripes, and tries width rules, forces, spacings."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -30,8 +30,8 @@ from dsfab.surface import Surface
 
 EXCHANGEABLE_RULES = ("constant", "graded")  # The search may replace these width rules if there is a solid fraction.
 SPACINGS = (0.75, 1.25)
-"""Factors on the default spacings. In flat sheets loaded in their plane, closer stripes are mostly stiffer if the mesh
-is fine enough."""
+"""Factors on the default spacings. The search also tries these spacings. In flat sheets loaded in their plane, closer
+stripes are mostly stiffer if the mesh is fine enough."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ def stressed_candidates(
 def optimal_force_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the best evenly spaced stripes again, now along the forces in the stiffest sheet of varying thickness.
+    """Yield the stiffest evenly spaced candidate, redrawn along the forces in the stiffest sheet of varying thickness.
     Yield nothing if the width rule must not change, if the user sets directions, or if the pattern follows bending."""
     options = preset.pattern
     stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
@@ -142,7 +142,7 @@ def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple
 
 
 def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) -> MethodCandidate:
-    """Return a candidate, cut completely with defaults of [slicing], and solved with the same elements as trials."""
+    """Return a candidate, cut as in a build with default [slicing] options, and solved with the elements of trials."""
     preset = candidate.preset.model_copy(update={"slicing": Slicing()})
     trial, log = Trial(preset, analysis, candidate.even), Log(None)
     try:
@@ -191,8 +191,8 @@ def uncrowded_candidate(
 
 
 def uncrowded_changes(design: DesignDraft, plate: FilledOpenings) -> Iterator[dict[str, object]]:
-    """Yield up to four changes of [pattern] that may avoid a solid plate of filled openings: a larger `keep`, a larger
-    spacing, other families, and a rotation."""
+    """Yield up to four changes of [pattern] that may prevent a plate (a group of filled openings): a larger `keep`, a
+    larger spacing, other families, and a rotation."""
     options, surface, load = design.preset.pattern, design.surface, design.statics.load
     spacings = {name: getattr(options, name).distance(surface.area, surface.mean_edge) for name in options.family_names}
     distance = np.linalg.norm(surface.V[load.supported | load.loaded] - plate.place, axis=1).min(initial=np.inf)
@@ -208,7 +208,7 @@ def uncrowded_changes(design: DesignDraft, plate: FilledOpenings) -> Iterator[di
 
 
 def methods(preset: Preset) -> list[tuple[str, bool]]:
-    """Return the methods to try, as pairs (name, halve). halve : every second stripe ends where stripes crowd."""
+    """Return the methods to try, as pairs (name, halve). halve : every second stripe may end in dense places."""
     halved = [("stripes", True)] if preset.pattern.may_halve else []
     modes = [] if preset.pattern.is_steered else [("modes", preset.pattern.halve)]  # modes cannot follow guides
     return [*halved, ("stripes", False), *modes]
@@ -259,7 +259,7 @@ def _with_quality(
     cells: Sheet,
     sheet: Sheet,
 ) -> MethodCandidate:
-    """Return a candidate with sheet and flaws. worth : compliance (J), its ratio to the uncut sheet, material share."""
+    """Return a copy with sheet and flaws. worth : compliance (J), compliance / uncut compliance, material share."""
     drafted = DesignDraft(candidate.preset, analysis.surface, analysis.statics, analysis.diffusion, pattern)
     quality = measured_pattern(drafted, symmetry=False, cells=cells, sheet=sheet)
     attempt = Attempt(candidate.attempt.name, *worth, quality.dead_ends, quality.slits)
@@ -271,7 +271,7 @@ def _exchangeable(width: Width) -> bool:
 
 
 def _width_variants(width: Width) -> dict[str, Width]:
-    """Return width rules to try, by name. Half of q suits structures that mainly carry their own weight."""
+    """Return width rules to try, by name. A halved exponent `q` suits structures that mainly carry their own weight."""
     if not _exchangeable(width):
         return {width.rule: width}
     gentle = 0.5 * width.q
@@ -310,7 +310,7 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
 
 
 def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return candidates, with up to four nearly equal ones as built. Slicing can continue from the last, best cut."""
+    """Return candidates; up to four nearly best are cut as in a build, the best last, so that slicing can continue."""
     *flaws, soft = min(candidate.attempt.rank for candidate in candidates)
     limit = (*flaws, (1 + NEAR_BEST) * soft)
     shares = [other for other in candidates if other.sheet and other.preset.pattern.width.solid_fraction]

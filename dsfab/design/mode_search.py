@@ -132,11 +132,11 @@ class Trial:
 
 
 LEAST_HALF_WIDTH, MOST_HALF_WIDTH = 0.01, 0.55
-"""Limits of half-widths in the search, in periods. Within them, stripes and openings may vanish and come back."""
+"""Limits of half-widths in the search, in periods. The range is wide: stripes and openings can vanish and come back."""
 
 
 class WidthStep(NamedTuple):
-    """Step of the rule `stressed`. worth : compliance (J) times share of material.    after : next half-widths."""
+    """Trial of the width rule `stressed`. worth : compliance (J) * share of material.    after : next half-widths."""
 
     worth: float
     grading: Floats
@@ -146,8 +146,8 @@ class WidthStep(NamedTuple):
 def stressed_step(
     preset: Preset, analysis: StressedSurface, log: Log, even: EvenStripes | None = None
 ) -> Floats | None:
-    """Return the best relative half-widths (n, 2) of major and minor stripes, from pattern.width.steps trials.
-    The best has the smallest compliance times material. Return None if the first trial does not carry its loads."""
+    """Return relative half-widths (n, 2) of major and minor stripes: those with the smallest product of compliance and
+    material, of pattern.width.steps trials. Return None if the first trial does not carry its loads."""
     steps = _steps(StressedTrial(preset, analysis, even), log)
     if not steps:
         return None
@@ -251,11 +251,11 @@ START = (0.25, 0.0, 0.5, 0.75)
 """Phases of the first round if the search chooses the modes of both families, which then have the same phase. All four
 phases are tried if a family has mode 1. Otherwise only the first is tried: higher modes hardly depend on the phase."""
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
-"""Phases of the first round, in all combinations. First list: the search chooses no mode. Second list: one mode."""
+"""Phases of the first round, in all combinations. First list: the preset sets both modes. Second list: it sets one."""
 TOGETHER = ((1, 1), (-1, -1))  # Equal changes of the phases of both families, in steps of `ROUNDS`.
 AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Changes of the phases of major and minor stripes.
 ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))
-"""Later rounds of the search: number of best pairs of modes, step of their phases (periods), and changes to try."""
+"""Later rounds of the search: number of best pairs of modes, step of the phases (periods), and changes of phases."""
 CONNECTED_SHARE = 0.98
 """Smallest share of the material in the largest supported piece. Designs below it come last in the search."""
 ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]  # Modes and phases of both families.
@@ -263,8 +263,8 @@ ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]  # Modes and phases
 
 def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
     """Return the candidates for modes and phases that are `auto`, best first. The best candidate has the smallest
-    product of compliance and material. At most 57 are tried. With the width rule `stressed`, trials use graded widths.
-    Then `stressed_choice` selects the first candidate.
+    product of compliance and material. At most 57 are tried. With the width rule `stressed`, trials use graded widths,
+    and `stressed_choice` then puts the candidate that is best with `stressed` first.
     Raises PatternError if no candidate carries the loads."""
     candidates: dict[ModesAndPhases, Candidate] = {}
     with log.row("choice"):

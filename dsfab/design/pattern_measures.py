@@ -122,7 +122,7 @@ def stripes_on_chart(design: PatternedDesign) -> StripeChart:
 
 
 def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternResult) -> Chart:
-    """Return the surface with the phases of modes. At vertices (n, 2), they are frequency times mode x, plus phase."""
+    """Return the surface with phases (n, 2) at vertices: mode value times frequency, plus the phase of the pattern."""
     modes = zip((diffusion.major, diffusion.minor), pattern.mode, strict=True)
     x = np.stack([family.mode(number) for family, number in modes], axis=1)
     z = x * np.array(pattern.frequency) + np.array(pattern.phase)
@@ -142,7 +142,7 @@ def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> 
 
 
 def followed_directions(design: PatternedDesign) -> StressDirections:
-    """Return the directions that both families follow, and the stresses along them; absolute values with `rotate`."""
+    """Return directions that the families follow, and the stress along each; with `rotate`, from absolute values."""
     preset = design.preset
     stress, direction = principal_stresses(design.surface, followed_stress(preset, design.surface, design.statics))
     if design.pattern.even is None and preset.diffusion.labelling == "magnitude":
@@ -227,7 +227,7 @@ def _is_material(stripes: StripeChart, points: Floats) -> Bools:
 
 def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3) -> FilledOpenings | None:
     """Return the largest group of filled openings with at most `apart` metres between neighbours, or None.
-    samples : number of largest cells of each opening that are checked. If all are material, the opening is filled."""
+    samples : number of cells to check in each opening, largest first. If all are material, the opening is filled."""
     openings = openings_of(before)
     if openings is None:
         return None

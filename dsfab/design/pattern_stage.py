@@ -25,7 +25,7 @@ from dsfab.surface import LoadParts, Surface
 
 
 def stripes_under_own_weight(preset: Preset, analysis: StressedSurface, log: Log) -> EvenStripes:
-    """Return even stripes, computed again `rounds` times with their weight. Raises PatternError like `even_stripes`."""
+    """Return stripes, redrawn `pattern.rounds` times for their own weight. Raises PatternError like `even_stripes`."""
     log.report("pattern", "finding evenly spaced stripes along the stress")
     surface, statics = analysis.surface, analysis.statics
     even = even_stripes(preset.with_pattern(weight_rounds=0), surface, statics)
@@ -71,7 +71,7 @@ def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) ->
 
 
 def statics_with_weight_share(preset: Preset, surface: Surface, statics: StaticsResult, share: Floats) -> StaticsResult:
-    """Return `statics`, solved again with a share (m,) of each face's weight, for cases that the pattern follows."""
+    """Return `statics` with the cases that the pattern follows solved again for a share (m,) of each face's weight."""
     layered = any(case.layered is not None for case in statics.cases.values())
     follow = "layers" if layered else "membrane"  # the pattern follows the same kind of stress as in `statics`
     section = preset.statics.model_copy(update={"frequencies": 0, "buckling": 0, "stress": follow})
@@ -110,7 +110,7 @@ def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[f
 
 
 class EarlierStripes(NamedTuple):
-    """Evenly spaced stripes of an earlier design with the same surface and stress. asked : its [pattern] section."""
+    """Evenly spaced stripes of an earlier design with the same surface and stress. asked : the earlier [pattern]."""
 
     asked: Pattern
     even: EvenStripes
@@ -145,7 +145,7 @@ def chosen_method(
 
 
 def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: ChosenMethod) -> PatternResult:
-    """Return the stripes by the chosen method. If `method_step` drew these stripes, log row `method` has their time."""
+    """Return the stripes by the chosen method. If `method_step` drew them, their time is in the log row `method`."""
     candidate, before = chosen.way, len(log.notes)
     log.seconds.setdefault("pattern", 0.0)
     pattern = candidate.drawn or pattern_step(

@@ -37,7 +37,7 @@ from dsfab.surface import (
 )
 
 IMAGE_DIFFERENCE = 0.3
-"""Largest allowed difference of a region or guide from its symmetric image, divided by its area; meshes are uneven."""
+"""Largest difference of a region or guide from its symmetric image, as a fraction of its area; meshes are uneven."""
 
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
@@ -86,7 +86,7 @@ def whole_surface(preset: Preset, surface: Surface) -> Surface:
 
 
 def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
-    """Return the surface before its voids were cut out, and the number (n,) there of each vertex of `surface`."""
+    """Return the surface before its voids were cut out, and on it the number (n,) of each vertex of `surface`."""
     results = derived_results(surface)
     if _before_voids not in results:
         from dsfab.design.surface_and_statics import base_surface  # at the top, this import would be circular
@@ -184,7 +184,7 @@ def loadings(preset: Preset, surface: Surface) -> list[Loading]:
 
 @dataclass(frozen=True, eq=False)
 class CoveringLoads:
-    """Material of a cut sheet that carries loads on a covering, such as glass, on the m faces of the uncut surface.
+    """Material of a cut sheet that carries the loads on a covering, such as glass. The uncut surface has m faces.
     to      : (m,) for each face, number of the face whose material carries the load on this face; or -1.
     area    : (m,) area of material in each face, m2.    place : (m, 3) centre of this material, metres.
     opening : (m,) number of the opening to which a face belongs; -1 for faces with material."""
@@ -229,7 +229,7 @@ class CoveringLoads:
         return force
 
     def _by_opening(self, load: Floats) -> Floats:
-        """Return forces (m, 3), N, on faces with material, if possible with the moment of the load on each opening."""
+        """Return forces (m, 3), N, on faces with material. If possible, they keep the moment of an opening's load."""
         loaded_faces = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
         force = group_sums(self.to[self.to >= 0], load[self.to >= 0], len(load))
         # a face may carry the covering's load over several openings
@@ -299,8 +299,8 @@ def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[L
 
 
 def permanent_loads(preset: Preset, surface: Surface, load: LoadCase) -> dict[str, LoadCase]:
-    """Return the loads whose mass vibrates with the sheet besides its own: cladding and other permanent loads, each
-    once if several cases repeat it; and `statics.snow_mass` times the heaviest case of snow.
+    """Return loads whose mass vibrates with the sheet, besides its own mass: cladding, other permanent loads, and snow.
+    A permanent load counts once if several cases repeat it. Only the heaviest snow counts, times `statics.snow_mass`.
     load : load case with the supports."""
     by_case, snow, permanent = dict[str, list[Load]](), dict[str, list[Load]](), list[Load]()
     for entry in acting_on(preset, surface).load:
@@ -343,10 +343,9 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: Coverin
     """Return the supports and loads of the uncut surface on a sheet that was cut from it.
     covering : the `CoveringLoads` of this sheet, if the caller has it.
 
-    A concentrated force on a removed vertex moves to the nearest vertex of the sheet, which changes its moment. Weight
-    and loads on material act on the remaining material. A load on a covering acts on the nearest material, with the
-    same resultant and moment.
-
+    A concentrated force on a removed vertex moves to the nearest vertex of the sheet; the moment of this force changes.
+    Weight and loads on material act on the remaining material. A load on a covering acts on the nearest material; the
+    resultant and the moment of this load do not change.
     Raises StaticsError if no supported vertex remains, and if no material is near a concentrated force."""
     supported = sheet_supports(surface, sheet, load)
     point = _moved_forces(surface, sheet, load.point)

@@ -45,15 +45,15 @@ def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) 
 
 
 def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
-    """Return the kind of slits that are filled, so that members merge.
+    """Return which slits are filled. Members beside a filled slit merge.
     Without `pattern.tidy` no slit is filled: filling would add mass to a topology optimisation of the same preset."""
     has_stripes = pattern.even is not None or pattern.preset_with_choices(preset).pattern.method == "modes"
     return merging_rule(preset) if pattern.tidy is not None and has_stripes else "none"
 
 
 def merging_rule(preset: Preset) -> Merging:
-    """Return the rule for filling slits: all slits, or only those between members that come too close together. The
-    second rule is for solid fractions over one half, for which most openings are narrower than members."""
+    """Return which slits are filled: all slits, or only slits between members that come too close together. The latter
+    is for solid fractions over one half, for which most openings are narrower than members."""
     return "crowded" if preset.pattern.width.solid_fraction > 0.5 else "slits"
 
 
@@ -134,8 +134,8 @@ def _least_requested_member(options: Pattern, surface: Surface) -> float:
 
 
 def least_member(options: Pattern, surface: Surface) -> float:
-    """Return the default smallest width (m) of members whose widths differ. It is half of the width of equal members
-    with the same even spacing. Without a solid fraction, half of the surface counts as material."""
+    """Return the default smallest width (m) of members of varying width. It is half the width of members that have
+    equal widths and the same spacing. Without a solid fraction, half of the surface counts as material."""
     density = sum(1 / family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
     return 0.5 * (options.width.solid_fraction or 0.5) / density
 
@@ -250,7 +250,7 @@ def filled_plate(
     options: Pattern, surface: Surface, load: LoadCase, pattern: PatternResult, cells: tuple[Sheet, Sheet]
 ) -> FilledOpenings | None:
     """Return the largest group of neighbouring filled openings. Return None for fewer than `FILLED_PLATE` openings,
-    and for a group around a small boundary loop that is supported.
+    and for a group with its centre inside a small, supported boundary loop.
     cells : all cells before and after openings were filled and corners rounded."""
     spacings = [family.distance(surface.area, surface.mean_edge) for family in options.drawn_families]
     fillings = merged_members(options, surface, pattern), largest_filling(*cells, max(spacings))

@@ -80,7 +80,7 @@ def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) 
 
 
 def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
-    """Return a mask (m,) of faces where a mode's stripes are nearer to the other family's direction; None: no mode."""
+    """Return a mask (m,) of faces where a mode's stripes run more in the other family's direction; None: no mode."""
     if layer.name not in FAMILIES or not isinstance(layer.field, np.ndarray):
         return None
     x: Floats = layer.field if layer.field.ndim == 1 else layer.field.mean(axis=1)
@@ -97,7 +97,7 @@ UNREPORTED = 2 * SHARE_TOLERANCE  # dsfab reports only larger errors of the soli
 
 
 class _ShareTrial(NamedTuple):
-    """Trial stripes (`result`), with shares of the surface. aim : wanted share of the stripes as cut.
+    """Trial stripes (`result`), with shares of the surface. aim : wanted share of the stripes alone.
     added : share that rounded corners, filled openings and bridges add.    total : share of stripes and additions."""
 
     aim: float
@@ -118,9 +118,8 @@ def corrected_pattern(
     nearest_share : function of a share. It returns the nearest share that was measured for the latest stripes.
     added_share   : function that returns the share that finishing adds by rounded corners and filled openings.
     bridged_share : slow function that returns the share of added bridges. After a result of 0, it is not called again.
-
-    Stripes get the requested share minus the added share. The added share jumps if openings close. The search then
-    tries the mean share (`aim`) of a trial with too little material and a trial with too much material."""
+    The stripes alone get `aim`: the requested share minus the added share. If openings close, the added share jumps.
+    Then the next `aim` is the mean `aim` of two trials: one with too little material, and one with too much."""
     requested, tolerance = width.solid_fraction, width.solid_fraction_tolerance
     trials = list[_ShareTrial]()
     bridges = 0.0
@@ -158,7 +157,7 @@ def corrected_pattern(
 
 
 def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
-    """Return the mean `aim` of the two nearest trials of which one has too little and one too much material, or 0."""
+    """Return the mean `aim` of the nearest pair of trials with too little and too much material; 0 without a pair."""
     pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in trials for b in trials if a.total < requested < b.total]
     gap, middle = min(pairs, default=(0.0, 0.0))
     return middle if gap > SHARE_TOLERANCE / 16 else 0.0
@@ -166,13 +165,13 @@ def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
 
 COUNTED = 2  # Sample points along each side of a face, for approximate shares.
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
-"""Factors on the approximate widths. The resulting widths decide which openings are closed, because the members beside
-them are too near to each other. Smaller factors close fewer openings."""
+"""Factors on the approximate widths. The scaled widths decide which openings are closed: openings between members that
+are too near to each other. Smaller factors close fewer openings."""
 SHARE_SNAP = 0.05  # Default of slicing.snap, for cuts that only measure the share of the surface with material.
 
 
 class WidthSearch(NamedTuple):
-    """Options of the search for widths, with which the material has the share pattern.width.solid_fraction.
+    """Options of the search for widths. The material must get the share pattern.width.solid_fraction of the surface.
     share     : function that returns the share of the surface that layers (stripes and kept regions) cover.
     tolerance : largest error of the share.    guess : width factor of a similar pattern, or 0.
     counted   : faster, less accurate `share` for the beginning of the search, or None.
@@ -188,7 +187,7 @@ class WidthSearch(NamedTuple):
 @dataclass
 class _MeasuredShares:
     """Function that cuts the surface along layers (stripes and kept regions), and returns the share with material.
-    reached : all returned shares.    layers, polygons : the latest.    trial : latest cut, up to the first rounding."""
+    reached : all returned shares.    layers, polygons : the latest.    trial : latest cut, corners rounded once."""
 
     preset: Preset
     given: StressedSurface
@@ -210,12 +209,12 @@ class _MeasuredShares:
         return min(self.reached, key=lambda one: abs(one - target))
 
     def added(self, pattern: PatternResult) -> float:
-        """Finish the latest cut as a trial. Return added area / surface area, mainly from rounded corners."""
+        """Finish the latest cut as a trial. Return the area that this adds (mainly round corners) / surface area."""
         self.trial = trial_cut(self.preset, self.given.surface, pattern, self.polygons)
         return self.trial.added_area / self.given.surface.area if self.trial else 0.0
 
     def bridged(self) -> float:
-        """Add bridges and least widths to the latest trial; return the added area / area of the surface."""
+        """Add bridges to the latest trial, and widen members if the preset asks; return added area / surface area."""
         if self.trial is None:
             return 0.0
         self.trial, share = with_bridges(self.preset, self.given.surface, self.trial)
@@ -298,8 +297,8 @@ def member_widths(preset: Preset, surface: Surface) -> Widths:
 
 
 def least_width(preset: Preset, surface: Surface) -> float:
-    """Return the default least width (m) of evenly spaced members of varying width. For the rule `graded` it is the
-    thickness. For `stressed`, `least_drawn_member` returns it; slicing then need not widen members, which is slow."""
+    """Return the default least width (m) of evenly spaced members of varying width: the thickness for rule `graded`,
+    or `least_drawn_member` for `stressed`, which avoids slow widening in slicing. It is at most `least_member`."""
     stressed = preset.pattern.width.rule == "stressed"
     least = least_drawn_member(preset, surface) if stressed else preset.statics.thickness
     return min(least, least_member(preset.pattern, surface))
@@ -313,7 +312,7 @@ def _note_spacings(preset: Preset, families: Sequence[DrawableFamily], log: Log)
 
 
 def pattern_result(preset: Preset, families: Sequence[DrawableFamily], layers: Sequence[Layer]) -> PatternResult:
-    """Return the pattern of these layers, with the frequencies, modes and phases of its families."""
+    """Return the pattern of these layers, with frequencies, modes and phases of the two families of stripes."""
     options = preset.pattern
     names, fields, levels, half_widths, _ = zip(*layers, strict=True)
     stripes = {family.name: family.stripes for family in families}
@@ -366,9 +365,8 @@ def layers_with_share(
     factor: float,
     solve: Callable[[Callable[[float], float]], float],
 ) -> tuple[list[Layer], float]:
-    """Return layers that cover the requested share, and their width factor.
-    `factor` decides which openings close.    solve : finds x = width factor / `factor` from the function share(x).
-
+    """Return layers (stripes and kept regions) that cover the requested share, and their width factor.
+    `factor` decides which openings close.    solve : finds x = width factor / `factor` so that share(x) fits.
     The search repeats with slightly more or fewer closed openings in two cases: the share jumps because an opening
     closes, or the final width factor is over 2.5 times larger or smaller than `factor`."""
     refused, distant = list[PatternError](), list[tuple[float, float, list[Layer]]]()
@@ -394,7 +392,7 @@ def layers_with_share(
 
 @dataclass
 class _CachedLayers:
-    """Cache of the latest result of `layers`. closing : width factor that decides which openings close."""
+    """Cache of the latest result of `layers`. closing : width factor; openings close that are too narrow with it."""
 
     layers: Callable[[float, float], list[Layer]]
     factor: float
@@ -402,7 +400,7 @@ class _CachedLayers:
     last: tuple[float, list[Layer]] = (-1.0, [])
 
     def layers_at(self, relative: float) -> list[Layer]:
-        """Return the layers with members of the width factor `relative * factor`."""
+        """Return the layers for the width factor `relative * factor`."""
         if self.last[0] != relative:
             self.last = relative, self.layers(self.factor * relative, self.closing)
         return self.last[1]

@@ -57,7 +57,7 @@ from dsfab.surface.loads.load_case import picked_faces
 class SolvedSheet:
     """Solution of a sheet for all loads, by one factorisation.
     acting    : cases and combinations.       plane : True for a flat sheet that is loaded in its plane.
-    made      : stiffness matrix (N, N), N/m, by kind of elements.
+    made      : stiffness matrix (N, N), N/m, for each kind of elements.
     factor_of : function that factorises a stiffness, and stores the factor.
     answers   : equilibrium under each load.    sigma : (m, 3, 3) stress (Pa) of the middle surface under each load."""
 
@@ -207,7 +207,7 @@ def followed_layers(
 ) -> FollowedStress:
     """Return the stress that the pattern follows according to statics.stress, for a sheet that was solved with bending.
     sigma : (m, 3, 3) stress in the middle of the thickness (Pa), for each case and combination.
-    Raises StaticsError if accurate moments are needed, and elements that compute them cannot solve the sheet."""
+    Raises StaticsError if accurate moments are needed, but the elements for accurate moments cannot solve the sheet."""
     option = preset.statics.stress
     if is_slab(surface, answers):
         lower = [stress.tensor("bottom") for stress in _moment_stresses(preset, surface, acting, answers)]

@@ -128,7 +128,7 @@ def family_modes(
     symmetry: Symmetry | None = None,
 ) -> list[Modes]:
     """Return the modes of several operators (n, n) on one surface, as `diffusion_modes` does, with common axes (3, 3).
-    The operators must have nonzeros at the same places; these are analysed once."""
+    All operators must have nonzeros at the same places, because the places are analysed once."""
     mass = voronoi_mass(surface)
     axes = reference_axes(surface) if axes is None else axes
     families, solve = [], None
@@ -163,7 +163,7 @@ def _modes(surface: Surface, L: csr_array, solve: Factor, k: int, axes: Floats, 
 
 
 def _root(surface: Surface, mass: Floats) -> Floats:
-    """Return the square root (n,) of the mass, or of the surface's area at a vertex without faces (mass 0)."""
+    """Return the square root (n,) of the mass. A vertex without faces (mass 0) gets the area of the whole surface."""
     return np.sqrt(np.where(mass > 0, mass, surface.area))
 
 
@@ -187,7 +187,7 @@ def _factor(surface: Surface, A: csr_array) -> Factor:
 
 def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int) -> tuple[Floats, Floats]:
     """Return the smallest eigenpairs, ascending. solve : (A + shift)^-1 b.    Four vectors per pair make restarts rare.
-    The tolerance is 0, because rounding errors reveal copies of a repeated eigenvalue only late."""
+    The tolerance is 0: only rounding errors reveal copies of a repeated eigenvalue, and only late in the iteration."""
     inverse = LinearOperator((n, n), matvec=solve, dtype=np.float64)
     start = 1 + 0.5 * np.sin(np.arange(n))  # always the same start, so the same modes
     try:
@@ -201,7 +201,7 @@ def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int
 
 
 def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Floats) -> Floats:
-    """Return the eigenspaces in bases that do not depend on the solver, by projection of reference fields.
+    """Return modes that do not depend on the solver. In each eigenspace, projected reference fields give the basis.
     A mode's third moment decides its sign; if it is about zero, the reference fields decide."""
     fields = _reference_fields(surface, mass, axes)
     out = X.copy()
@@ -232,7 +232,7 @@ def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
 
 
 def _aligned_basis(space: Floats, fields: Floats, mass: Floats) -> Floats:
-    """Return an M-orthonormal basis of `space` from projections of the reference fields, independent of the solver."""
+    """Return an M-orthonormal basis of `space` from projections of `fields`. It does not depend on the eigensolver."""
     coordinates = space.T @ (mass[:, None] * fields)  # (c, fields)
     basis: list[Floats] = []
     for candidate in [*coordinates.T, *np.eye(space.shape[1])]:

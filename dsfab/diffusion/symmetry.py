@@ -32,7 +32,7 @@ IMAGE_OFF_SURFACE = 0.25  # Largest distance of a mirrored or rotated vertex fro
 OFF_SUPPORT = 1.0
 """Largest distance, in mean edges, of a mirrored or rotated supported vertex from the nearest supported vertex."""
 OFF_LOAD = (0.3, 0.02)
-"""Largest change of loads by a mirror or rotation, as a fraction of the total: for smoothed forces, for resultants."""
+"""Largest change of loads by a mirror or rotation / total load. First: of smoothed forces. Second: of resultants."""
 SAMPLE_POINTS = 100  # Approximate number of points in quick checks, which come before the check of all points.
 
 
@@ -212,7 +212,7 @@ def _check_supports(surface: Surface, symmetry: Symmetry, words: str, load: Load
 
 
 def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats, centre: Floats) -> None:
-    """Refuse asymmetric loads by resultants and moments, then by forces, smoothed because meshes are irregular."""
+    """Refuse asymmetric loads. Compare resultants and moments, then forces that are smoothed for irregular meshes."""
     total = float(np.linalg.norm(force, axis=1).sum())
     arm = surface.V - centre
     for R, T in zip(symmetry.R[1:], symmetry.maps[1:], strict=True):
@@ -228,7 +228,7 @@ def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats
 
 
 def _smoothed_forces(surface: Surface, force: Floats, rounds: int = 6) -> Floats:
-    """Return forces (n, 3) with the same sum, averaged over neighbours; 6 rounds extend over about two edges."""
+    """Return forces (n, 3) with the same sum. Each is spread over neighbours: in 6 rounds, over about two edges."""
     ends, n = surface.edges.ends, surface.n
     share = 0.5 / np.maximum(np.bincount(ends.ravel(), minlength=n), 1)
     i, j = np.concatenate([ends, ends[:, ::-1]]).T

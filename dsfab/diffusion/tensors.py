@@ -14,12 +14,10 @@ from dsfab.surface.fields import assemble, hat_gradients, tangents
 
 def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
     """Return one stress for all layers of a sheet: (m, 3, 3) Pa, symmetric, tangent to the faces.
-    Along its principal axes, the mean square of shear over the thickness is smallest. Each principal value is the root
-    mean square of the traction on its axis.
-
+    Its principal axes have the smallest mean square of shear over the thickness. Each principal value is the root mean
+    square of the traction on its axis.
     membrane : (m, 3, 3) stress of the middle surface, Pa, tangent to each face.
     bending  : (m, 3, 3) stress that bending adds at the bottom (the side opposite to the normal), Pa.
-
     Opposite stresses give the opposite result. Faces without bending keep their membrane stress exactly.
     Reversed normals change the sign of the result only if the middle surface has no stress."""
     t = tangents(surface)
@@ -53,10 +51,10 @@ ISOTROPY = 0.02  # Largest difference of an isotropic face's principal stresses,
 
 @dataclass(frozen=True, eq=False)
 class DiffusionTensors:
-    """Two symmetric tensors per face, acting on gradients in the face's plane; eigenvalues r and 1, or 1 and 1.
+    """Two symmetric tensors per face, acting on gradients in the face's plane. In this plane, they have the eigenvalues
+    r (anisotropy of the preset) and 1; on isotropic faces 1 and 1.
     major     : (m, 3, 3) with r along the primary direction, the direction of the major stripes.
-    minor     : (m, 3, 3) with r along the secondary direction.
-    isotropic : (m,) faces without a preferred direction.
+    minor     : (m, 3, 3) with r along the secondary direction.    isotropic : (m,) faces without a preferred direction.
     principal : (m, 2) primary and secondary principal stress, Pa, multiplied by the factor gamma of the preset."""
 
     major: Floats

@@ -54,7 +54,7 @@ class Format:
 class MeshFormat(Format):
     """A format for any mesh, or for solids only.
     sheets       : True if the format can contain an open sheet; False for solids only.
-    alternatives : yields versions of the part, the best first, and an ExportError for each version that was not tried.
+    alternatives : yields versions of the part, the best first. An ExportError stands for a version that was not tried.
                    `write` chooses the first version that passes the check.
     sentence     : returns a sentence about the chosen version. It also receives the errors of refused versions.
     refusal      : returns the error to raise if all versions were refused, from the errors of these versions."""

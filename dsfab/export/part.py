@@ -63,7 +63,7 @@ class Curved:
     V, F  : (n, 3) vertices and (m, 3) faces of the uncut, oriented surface, m.
     D     : (n, 3) half-thickness vectors at these vertices, m.
     shift : distance of the sheet's middle from the surface, as a multiple of D: 0, 1 or -1.
-    divided : function of fields (n, c) on the uncut surface; divides the sheet. Chart k is where field k is largest.
+    divided : function that divides the sheet by fields (n, c) on V. Part k (chart) is where field k is largest.
     striped : function that divides the sheet along its stripes; None if the stripes are unknown.
     twins : (k, 2) pairs of coincident vertices with opposite D, at the cut through a one-sided surface."""
 

@@ -66,7 +66,7 @@ def basis(x: Floats, knots: Floats) -> tuple[Ints, Floats]:
 
 
 def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
-    """Return the numbers (k,) and values (k, 4) that `basis` returns at x (k,), and also the derivatives (k, 4)."""
+    """Return the results of `basis` at x (k,), and also the derivatives (k, 4) of the four basis functions."""
     x = np.clip(x, knots[3], knots[-4])
     span = np.clip(np.searchsorted(knots, x, side="right") - 1, 3, len(knots) - 5)
     values, shares = hats_within(x, knots, span)
@@ -78,7 +78,7 @@ def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
 
 def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
     """Return values (4, k) of the nonzero cubic basis functions at x (k,), from knots[span] to knots[span + 1].
-    Also return (3, k) quadratic basis functions / widths of their supports, for derivatives [de Boor 1978]."""
+    Also return quadratic basis functions (3, k), divided by their support widths, for derivatives [de Boor 1978]."""
     past = x - knots[span - np.arange(3)[:, None]]
     ahead = knots[span + np.arange(1, 4)[:, None]] - x
     values = shares = np.ones((1, len(x)))
@@ -115,7 +115,7 @@ class LeastSquares:
         return cls(values, first_hats, factor, fixed_poles)
 
     def solve(self, right_side: Floats) -> Floats:
-        """Return the solution (n, d) for a right-hand side (n, d); 0 at poles with a given position."""
+        """Solve the normal equations for poles (n, d), with right-hand side (n, d). The result is 0 at fixed poles."""
         right_side = np.array(right_side)
         right_side[self.held] = 0.0
         solution, _ = dpbtrs(self.factor, right_side, lower=1)
@@ -197,7 +197,7 @@ class SplineRows:
         return start[self.row] + self.x[:, None] * (end - start)[self.row]
 
     def distances(self, points: Floats) -> Floats:
-        """Return the distance (k,) of each sample from its row of `points` (k, d): the largest if a row has several."""
+        """Return the largest distance (k,) of corresponding points in each sample and in its row of `points` (k, d)."""
         offset = (points - self.Q).reshape(len(points), self.parts, -1)
         return np.asarray(np.sqrt(np.einsum("kpi,kpi->pk", offset, offset).max(axis=0)))
 
@@ -222,14 +222,14 @@ class RowSpans:
 
     @property
     def knots(self) -> Floats:
-        """Knots (s + 7 r,), row after row; 0 and 1 are repeated four times."""
+        """Knots (s + 7 r,) for s spans of r curves, curve after curve; each curve has the knots 0 and 1 four times."""
         knots, end = np.zeros(len(self.row) + 7 * len(self.count)), np.cumsum(self.count + 7)
         knots[np.arange(len(self.row)) + 7 * self.row + 3] = self.low
         knots[(end[:, None] - np.arange(1, 5)).ravel()] = 1.0
         return knots
 
     def with_halves(self, bad: Bools, unfinished: Bools, rows: SplineRows) -> "RowSpans":
-        """Return the spans of `unfinished` curves (r,), with `bad` spans (s,) halved. rows : samples of all curves."""
+        """Halve the `bad` spans (s,); return the spans of `unfinished` curves (r,). rows : samples of all curves."""
         stays = unfinished[self.row]
         low, high, two = self.low[stays], self.high[stays], bad[stays]
         row = (np.cumsum(unfinished) - 1)[self.row[stays]]
@@ -297,7 +297,7 @@ def _parabolas(rows: SplineRows, fits: dict[int, Fitted]) -> SplineRows:
 
 
 def _cubics(rows: SplineRows, fits: dict[int, Fitted]) -> None:
-    """Fit cubics and add them to `fits`; inaccurate spans are halved as often as the samples allow."""
+    """Fit cubics to samples of curves and add them to `fits`; halve inaccurate spans as often as the samples allow."""
     spans = RowSpans(np.zeros(len(rows.number)), np.ones(len(rows.number)), np.arange(len(rows.number)), rows.row)
     rounds = 14  # the shortest span is 2^-14 of its curve
     for turn in range(rounds):

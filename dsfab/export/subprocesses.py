@@ -50,7 +50,7 @@ _WAITING: ContextVar[_Work | None] = ContextVar("_WAITING", default=None)
 
 @contextmanager
 def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
-    """Call `work` once: while the first program in the block runs, else after the block, if nothing failed."""
+    """Call `work` once: while the first program in the `with` block runs, else after the block, if nothing failed."""
     waiting = _Work(work)
     token = _WAITING.set(waiting)
     try:
@@ -104,7 +104,7 @@ class PreparedProgram:
         return _last(_answer(self.process, seconds))
 
     def answer_with_work(self, is_ready: Callable[[], bool], work: Callable[[], None], seconds: float) -> str:
-        """Return the answer; call `work` as soon as `is_ready()` is true, while the program still runs."""
+        """Return `answer(seconds)`; call `work` as soon as `is_ready()` is true, while the program still runs."""
         with ThreadPoolExecutor(1) as reading:
             pending = reading.submit(_answer, self.process, seconds)
             try:

@@ -95,7 +95,7 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
-    """Return positions (c, 2) of offset 0 on sides (c, 2) of cells: 0 at the lower vertex number, 1 at the higher."""
+    """Return positions where `offset` is 0 on sides (c, 2) of cells: 0 at the lower vertex number, 1 at the higher."""
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
     ascending = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]

@@ -57,7 +57,7 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 
 
 def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
-    """Return "reach" (within a distance), "plate" (a region) or "band" (a strip along an outline), and its stripes."""
+    """Return the kind "reach" (within a distance), "plate" (a region) or "band" (along an outline), and the stripes."""
     zero = np.zeros(1)
     if x.ndim == 2:  # a band; column 0 is positive inside its outline, column 1 is distance from outline minus width
         width = -float(x[:, 1].min())
@@ -76,13 +76,12 @@ HIDDEN, COVERED = 0.05, 0.3
 
 @dataclass(frozen=True, eq=False)
 class Component:
-    """The cells of a member before it has a name. `Overlay` explains cells, stripes and fields.
-
+    """The cells of a future member, which has no name yet. `Overlay` explains cells, stripes and fields.
     kind   : "strip", "rim", "band", "ring", "disc", "plate" or "fill".    family : family of the pattern, or "".
     stripe : number of the stripe with most of its cells; 0 for none.    group : index in `Overlay.of`; -1 for none.
     cells  : (c,) cells of the overlay, ascending.
     core   : (c,) True for cells that define the member's width; False for fillets beside several members.
-    line   : middle line, or None.    field : number of the pattern's field; -1 for none."""
+    line   : middle line, or None.    field : number of the field with this stripe; -1 for none."""
 
     kind: str
     family: str
@@ -107,7 +106,7 @@ class Component:
 
 
 def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: float) -> list[Component]:
-    """Return future members. A cell at a crossing is in several members; a cell of a small leftover part is in none.
+    """Return components, which become members. Cells at crossings are in several components, small leftovers in none.
     normals : (n, 3) unit normals at the vertices of the overlay.    edge : mean edge of the uncut mesh, metres."""
     pieces = list[Component]()
     round_ = roundness(overlay)
@@ -125,7 +124,7 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
 
 
 def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """Return middle lines by stripe of a field: at offset 0, or at the mean offset of a stripe without offset 0."""
+    """Return the middle lines of each stripe of a field: at offset 0, or at the mean offset if no offset is 0."""
     offset = overlay.offset[:, :, k]
     lines = middle_lines(overlay, k, offset, normals)
     part = overlay.part[:, k]
@@ -144,7 +143,7 @@ def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLi
 
 
 def _is_sliver(overlay: Overlay, k: int, cells: Ints, lines: list[MiddleLine]) -> bool:
-    """Return True for remains of cutting or smoothing: on one side of a stripe's middle, and shorter than its width."""
+    """Return True for leftovers of cutting or smoothing: on one side of a stripe's middle, shorter than its width."""
     offset, surface = overlay.offset[cells, :, k], overlay.sheet.surface
     if not lines or ((offset.min(axis=1) < 0) & (offset.max(axis=1) > 0)).any():
         return False
@@ -221,7 +220,7 @@ def nearest_line(overlay: Overlay, cells: Ints, lines: list[MiddleLine]) -> Ints
 
 
 def _visible(overlay: Overlay, pieces: list[Component]) -> list[Component]:
-    """Drop future members that are almost completely covered by others, such as a rim by material at supports."""
+    """Drop components that others cover almost completely, such as a rim under the material around a support."""
     made_by, areas = overlay.sheet.family, overlay.sheet.surface.areas
     shares = [
         areas[component.cells[made_by[component.cells] == component.field]].sum() / areas[component.cells].sum()
@@ -233,7 +232,7 @@ def _visible(overlay: Overlay, pieces: list[Component]) -> list[Component]:
 
 class CellsByStripes(NamedTuple):
     """Cells labelled by their stripes.
-    sheet : m cells, also divided along edges of stripes that other stripes cover.
+    sheet : m cells, divided along all edges of stripes, also where other stripes cover these edges.
     label : (m,) number of the combination of stripes on a cell.    loose : (m,) True outside of all stripes."""
 
     sheet: Sheet
@@ -243,7 +242,7 @@ class CellsByStripes(NamedTuple):
 
 def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> CellsByStripes:
     """Return the cells of a sheet that was cut from `surface` along a pattern, labelled by their stripes.
-    A disc around a point is one region; stripes below the disc do not divide it."""
+    A disc of kept material is one region: stripes below the disc do not divide the region."""
     bands = pattern_bands(surface, sheet, pattern)
     overlay = stripe_overlay(sheet, surface, [band.drawn for band in bands])
     part, round_ = overlay.part.copy(), roundness(overlay)

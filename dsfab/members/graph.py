@@ -32,7 +32,7 @@ class SharedPatch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _SharedCells:
-    """Cells (c,) in a member `a` of field `one` and a member `b` of field `two`; number (c,) of the connected part."""
+    """Cells (c,), each in member `a` of field `one` and member `b` of field `two`. patch : connected part (number)."""
 
     one: int
     two: int
@@ -104,7 +104,7 @@ def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
 
 
 def _places_on_sides(offset: Floats, F: Ints, side: Ints) -> tuple[Ints, Ints, Floats]:
-    """Return where `offset` is 0 on sides of cells: both corners, lower vertex number first, and position (0 to 1)."""
+    """Return zeros of `offset` on sides of cells: the side's two corners, lower number first, and position (0 to 1)."""
     row = np.arange(len(F))[:, None]
     p, q = side, (side + 1) % 3
     turn = F[row, p] > F[row, q]
@@ -227,7 +227,7 @@ class MemberGraph:
         return numbers
 
     def bays(self, name: str) -> Floats:
-        """Return arc lengths (b,), m, from node to node along a member; a closed member ends at its first node."""
+        """Return lengths (b,) of a member's bays (parts between nodes), m. A closed member ends at its first node."""
         axis, nodes = self.by_id[name].axis, self.nodes_along[name]
         if axis is None or not nodes:
             return np.empty(0)
@@ -235,8 +235,8 @@ class MemberGraph:
         return np.diff(s, append=s[0] + axis.length) if axis.closed else np.diff(s)
 
     def to_compas(self) -> "compas.datastructures.Graph":
-        """Return nodes with x, y, z (m), and an edge for each bay with its `member` and its `length` along the axis.
-        Raises SurfaceError if compas is not installed."""
+        """Return nodes with x, y, z (m), and an edge for each bay (part of a member between two nodes). An edge has its
+        `member` and its `length` along the axis. Raises SurfaceError if compas is not installed."""
         require_compas()
         from compas.datastructures import Graph
 
@@ -262,7 +262,7 @@ class MemberGraph:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on stubs, and on overlaps of members whose middle lines do not meet, for readers who will build."""
+        """Sentences for builders on stubs (short members) and on overlapping members whose middle lines do not meet."""
         lines = []
         stubs, grazing = self._stubs, [node for node in self.nodes if node.kind == "grazing"]
         if self.stub_share > 0.01:
@@ -301,7 +301,7 @@ class Joints:
     normals: Floats
 
     def nodes(self, shared: list[SharedPatch]) -> list[Node]:
-        """Return the nodes of all overlaps, numbered member by member, each with the first of its two members."""
+        """Return the nodes of all overlaps. Numbers grow along each member; a node counts for its first member."""
         listed = []
         for overlap in shared:
             pair = min(overlap.a, overlap.b), max(overlap.a, overlap.b)
@@ -316,7 +316,7 @@ class Joints:
         return [replace(node, id=f"N{number:0{digits}d}") for number, (_, node) in enumerate(listed, 1)]
 
     def _ends_within(self, overlap: SharedPatch) -> tuple[Floats, Ints]:
-        """Return ends of middle lines inside another member, for example two rims at a corner, and their cells."""
+        """Return a middle line's end in the other member, for example where two rims form a corner, and its cell."""
         for k, neighbour in ((overlap.a, overlap.b), (overlap.b, overlap.a)):
             line = self.parts[k].line
             if line is None or line.closed or self.parts[neighbour].line is None:

@@ -1,4 +1,4 @@
-"""Assignment of cells without a member, and removal of strips along material that always stays, such as a rim."""
+"""Assignment of cells in no member to members, and removal of strips along kept material, such as a rim."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -53,7 +53,7 @@ def with_loose_cells(overlay: Overlay, components: list[Component]) -> list[Comp
 
 
 def _borders(overlay: Overlay, member: Ints, patch: Ints) -> tuple[Ints, Floats]:
-    """Return sorted pairs (b, 2) of a patch (cells of no member) and an adjacent component; border lengths (b,), m."""
+    """Return sorted pairs (b, 2): patch (cells of no member), adjacent component (member); border lengths (b,), m."""
     surface, total = overlay.sheet.surface, int(member.max()) + 1
     f, g = np.concatenate([overlay.adjacent_cells, overlay.adjacent_cells[:, ::-1]]).T
     edge = np.tile(surface.edges.of.ravel()[surface.edges.pairs[:, 0]], 2)
@@ -84,7 +84,7 @@ The line then ends INTO widths after it enters the material, so that it still me
 
 
 def without_followers(overlay: Overlay, components: list[Component]) -> list[Component]:
-    """Remove parts of strips that lie in kept material, such as a rim; their cells become cells of this material."""
+    """Remove parts of strips inside kept material, such as a rim. The cells of these parts join the kept material."""
     areas, made_by = overlay.sheet.surface.areas, overlay.sheet.family
     member = owners(overlay, components)
     is_kept = np.array([c.kind != "strip" and c.field >= 0 for c in components], dtype=bool)
@@ -110,7 +110,7 @@ def without_followers(overlay: Overlay, components: list[Component]) -> list[Com
 
 
 def _hidden_parts(line: MiddleLine, width: Floats, own_width: float) -> tuple[MiddleLine, list[tuple[int, int]]]:
-    """Return the line, cut open if closed, and the parts to remove. width : (k - 1,) of kept material; 0 for none."""
+    """Return the line, opened if closed, and its parts to remove. width : (k - 1,) of kept material around it, or 0."""
     if line.closed and (bare := np.flatnonzero(width == 0)).size:
         line, width = line.opened_at(int(bare[0])), np.roll(width, -int(bare[0]))
     last_point, gone = len(line.points) - 1, []

@@ -40,9 +40,9 @@ def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
 
 
 def family_crossings(frames: Frames, along: Floats) -> Bools:
-    """Return a mask (n,) of vertices at which the major and the minor family of stripes swap names.
+    """Return a mask (n,) of vertices at which the families of stripes swap their names, major and minor.
     along : (n, 3) tangents of major stripes, up to sign. In a region of vertices, tangents rotate by less than 45
-    degrees along edges. Names stay in the largest region, and swap at each border between regions."""
+    degrees along edges. The largest region keeps its names. Names swap at each border between regions."""
     surface, (i, j) = frames.surface, frames.ends.T
     square = np.cross(frames.normal[j], along[j])
     turned = np.abs(dots(along[i], square)) > np.abs(dots(along[i], along[j]))
@@ -76,7 +76,7 @@ def signs_with_short_seams(frames: Frames, along: Floats) -> Floats:
 
 
 def _cut_edges(surface: Surface, singular: Bools) -> Bools:
-    """Return a mask (e,) of edges that paths across faces cross. Paths join `singular` faces (m,) and boundaries."""
+    """Return a mask (e,) of edges crossed by paths over faces. The paths join `singular` faces (m,) and boundaries."""
     edges = surface.edges
     is_cut = np.zeros(len(edges.ends), dtype=bool)
     if not singular.any():
@@ -118,7 +118,7 @@ def _path_edges(surface: Surface, face: int, predecessor: Ints, singular: Bools)
 
 
 def _path_ends(surface: Surface, singular: Bools) -> Ints:
-    """Return a number (m,) for each face at which a path may end, per singular face or boundary loop; 0 elsewhere."""
+    """Return a number (m,) for each face: its own if singular, that of its boundary loop at a boundary, else 0."""
     edges = surface.edges
     count, loop = link_components(surface.n, *edges.ends[edges.boundary].T)
     name = np.zeros(surface.m, dtype=np.int64)
@@ -200,8 +200,8 @@ class FamilyRole(NamedTuple):
 
 
 def family_roles(surface: Surface, directions: StressDirections) -> tuple[FamilyRole, FamilyRole]:
-    """Return the roles of the major and the minor family of stripes; z points up, and tension is positive.
-    The mean direction of hoops and purlins, weighted by squared slope, is level. Arches rise, mainly in compression."""
+    """Return the roles of the major and the minor family of stripes; z points up, and tension is positive. Hoops and
+    purlins are level on average, with the squared slope as weight. Arches rise, and are mainly in compression."""
     size = surface.areas[:, None] * np.abs(directions.stress)
     total = size.sum(axis=0)
     pulled = np.divide((size * (directions.stress > 0)).sum(axis=0), total, out=np.full(2, np.nan), where=total > 0)

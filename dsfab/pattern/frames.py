@@ -14,7 +14,7 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 FEW = 16
-"""Largest number of vertices for `_corrected_solver`; only ends of `turned` edges count (see `TwistedFactors.factor`).
+"""Largest number of vertices at ends of `turned` edges (see `TwistedFactors.factor`) for `_corrected_solver`.
 Each of these vertices needs one solve per factorisation. Above `FEW`, a real matrix (2 n, 2 n) is faster."""
 
 Solve = Callable[[Complexes], Complexes]
@@ -27,8 +27,8 @@ class TwistedFactors:
         self._V, self._ends, self._one_pattern = V, ends, SamePatternFactors(V)
 
     def factor(self, coupling: Complexes, diagonal: Floats, turned: Bools | None = None) -> Solve:
-        """Return the solver b -> (K + diagonal)^-1 b, (n,) complex, valid until the next call; K: a twisted Laplacian.
-        coupling : (e,) weights w e^{i turn}.    diagonal : (n,).    turned : (e,) edges at which K takes conjugates."""
+        """Return the solver b -> x = (K + diagonal)^-1 b (n,), complex, valid until next call; K: a twisted Laplacian.
+        coupling : (e,) weights w e^{i turn}.    diagonal : (n,).    turned : (e,) edges at which K conjugates x."""
         turned = np.zeros(len(coupling), dtype=bool) if turned is None else turned
         across = np.unique(self._ends[turned])
         if len(across) > FEW:
@@ -58,7 +58,7 @@ class TwistedFactors:
         return _EntryPositions(np.concatenate([i, j, every]), np.concatenate([j, i, every]), n)
 
     def _real_factor(self, coupling: Complexes, diagonal: Floats, turned: Bools) -> Solve:
-        """Return the solver of a real matrix (2 n, 2 n); real and imaginary parts of a number are neighbours in it."""
+        """Return the solver of `factor` with a real matrix (2 n, 2 n): two adjacent rows per complex number."""
         c, s, sign = coupling.real, coupling.imag, np.where(turned, -1.0, 1.0)
         values = -np.concatenate([c, -sign * s, s, sign * c])
         places, pattern = self._real_pattern
@@ -91,7 +91,7 @@ class _EntryPositions:
 
 
 def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
-    """Return the solver of H x - W conj(x) = b: x = H^-1 b + Z conj(x), Z = H^-1 W. It finds x[across] first."""
+    """Return the solver of H x - W conj(x[across]) = b, which finds x[across] first. solve : the solver of H x = b."""
     Z = solve(W)
     Z_across, identity = Z[across], np.eye(len(across))
     inverse = np.linalg.inv(

@@ -26,14 +26,13 @@ class Guide:
     """A curve, or a direction in a region, for stripes. The larger its weight, the more closely stripes follow it.
 
     curve     : points of a polyline on the surface or near it, metres.
-    reach     : straight distance from the curve at which the weight falls to 0, metres; default: the smaller spacing of
-                the stripes.
+    reach     : straight distance from the curve at which the weight falls to 0, m; default: the smaller stripe spacing.
     at        : a region, instead of a curve.
-    direction : direction (3,) of stripes in the region; its part tangential to the surface is used.
+    direction : direction (3,) of stripes in the region; only the component tangential to the surface is used.
     weight    : 1 is as strong as a stress with full confidence; 0 has no effect; 100 or more overrules the stress.
     family    : the family whose stripes follow the guide. Stripes of the other family run across it.
     member    : True for a member on the curve itself, whatever the weight.
-    Raises GuideError unless either a curve or a region is given. A region needs a direction, and cannot be a member."""
+    Raises GuideError unless one of `curve`, `at` is set, not both. A region needs a direction and is never a member."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     curve: tuple[Vector, ...] | None = None
@@ -60,22 +59,22 @@ class Guide:
 
     @property
     def pull(self) -> float:
-        """Weight of the guide in the minimisation (see `Guidance`); at least 100 if its curve becomes a member."""
+        """Weight of the guide in the minimisation (see `Guidance`): `weight`, but at least 100 if `member` is True."""
         return max(self.weight, 100.0) if self.member else self.weight
 
 
 @dataclass(frozen=True, eq=False)
 class Guidance:
-    """Effect of a guide (see `Guide`) on a cross field z: the term weight |z^2 - square / weight|^2 is minimised.
-    weight : (n,) at the vertices.    square : (n,) complex in their frames: weight x (direction of major stripes)^2."""
+    """Effect of a guide (see `Guide`) on a cross field z: the term weight |z^2 - square / weight|^2 in a minimisation.
+    weight : (n,) at the vertices.    square : (n,) weight x (direction of major stripes, complex in vertex frame)^2."""
 
     weight: Floats
     square: Complexes
 
     @classmethod
     def from_guides(cls, frames: Frames, guides: tuple[Guide, ...], spacing: float) -> tuple[Self, ...]:
-        """Return a `Guidance` for each of the user's guides with a `pull` above 0.
-        spacing : `reach` (m) of curves that set none. Raises PatternError for a guide off or normal to the surface."""
+        """Return a `Guidance` for each guide of the user with a `pull` above 0. spacing : default `reach` of curves, m.
+        Raises PatternError for a guide away from the surface or perpendicular to it."""
         squares = [(guide, _guide_squares(frames, k, guide, spacing)) for k, guide in enumerate(guides)]
         weighted = [guide.pull * square * (1 if guide.family == "major" else -1) for guide, square in squares]
         return tuple(cls(np.abs(square), square) for square in weighted if np.abs(square).any())
@@ -91,7 +90,7 @@ class Guidance:
 
 
 def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) -> Complexes:
-    """Return squares (n,) of a guide's direction, complex numbers in the vertices' frames; size 0 (no effect) to 1."""
+    """Return squares (n,) of a guide's direction, complex in the vertices' frames. Size 0: no effect; 1: full."""
     surface = frames.surface
     if guide.at is not None:
         assert guide.direction is not None
@@ -112,7 +111,7 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
 
 
 def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
-    """Return squares of the curve's direction, as means of its nearest pieces; their size falls to 0 at `reach`."""
+    """Return squares (n,) of the curve's direction: means over the nearest pieces; their size falls to 0 at `reach`."""
     surface, points = frames.surface, np.array(guide.curve)
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)
@@ -187,7 +186,7 @@ class GuideLine:
         return vertices, phase - np.rint(phase)
 
     def followed_share(self, surface: Surface, phase: CornerPhase, step: int) -> float:
-        """Return the fraction of points whose phase is within 0.05 periods of a multiple of `step`: a centre line."""
+        """Return the fraction of points on a centre line: the phase is within 0.05 periods of a multiple of `step`."""
         F = surface.F[self.faces]
         z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], _barycentric(surface.V[F], self.points))
         distance = np.abs(z - step * np.rint(z / step))
@@ -200,7 +199,7 @@ class GuideLine:
 
 
 def guide_phases(lines: Sequence[GuideLine], frames: Frames, g: Floats, density: Floats) -> tuple[Bools, Floats]:
-    """Return a mask (n,) of vertices beside curves of guides, and target phases (n,) there, in periods; 0 elsewhere."""
+    """Return a mask (n,) of vertices beside guides' curves, and their target phases (n,), in periods; 0 elsewhere."""
     lock, aim = np.zeros(frames.surface.n, dtype=bool), np.zeros(frames.surface.n)
     for line in lines:
         vertices, phase = line.target_phases(frames, g, density)

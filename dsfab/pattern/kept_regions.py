@@ -15,15 +15,15 @@ from dsfab.surface.topology import link_components
 EVEN = 0.01  # Largest error of a region's outline, divided by the region's `reach` (see `curve_fields`).
 SNAP = 0.05
 """Usual `slicing.snap`: a cut nearer to a vertex than this fraction of an edge goes through the vertex.
-If this moves the outline of a region by over 2 x `EVEN` x `reach`, the edges at the vertex are halved."""
+If this moves a region's outline too far (over 2 x `EVEN` x `reach` of the region), edges at the vertex are halved."""
 SHORT = 1 / 16
-"""Smallest edge that is halved, divided by the region's `reach` (see `curve_fields`)."""
+"""Smallest edge that is halved, divided by `reach`: the distance from a region's origins at which the region ends."""
 FINEST = 1 / 16
-"""Smallest edge that is halved, as a fraction of the longest side of its face. A sheet with smaller parts is hard to
-solve. Corners of an outline may be cut off by up to half of this smallest edge."""
+"""Edges shorter than this fraction of the longest side of their uncut face are not halved. A sheet with smaller parts
+is hard to solve. Corners of an outline may be cut off by up to half of this edge length."""
 NEAR = 0.3
-"""Largest move of an outline onto a vertex, as a fraction of a mesh edge. The move is also at most `EVEN` x `reach`.
-An outline beside a vertex would make very thin triangles."""
+"""Largest move of an outline onto a vertex, as a fraction of a mesh edge. The move is also at most `EVEN` times the
+region's `reach`. It avoids the very thin triangles between a vertex and an outline beside it."""
 ASIDE = 0.1
 """An edge is usually divided at its middle. If an outline crosses the edge nearer to the middle than this fraction of
 the edge, the edge is divided at the crossing. A vertex at the middle would lie too close to the outline."""
@@ -32,12 +32,10 @@ the edge, the edge is divided at the crossing. A vertex at the middle would lie 
 def curve_fields(
     surface: Surface, regions: Sequence[tuple[Origins, float]], rounds: int = 16, most_parts: int = 300_000
 ) -> list[Floats | DividedField]:
-    """Return the field (n,) of each region: minus the distance along the surface from its origins, metres.
-    regions : pairs of origins (vertices, edges and faces) and reach, the distance (m) at which the region ends.
-
-    Faces at the outline of a region are divided if the distance is not linear on them. All fields share the divided
-    surface. The division ends after `rounds` rounds or `most_parts` new faces. Far outside a region, distances are
-    only lower bounds."""
+    """Return a field (n,) for each region: minus the distance (m) along the surface from the origins of the region.
+    regions : pairs of origins (vertices, edges and faces) and a distance (m) from the origins at which the region ends.
+    Faces at outlines are divided if distances are not linear on them, up to `rounds` rounds or `most_parts` new faces.
+    All fields share the divided surface. Far outside a region, distances are only lower bounds."""
     divided, reaches = DividedSurface.undivided(surface), [reach for _, reach in regions]
     for rounds_left in reversed(range(rounds)):
         fields = [
@@ -56,7 +54,7 @@ def curve_fields(
 
 
 def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Bools:
-    """Return a mask (e',) of edges to divide near outlines of regions, but not inside a region earlier in the list."""
+    """Return a mask (e',) of edges to divide near the outlines of regions, without edges inside an earlier region."""
     parts, uncut = divided.surface, divided.whole
     size, sides = parts.edge_lengths, parts.edges.of
     finest, longest = np.zeros(len(size)), uncut.edge_lengths[uncut.edges.of].max(axis=1)
@@ -71,7 +69,7 @@ def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distance
 
 
 def _crossings(surface: Surface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Floats:
-    """Return positions (0 to 1) to divide edges: where a single outline crosses near the middle, else at the middle."""
+    """Return where to divide edges (0 to 1): at the outline if only one crosses near an edge's middle, else 0.5."""
     position, count = np.full(len(surface.edges.ends), 0.5), np.zeros(len(surface.edges.ends), dtype=np.int64)
     for distances, reach in zip(region_distances, reaches, strict=True):
         middle = distances.middle
@@ -91,7 +89,7 @@ def _distance_growth(surface: Surface, distance: Floats) -> tuple[Floats, Floats
 
 
 def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floats:
-    """Return distances (n,). Values near `reach` (see `NEAR`) become `reach`, unless all corners of a face are near."""
+    """Return distances (n,); those near the outline (see `NEAR`) become `reach`, unless a whole face is near."""
     _, vertex_growth = _distance_growth(surface, distance)
     is_near = np.abs(distance - reach) <= np.minimum(NEAR * vertex_growth, EVEN * reach)
     is_near[surface.F[is_near[surface.F].all(axis=1)]] = False
@@ -99,7 +97,7 @@ def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floa
 
 
 def _undivided_field(surface: Surface, region: tuple[Origins, float], distances: Distances) -> Floats:
-    """Return a region's field (n,) on undivided faces, from straight distances if these nearly equal `distances`."""
+    """Return minus `distances` (n,) of a region without divided faces, or minus straight distances if nearly equal."""
     origins, reach = region
     near_vertices = np.unique(surface.F[distances.reached])
     straight = euclidean_distances(
@@ -117,7 +115,7 @@ def _finite_distances(distance: Floats, reach: float) -> Floats:
 
 
 def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools:
-    """Return a mask (e,) of edges to divide: distances at the outline are not linear, or `SNAP` moves it too far."""
+    """Return a mask (e,) of edges to divide: distance not linear at the outline, or outline moved too far by `SNAP`."""
     vertex, middle, faces = distances.vertex, distances.middle, np.flatnonzero(distances.reached)
     sides, ends = surface.edges.of[faces], surface.edges.ends
     deviation = np.abs(vertex[ends[sides]].mean(axis=2) - middle[sides])
@@ -225,7 +223,7 @@ def distance_to_boundary(surface: Surface, reach: float = np.inf) -> Floats:
 
 def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.inf) -> Floats:
     """Return the distance (n,) to marked vertices and to the edges and faces between them, metres.
-    The distance to `patches` is straight. The distance to all other points and curves is along the surface."""
+    The distance to marked areas (see `patches`) is straight. Other distances are along the surface."""
     patch = patches(surface, vertices)
     curves = geodesic_distances(surface, curve_origins(surface, vertices & ~patch), reach)
     return np.minimum(distance_to_patches(surface, patch), curves.vertex)
@@ -275,8 +273,8 @@ def kept_layers(
     surface: Surface, marked: Bools, keep: float, rim: float, regions_of_user: Sequence[PatternRegion] = ()
 ) -> list[Layer]:
     """Return layers of material: regions of the user, `keep` m around marked vertices (n,), `rim` m along the boundary.
-    The outline around `patches` is straight on each face. The outline around other points and curves is smooth, see
-    `curve_fields`. Regions of the user end at edges of the surface."""
+    The outline around marked areas (see `patches`) is straight on each face. Other outlines are smooth (see
+    `curve_fields`). Regions of the user end at edges of the surface."""
     patch = patches(surface, marked)
     regions = []
     if keep and (marked & ~patch).any():

@@ -46,7 +46,7 @@ class ModeFamily:
     def from_mode(
         cls, surface: Surface, name: str, stripes: Stripes, x: Floats, stress: Floats | None = None, radius: float = 0.0
     ) -> "ModeFamily":
-        """Return the family; its `slope` is averaged over `radius` metres (see `slopes`). stress : (n,), default 1."""
+        """Return the family of stripes on an eigenmode x. radius : see `slopes`.    stress : (n,), default 1."""
         stress = np.ones(surface.n) if stress is None else stress
         return cls(name, stripes, x, slopes(surface, stripes.phases(x), radius), stress)
 
@@ -76,7 +76,7 @@ class ModeFamily:
 class DrawableFamily(Protocol):
     """A family of stripes on an eigenmode, or of evenly spaced stripes.
     density : (n,) stripes per metre.    stress : (n,) size of the stress along the stripes; any unit.
-    adds    : order of the families when finer stripes are added between coarse stripes; 0 is first."""
+    adds    : place of the family in the order in which families add finer stripes; 0 is first."""
 
     @property
     def adds(self) -> int: ...
@@ -111,7 +111,7 @@ class DrawableFamily(Protocol):
 def stripe_layers(
     families: Sequence[DrawableFamily], widths: Widths, factor: float = 1.0, closing: float = 0.0
 ) -> list[Layer]:
-    """Return the layers of all families: coarse stripes, then finer stripes sorted by `adds` (see `DrawableFamily`)."""
+    """Return the layers of all families: coarse stripes, then finer stripes in the order of `DrawableFamily.adds`."""
     family_layers = [(family.adds, family.layers(widths, factor, closing)) for family in families]
     return [layers[0] for _, layers in family_layers] + [
         layer for _, layers in sorted(family_layers, key=itemgetter(0)) for layer in layers[1:]
@@ -119,7 +119,7 @@ def stripe_layers(
 
 
 def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], widths: Widths) -> float:
-    """Return the common factor on the half widths at which their mean is as large as under the rule `plain`.
+    """Return the factor on all half widths that makes the mean half width equal to that of the rule `plain`.
     Bounds in metres apply afterwards. Raises PatternError if too little of the surface is stressed."""
     free = Widths(widths.rule, widths.member, widths.q)
 
@@ -131,13 +131,13 @@ def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], width
 
 
 CLOSING_WIDTHS = (1.45, 1.55)
-"""Two limits of half widths, divided by the crowded half width (`CROWDING` times the median half width, at least
-`SLIT`). Up to the first limit, members become thinner, so that openings stay. From the second limit on, members merge.
-Openings that become material as a whole (`Layer.closed`) use `WHOLE` instead."""
+"""Two limits of half widths, divided by the crowded half width: `CROWDING` x the median half width, at least `SLIT`.
+Up to the first limit, members become thinner, so that openings stay. From the second limit on, members merge.
+Openings that become material as a whole (see `Layer.closed`) use `WHOLE` instead."""
 FOLLOWING_WIDTHS = (1.15, 1.25)
-"""Replaces `CLOSING_WIDTHS` if widths follow the stress. Members merge earlier: large stress needs material."""
+"""Replaces `CLOSING_WIDTHS` if widths follow stress. Members merge at smaller widths: large stress needs material."""
 WHOLE = 1.3
-"""An opening becomes material if the mean half width in it is over WHOLE x the crowded half width (`CLOSING_WIDTHS`).
+"""An opening is filled if the mean half width in it is over WHOLE x the crowded half width (see `CLOSING_WIDTHS`).
 If widths follow the stress, the mean of `FOLLOWING_WIDTHS` replaces `WHOLE`."""
 WIDTH_RULES = {
     "solid": SOLID,
@@ -153,9 +153,9 @@ WIDTH_RULES = {
 class EvenFamily:
     """Stripes with centre lines where a phase is a whole number. A halving removes every second line from some faces.
     phase   : phase at the corners of the faces, before any line is removed.
-    wanted  : an array (m,) for each halving, the finest lines first: the fraction of each face that keeps these lines.
-              Lines at multiples of 2^len(wanted) remain everywhere.
-    slope   : (n,) lines of the phase per metre.    density : (n,) remaining lines per metre.
+    wanted  : an array (m,) for each halving: the fraction of each face where the lines of this halving remain. The
+              finest lines are first. Lines at multiples of 2^len(wanted) remain everywhere.
+    slope   : (n,) lines per metre before halvings.    density : (n,) remaining lines per metre.
     stress  : (n,) size of the stress along the stripes; any unit.    adds : see `DrawableFamily`.
     whole   : True to fill whole openings between members that are too close, False to fill narrow parts only."""
 
@@ -199,7 +199,7 @@ class EvenFamily:
         return layers
 
     def _requested_half_widths(self, widths: Widths, factor: float) -> Floats:
-        """Return half widths (n,) before crowded members change, divided by the distance of lines after halvings."""
+        """Return half widths (n,) / line distance after halvings. Crowded members still have their full width."""
         rule = replace(widths, min_gap=0.0) if widths.rule != "plain" else widths
         return rule.half_widths(self.stripes.half_width, self.density, self.stress, factor)
 
@@ -207,7 +207,7 @@ class EvenFamily:
         return max(SLIT, CROWDING * float(np.median(requested)))
 
     def _open_half_widths(self, requested: Floats, widths: Widths) -> Floats:
-        """Return half widths (n,) at which openings stay open, except openings narrower than `widths.min_gap`."""
+        """Return half widths (n,) that leave openings open, but fill openings narrower than `widths.min_gap`."""
         d = np.minimum(requested, self._crowded_half_width(requested))
         return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)
 
@@ -231,8 +231,8 @@ class EvenFamily:
 
 
 def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: int) -> Floats:
-    """Return half widths (n,) / line distance before halving. local : half widths / line distance after halving.
-    Where neighbouring stripes touch after halving, material fills all space between the remaining lines."""
+    """Return half widths (n,) / line distance before halvings. local : half widths / line distance after halvings.
+    slope, density : lines per metre before, after. Stripes that touch after halvings fill all space between lines."""
     return np.asarray(np.where(local >= SOLID, SOLID * 2**halvings, local * slope / density))
 
 
@@ -277,7 +277,7 @@ def _corner_values(surface: Surface, field: Floats | CornerField) -> list[Floats
 
 
 def _is_drawn(field: CornerField) -> Bools:
-    """Return a mask (m,) of faces that a field covers by more than half. The cut divides partly covered faces."""
+    """Return a mask (m,) of faces in which a field has stripes in more than half of the face."""
     return ~field.blank if field.wanted is None else ~field.blank & (field.wanted > 0.5)
 
 

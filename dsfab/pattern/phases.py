@@ -19,7 +19,7 @@ SHIFT = 1e-3
 """Shift of the inverse iteration, times the squared spacing. It makes the matrix definite; the eigenvectors stay."""
 FLOW = 0.25  # 1 / duration of a step of diffusion, in units of (2 pi / spacing)^2.
 LOCKED_PHASE = 0.05
-"""A locked vertex gets its target phase if the error is less than this, in periods: members at edges are straight."""
+"""A locked vertex gets exactly its target phase if its error is below this (periods). Members at edges are straight."""
 LOCK = 3.0  # Weight of the target phase at a locked vertex, divided by (2 pi / spacing)^2; see `Flow.solve`.
 
 
@@ -40,7 +40,7 @@ class Flow:
 
     @cached_property
     def turn(self) -> Floats:
-        """(e,) growth of the phase along each edge, periods; positive along `g` at the edge's first end."""
+        """(e,) growth of the phase along each edge to its second end, periods; positive along `g` at the first end."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
@@ -96,7 +96,7 @@ class Flow:
 
 
 def _lowest(B: Callable[[Complexes], Complexes], start: Floats, mass: Floats) -> Complexes:
-    """Return B^20 `start` with norm 1 and error 1e-5. B conjugates some numbers, so it is linear only in real pairs."""
+    """Return B^20 `start` with norm 1, error 1e-5. B conjugates some numbers, so it is linear only over the reals."""
     x = krylov_power(
         lambda x: _real_pairs(B(_complex_numbers(x))), _real_pairs(start.astype(complex)), np.repeat(mass, 2), 20, 12
     )
@@ -192,8 +192,7 @@ class CornerPhase:
 
 def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | None = None) -> CornerPhase:
     """Return the phases (n,) of `Flow.solve`, in periods, as a `CornerPhase`, which is linear on each face.
-    alternative : function that returns other phases (n,). It is called only if stripes end within faces. Its phases
-                  are used if they let stripes end in fewer faces."""
+    alternative : called if stripes end within faces. Its phases (n,) are used if stripes then end in fewer faces."""
     result = _face_phases(flow, phase)
     if alternative and result.broken:
         result = min(result, _face_phases(flow, alternative()), key=lambda one: one.broken)
@@ -201,8 +200,8 @@ def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | 
 
 
 def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
-    """Return phases at the corners of each face alone, with the differences (modulo 1) nearest to `flow.turn`.
-    A face is singular if the phase or its sign is different after one turn around the face."""
+    """Return phases at the corners of each face. The differences along edges (modulo 1) are nearest to `flow.turn`.
+    A face is singular if the phase or its sign is different at the end of a closed path around the face."""
     surface, sign = flow.frames.surface, flow.sign
     i, j = flow.frames.ends.T
     miss = sign * phase[j] - phase[i] - flow.turn
@@ -225,7 +224,7 @@ def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
 
 
 def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase with a sign and a shift for each face, found from face to face, so that adjacent faces agree."""
+    """Return the phase with a new sign and a new shift in each face, so that adjacent faces agree."""
     h0, h1 = surface.edges.pairs.T
     f, g = h0 // 3, h1 // 3
     sign, shift = phase.sign.ravel(), phase.shift.ravel()
@@ -252,7 +251,7 @@ def propagate_phases(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
     """Set `signs` and `shifts` (m,): phase seen from the first face in `order` = sign x (phase in a face) + shift.
-    They begin with the relation s, q of a face to its `predecessor`. Each loop doubles the steps that they bridge."""
+    Both begin with s and q, for the step to the `predecessor`. Each loop doubles the number of steps they bridge."""
     child = order[1:]
     if not len(child):
         return
@@ -272,7 +271,7 @@ def propagate_phases(
 
 
 def _seen_by_first_faces(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase with the value of the first face at a vertex. Corners have sign 1, shift 0, except at seams."""
+    """Return the phase; a vertex has its first face's value. Corners have sign 1 and shift 0, except at seams."""
     first_corner = np.full(len(phase.value), -1)
     corner = surface.F.ravel()
     usable = np.flatnonzero(np.repeat(~phase.singular, 3))

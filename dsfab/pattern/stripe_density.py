@@ -16,14 +16,14 @@ EVEN = 0.3
 """Weight of u^2 for u = log(density of stripes), divided by the surface's area: it keeps the density near its mean."""
 RANGE = (-2.0, 1.5)  # Bounds of u = log(density) without halvings (see `Halving`).
 COARSE_RANGE = (-1.0, 3.0)
-"""Bounds of u = log(density) if halvings, which reduce large densities, are allowed (see `Halving`)."""
+"""Bounds of u, the logarithm of the relative density of stripes, if lines may be removed (see `Halving`)."""
 MOST_HALVINGS = 3
 
 
 def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
     """Return u (n,), the logarithm of the relative density of stripes; its median is 0. g : (n, 3) direction of the
-    phase's gradient, up to sign. On each face, g gets equal signs, and u satisfies p . grad u = curl g / |mean g|. Here
-    p = n x g is the direction of the stripe.    confidence : (m,) weight of this equation, 0 to 1."""
+    phase's gradient, up to sign. At the corners of a face, all g get the same sign. On a face, u satisfies
+    p . grad u = curl g / |mean g|; p = n x g is along the stripe. confidence : (m,) weight of this equation, 0 to 1."""
     surface = frames.surface
     grad = hat_gradients(surface)
     corners = g[surface.F]
@@ -52,7 +52,7 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
 
 class Halving(NamedTuple):
     """Number of halvings of the lines at each vertex, floor(`wish`). A halving removes every second line.
-    most : largest number.    wish : (n,) real numbers, 0 to `most`.    free : (n,) as `wish`, also outside this range.
+    most : largest number of halvings.    wish : (n,) real numbers, 0 to `most`. free : (n,) `wish` without this limit.
     limits : bounds of u = log(density) before any halving."""
 
     most: int
@@ -67,10 +67,10 @@ class Halving(NamedTuple):
 
 
 def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
-    """Return the halvings that make the spacing of stripes most even; u : (n,) logarithm of their density.
-    After halving, the density has a lower limit. The function tries limits from the median density to a quarter of the
-    median. The best limit gives the smallest ratio of the percentiles P95 and P5 of the spacing. Each halving must
-    reduce this ratio by 5 %, because halvings end members. The densest 2 % of the area do not count."""
+    """Return the halvings (removals of every second line) that make the spacing of stripes most even.
+    u : (n,) logarithm of the density. The function tries lower limits of the density after halvings, from the median
+    density to a quarter of the median. The best limit gives the smallest ratio P95 / P5 of percentiles of the spacing.
+    Each halving must reduce this ratio by 5 %, because halvings end members. The densest 2 % of area do not count."""
     if not allowed:
         return Halving(0, np.zeros_like(u), np.zeros_like(u), RANGE)
     ascending = np.argsort(u, kind="stable")  # sorted once, for fast quantiles
@@ -95,7 +95,7 @@ def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
 
 
 def density(surface: Surface, u: Floats, spacing: float, halved: Halving) -> Floats:
-    """Return periods of the phase per metre (n,). After halving, lines are on average `spacing` metres apart."""
+    """Return phase periods per m (n,). After halvings, the mean line distance is `spacing`, m. u : see `halving`."""
     w = np.exp(np.clip(u, *halved.limits))
     remaining = w / 2**halved.times
     mean = float(surface.vertex_areas @ remaining) / surface.area

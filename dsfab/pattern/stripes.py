@@ -18,7 +18,7 @@ def wave(t: Floats) -> Floats:
 
 
 def half_width(threshold: float) -> float:
-    """Return half width d = (1 - threshold) / 4, in periods: `wave` exceeds `threshold` within d of whole numbers."""
+    """Return half width d = (1 - threshold) / 4: `wave` exceeds `threshold` within d periods of whole phase numbers."""
     return (1 - threshold) / 4
 
 
@@ -58,12 +58,12 @@ class Stripes:
         return self.frequency * x + self.phase
 
     def band(self, x: Floats, d: Floats) -> Floats:
-        """Return z + d, z - d (n, 2) for phases z of x, half widths d (n,). In material, a whole number is between."""
+        """Return z + d, z - d (n, 2) for phases z of x, half widths d (n,). Material: a whole number lies between."""
         z = self.phases(x)
         return np.stack([z + d, z - d], axis=1)
 
     def middles(self, x: Floats) -> Floats:
-        """Return all whole numbers (k,) in the range of the phases of x (n,), and up to two more at each end."""
+        """Return middle lines (k,): whole numbers in the range of the phases of x (n,), plus up to two at each end."""
         z = self.phases(x)
         return np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
 

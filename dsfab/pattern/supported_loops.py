@@ -17,7 +17,7 @@ from dsfab.surface.fields import hat_gradients
 REACH = 1.5
 """Stripes form rings and rays around a small supported loop up to this distance, divided by the stripes' spacing."""
 PULL = 100.0
-"""Weight of rings and rays at a small supported loop; the stress has less weight. The weight is 0 at `REACH`."""
+"""Weight of rings and rays at a small supported loop, above the weight of the stress; 0 at the distance `REACH`."""
 
 
 def small_loops(surface: Surface, supported: Bools, spacing: float) -> list[Ints]:
@@ -40,7 +40,7 @@ class LoopSurroundings:
 
     @classmethod
     def from_support(cls, frames: Frames, supported: Bools, spacing: float) -> tuple[Self, ...]:
-        """Return a `LoopSurroundings` for each small supported loop. supported (n,), spacing : see `small_loops`."""
+        """Return rings and rays around each small boundary loop of `supported` vertices (n,); see `small_loops`."""
         surface, reach, surroundings = frames.surface, REACH * spacing, []
         for loop in small_loops(surface, supported, spacing):
             on_loop = np.isin(np.arange(surface.n), loop)
@@ -54,8 +54,8 @@ class LoopSurroundings:
         return tuple(surroundings)
 
     def guidance(self, frames: Frames, stress: StressDirections, turn: float) -> Guidance:
-        """Return the directions around the loop. Major stripes are rays if the mean stress is larger along rays than
-        along rings. turn : rotation of both families, radians, as for `cross_field`."""
+        """Return the directions of stripes around this supported loop. Major stripes run along rays if the mean stress
+        is larger along rays than along rings. turn : rotation of both families, radians, as for `cross_field`."""
         surface, cosine = frames.surface, dots(stress.direction[:, 0], self.outwards)
         ray_minus_ring_stress = (stress.stress[:, 0] - stress.stress[:, 1]) * (2 * cosine**2 - 1)
         share = surface.areas * self.weight[surface.F].mean(axis=1)

@@ -35,7 +35,7 @@ class Images:
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / len(self.maps))
 
     def marked_in_any(self, marked: Bools) -> Bools:
-        """Return a mask (m,) of marked faces and their images, because rounding errors may mark a single image only.
+        """Return a mask (m,) of marked faces and their symmetric images; rounding errors may mark only some of them.
         Marks stay unchanged if a rotation or mirror does not map vertices to vertices."""
         exact = all(T.nnz == T.shape[0] for T in self.maps)
         return np.asarray(marked[self.faces].any(axis=0)) if exact and self.faces is not None else marked
@@ -57,8 +57,8 @@ class Images:
 
     def projection(self, V: Floats, g: Floats, density: Floats) -> Projection:
         """Return the projection onto symmetric phases, which have the gradient `density` (n,) x g (n, 3) at V (n, 3).
-        If g at a vertex and at its image have opposite signs, the phase is conjugated. Phases of the vertices around an
-        image are extrapolated to the image, because a plain mean has large errors."""
+        The symmetric image of a vertex may lie between vertices. The phases of these vertices are extrapolated to the
+        image, because a plain mean has large errors. A phase is conjugated if its g is opposite to the image's g."""
         if len(self.maps) == 1:
             return lambda x: x
         growth = density[:, None] * g
@@ -69,7 +69,8 @@ class Images:
 
     @staticmethod
     def _phase_map(R: Floats, T: csr_array, V: Floats, growth: Floats) -> tuple[csr_array, csr_array]:
-        """Return A, B: phases x at images of V are A x + B conj(x). growth : gradient (periods per m), up to sign."""
+        """Return A, B: numbers x at V are A x + B conj(x) at the symmetric images of V. R : rotation or mirror.
+        T : interpolation at the images.    growth : gradient (periods per m), up to sign."""
         column = T.indices
         row = np.repeat(np.arange(T.shape[0]), np.diff(T.indptr))
         growth_there, growth_here = growth[row] @ R.T, growth[column]

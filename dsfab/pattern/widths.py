@@ -29,14 +29,13 @@ class ShareJumpError(PatternError):
 class Widths:
     """Rule for the half width d of stripes at every vertex.
 
-    rule      : "plain"     d = (1 - threshold) / 4, as in the paper by Madan et al.;
+    rule      : "plain"     d = (1 - threshold) / 4 (see `Stripes`), as in the paper by Madan et al.;
                 "constant"  d = |grad z| member / 2: the same width in metres;
                 "graded"    d proportional to (1 - threshold) |stress|^q, the stress along the stripes of the family;
                 "stressed"  begins as "graded", then widens where the cut sheet has most energy.
-    member    : metres, for "constant".    q : 0 to 4, for "graded" and the beginning of "stressed".
+    member    : width of members, metres, for "constant".    q : 0 to 4, for "graded" and the beginning of "stressed".
     min_width, max_width : bounds on the width under any rule, metres; 0 for none.
     min_gap   : metres; narrower gaps between stripes become material; 0 for none.
-
     Raises PatternError for other values, and for "constant" without `member`."""
 
     rule: Rule = "plain"
@@ -61,7 +60,7 @@ class Widths:
 
     @property
     def radius(self) -> float:
-        """Radius (m) of the disc over which slopes are averaged: half of the width `member` for "constant", else 0."""
+        """Radius (m) of the disc over which slopes are averaged: half of `member` if `rule` is "constant", else 0."""
         return self.member / 2 if self.rule == "constant" else 0.0
 
     @property
@@ -79,8 +78,8 @@ class Widths:
         return stress**self.q if self.rule == "graded" else stress if self.rule == "stressed" else np.ones_like(stress)
 
     def half_widths(self, base: float, slope: Floats, stress: Floats, factor: float = 1.0) -> Floats:
-        """Return half widths d (n,) in periods, 0 (no material) to 0.5 (no gap); they never decrease with `factor`.
-        base   : (1 - threshold) / 4, d for rule "plain".    slope : (n,) |grad z|, periods per metre (see `slopes`).
+        """Return half widths d (n,) in periods, 0 (no material) to 0.5 (no gap). A larger `factor` never reduces d.
+        base   : d of the rule "plain".    slope : (n,) |grad z|, periods per metre (see `slopes`).
         stress : (n,) size of the stress along the stripes, any unit; for "stressed" the relative half widths.
         factor : factor on the half widths before the bounds apply."""
         d = factor * (slope * (self.member / 2) if self.rule == "constant" else base * self.grading(stress))
@@ -97,7 +96,7 @@ def vertex_means(surface: Surface, x: Floats) -> Floats:
 
 def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
     """Return the mean of |grad z| around each vertex (n,): periods per metre for a phase z (n,).
-    A mean of the vectors grad z would be zero on ridges of z, and would open a slit along the middle of a member.
+    A mean of the vectors grad z would be zero along a maximum of z: a slit would open in the middle of a member.
     radius : radius of the disc for the mean, m: half of a member's width. At least two rings of faces are included."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), z[surface.F])
     return spread_means(surface, np.linalg.norm(gradient, axis=1), radius)
@@ -140,11 +139,9 @@ def solved_factor(
     steepest: float = 40,
 ) -> float:
     """Return the factor at which the increasing function share(factor) is `target`, with an error of `tolerance`.
-    slope    : approximate derivative of `share`, if the factor may be about 1; 0 otherwise. The search then begins with
-               1, a step of Newton's method, and secants.
-    jump     : accepted error if `share` jumps past the target.
+    slope    : approximate derivative of `share` if the factor may be near 1 (search from 1 by Newton, secants); else 0.
+    jump     : accepted error if `share` jumps from values below `target` to values above it.
     steepest : largest growth of `share` per relative change of the factor, except at jumps.
-
     The method is regula falsi with the Illinois rule [Dowell, Jarratt 1971]. Raises PatternError if no factor exists,
     and ShareJumpError at a jump."""
 
@@ -190,7 +187,7 @@ def _secant_interval(evaluate: Callable[[float], _End], tolerance: float, slope:
 
 
 def _bracket(evaluate: Callable[[float], _End], target: float, tolerance: float) -> tuple[_End, _End]:
-    """Return an interval between factors 0, 1, 4, 16 ... that contains the solution; (1, 1) if the solution is 1."""
+    """Return an interval around the factor that gives `target`, with ends in 0, 1, 4, 16 ...; (1, 1) if 1 gives it."""
     start = evaluate(1.0)
     if _miss(start) <= tolerance:
         return start, start
@@ -224,11 +221,11 @@ def evened_grading(
     """Return relative half widths (n, k) of k families for the next step; grading : (n, k) for the last step.
 
     work     : (m, k) energy, joules, of each family in each face.    material : (m, k) area of each family there, m2.
-    spacing  : metres from stripe to stripe. Averages extend over 0.4 spacings, so that neighbours do not mix.
+    spacing  : metres from stripe to stripe. Averages extend over 0.4 spacings, so that neighbouring stripes do not mix.
     limit    : largest factor by which a half width grows or shrinks in a step.
 
-    Widths grow with the square root of the energy density, because under a fixed force the density falls with the
-    square of the width. Forces then change their paths, so several steps are needed. Widths do not change in faces
+    Under a fixed force, the energy density falls with the square of the width. So widths grow with the square root of
+    the energy density. Forces then change their paths, so several steps are needed. Widths do not change in faces
     without material, nor on an evenly stressed sheet."""
     densities = np.concatenate([work, material], axis=1) / surface.areas[:, None]
     mean_work, share = np.split(spread_means(surface, densities, 0.4 * spacing), 2, axis=1)

@@ -129,7 +129,7 @@ def combined_names(cases: Sequence[str], combinations: Sequence[Combination]) ->
 
 
 def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
-    """Return cases and combinations to check in a limit state: those with it, else those without a state, else all."""
+    """Return cases and combinations of the limit state `state`. If none have it: those without a state, else all."""
     state_of = {combination.name: combination.limit_state for combination in combinations}
     names = list(names)
     for limit_state in (state, ""):

@@ -49,7 +49,7 @@ def _find_files(values: Any, folder: Path, key: str = "") -> None:
 
 
 def with_overrides(preset: Preset, changes: Mapping[str, Any]) -> Preset:
-    """Return `preset` with new values at dotted keys. Raises PresetError like `load_preset`, or for another type."""
+    """Return a preset with new values at dotted keys. Raises PresetError for mistakes, or if `preset` is no Preset."""
     if not isinstance(preset, Preset):
         raise PresetError(missing_preset(preset))
     touched = {key.partition(".")[0] for key in changes}  # other sections need no checks
@@ -88,7 +88,7 @@ def require_mesh(preset: Preset) -> None:
 
 def preset_toml(preset: Preset, for_people: bool = False) -> str:
     """Return the complete preset with all defaults as TOML, which builds the same design again.
-    A material is written by its name, with only those values that differ from the material.
+    A material is written as its name. Its values are written only if the preset changes them.
     for_people : True to write only the numbers of vertices and triangles of a mesh that was given in Python."""
     values = preset.model_dump(mode="json", exclude_none=True)
     if for_people and isinstance(mesh_section := preset.surface, MeshSurface):

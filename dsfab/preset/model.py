@@ -75,7 +75,7 @@ class Statics(Section):
     membrane: Membrane = "constant"
     """Membrane elements: constant strain (Madan et al.); quadratic or hybrid: slower, accurate in slender parts."""
     bending: Bending = "hinge"
-    """Bending elements. hinge: for directions (Madan et al.). midedge: converges to plate theory. hhj: the best."""
+    """hinge: for directions of the pattern (Madan et al.). midedge: converges to plate theory. hhj: most accurate."""
     stress: Literal["membrane", "layers", "auto"] = "membrane"
     """Stress that the pattern follows. membrane: stress in the middle of the thickness (Madan et al.); for a flat sheet
     that only bends, stress at its lower side. layers: stress of the whole thickness, with bending. auto: layers if
@@ -121,7 +121,7 @@ class Statics(Section):
 
     @property
     def material_words(self) -> str:
-        """Name of the material, such as 'GL24h', or 'GL24h, but for density' if its density differs; '' if unknown."""
+        """Name of the material, such as 'GL24h'; 'GL24h, but for density' if the density differs; '' if unknown."""
         own_keys = own_values(dict(self))
         return f"{self.material}, but for {', '.join(own_keys)}" if self.material and own_keys else self.material or ""
 
@@ -252,17 +252,17 @@ class Width(Section):
 
     rule: Rule = "plain"
     """plain: widths from the key threshold (Madan et al.). constant: equal widths in metres. graded: wider where the
-    stress is larger. stressed (stiffest, slowest): several trials widen members where the energy is largest."""
+    stress is larger. stressed (stiffest, slowest): several solves; members become wider where the energy is largest."""
     member: Annotated[float, Ge(0)] = 0.0
     """Width of the members if rule is constant, metres. 0: solid_fraction gives the width."""
     q: Annotated[float, Ge(0), Le(4)] = 1.0
     """Exponent: the share of material grows with this power of the stress. For rule stressed: the start value."""
     steps: Annotated[int, Ge(1), Le(50)] = 8
-    """Number of trials (cut and solve) for rule stressed."""
+    """Number of trials if `rule` is stressed. Each trial cuts and solves the sheet."""
     min_width: LeastWidth = AUTO
-    """Smallest width of members, metres. 0: no limit. auto: a limit for evenly spaced members only: the thickness for
-    rule graded, and half of the thickness for rule stressed with pattern.workshop. The limit is at most half of the
-    width that members would have if all were equally wide."""
+    """Smallest width of members, metres. 0: no limit. auto: a limit for evenly spaced members only. It is the thickness
+    if `rule` is graded, and half of the thickness if `rule` is stressed and pattern.workshop is true. The limit is at
+    most half of the width that members would have if all were equally wide."""
     max_width: Annotated[float, Ge(0)] = 0.0
     """Largest width of members, metres. 0: no limit."""
     min_gap: Annotated[float, Ge(0)] = 0.0
@@ -270,7 +270,7 @@ class Width(Section):
     solid_fraction: Annotated[float, Ge(0), Lt(1)] = 0.0
     """Share of the surface that is material, including keep and rim; widths are scaled to reach it. 0: no scaling."""
     solid_fraction_tolerance: Annotated[float, Ge(0), Le(0.1)] = JUMP
-    """Largest error of solid_fraction if no width reaches it, because ends of members appear or vanish."""
+    """Largest error of solid_fraction if no width gives this share, because ends of members appear or vanish."""
 
     @model_validator(mode="after")
     def _check_widths(self) -> "Width":
@@ -286,8 +286,8 @@ class Width(Section):
         return 0.0 if self.min_width == AUTO else self.min_width
 
     def widths(self, length: float, least: float = 0.0) -> Widths:
-        """Return the width rule. If only `solid_fraction` defines the width, the rule begins with 1 % of `length` (m).
-        least : smallest width (m) if `min_width` is auto; it is reduced to `max_width` if that is smaller."""
+        """Return the width rule. If only `solid_fraction` defines the width, `member` is 1 % of `length` (m) at first.
+        least : smallest width (m) if `min_width` is auto; reduced to `max_width` if `max_width` is smaller."""
         solved = self.rule == "constant" and self.solid_fraction > 0 and not self.member
         member = length / 100 if solved else self.member
         low = min(least, self.max_width or least) if self.min_width == AUTO else self.min_width
@@ -303,7 +303,7 @@ def _with_curves(thing: Any) -> Any:
 Method = Literal["modes", "stripes", "auto"]
 FAMILIES = ("major", "minor")  # Names of the families of stripes.
 FILLET = 0.55
-"""Smallest radius of round corners, divided by the thickness; over 0.5, because polygons approximate the corners."""
+"""Smallest radius of round corners, divided by the thickness. It is over 0.5 as a margin: corners are polygons."""
 STRIPES_ACROSS = 12  # Default number of evenly spaced stripes across a square surface.
 
 
@@ -318,14 +318,14 @@ class Pattern(Section):
     halve: bool = True
     """For stripes. true: where stripes are too close, every second one ends on a crossing member. false: none does."""
     families: Literal["both", "major", "minor"] = "both"
-    """Families of stripes. A single family has no crossings and ignores halve; only rim and keep join its members."""
+    """Families of stripes. A single family has no crossings, so halve has no effect. Only rim and keep join members."""
     symmetry: Literal["auto", "none"] = "auto"
-    """For stripes. auto: the pattern has the symmetry of surface, supports and loads. none: it may be asymmetric."""
+    """For stripes: symmetry. auto: that of surface, supports and loads. none: the pattern may be asymmetric."""
     rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
-    """For stripes: angle (degrees) from the principal directions of the stress to both families. It is
-    counter-clockwise, seen from the side of the normals or from outside a closed surface. 90 exchanges the families."""
+    """For stripes: rotation (degrees) of both families from the principal directions of the stress. It is
+    counter-clockwise, seen from the side of the normals or from outside a closed surface. 90 swaps major and minor."""
     forces: Literal["uncut", "optimal"] = "uncut"
-    """For stripes: forces that give directions and graded widths. uncut: forces in the uncut sheet. optimal: forces in
+    """For stripes: forces that set directions and graded widths. uncut: forces in the uncut sheet. optimal: forces in
     the stiffest sheet of varying thickness with the same material (solid_fraction), for stiffer flat designs."""
     weight_rounds: Annotated[int, Ge(0), Le(2)] = 0
     """For stripes: number of times that the directions are computed again with only the weight of the stripes. This is
@@ -350,8 +350,8 @@ class Pattern(Section):
     """For stripes so close together that neighbouring openings would be filled. note: print a note. avoid: also try
     a larger value of keep, a larger spacing, one family and rotate = 45, and use the best pattern."""
     workshop: bool | None = None
-    """Close narrow openings and their tips, and widen narrow members. The limits are slicing.min_gap and min_member.
-    Default: true for evenly spaced stripes, unless width.rule is stressed; false for stripes on eigenmodes."""
+    """Close narrow openings and narrow tips of openings, and widen narrow members. Limits: slicing.min_gap, min_member.
+    Default: true for evenly spaced stripes, but false if width.rule is stressed; false for stripes on eigenmodes."""
 
     @model_validator(mode="before")
     @classmethod
@@ -438,11 +438,11 @@ class Slicing(Section):
     """Treatment of places where material would only touch at a point. join: add a small disc. split: separate it."""
     min_opening: Annotated[float, Ge(0)] | None = None
     """Smallest size of openings, metres; smaller openings are filled. 0: none are filled. Default for stripes on
-    eigenmodes: 0. Default for evenly spaced stripes: 15 % of their spacing, with pattern.tidy at most the thickness.
-    This default also fills openings under 35 % of the median size."""
+    eigenmodes: 0. Default for evenly spaced stripes: 15 % of their spacing, but not over the thickness if pattern.tidy
+    is true. This default also fills openings under 35 % of the median size."""
     min_gap: Annotated[float, Ge(0)] | None = None
-    """Smallest width of openings with pattern.workshop, metres. Narrower openings are bridged, and narrower tips
-    filled. 0: no limit. Default: a quarter of the thickness, at least 3 mm (small designs: a 500th of their size)."""
+    """Smallest width (m) of openings with pattern.workshop. Narrower openings are bridged; narrower tips of openings
+    are filled. 0: no limit. Default: a quarter of the thickness, at least 3 mm (small designs: 1 / 500 of the size)."""
     min_member: Annotated[float, Ge(0)] | None = None
     """Smallest width of members, metres; narrower members are widened. 0: no limit. Default with pattern.workshop: half
     of the thickness, or less if [pattern.width] asks for less. Default without pattern.workshop: widen only members
@@ -461,7 +461,7 @@ class Thickening(Section):
     thinnest: Annotated[float, Gt(0), Le(1)] = 0.25
     """Refuse a solid that would have less than this share of its thickness where the surface is sharply curved."""
     side: Side = "mid"
-    """Side of the surface on which the solid lies. mid: both. out: where normals point, or outside. in: the other."""
+    """Side of the surface on which the solid lies. mid: both. out: side of normals, outside if closed. in: opposite."""
     strict: bool = False
     """Refuse a solid whose faces still intersect after all repairs. false: only report the place."""
     extra: tuple[Annotated[Extra, Field(discriminator="kind")], ...] = ()
@@ -474,12 +474,12 @@ class Fabrication(Section):
     min_member: Annotated[float, Ge(0)] = 0.0
     """Smallest width of members, metres. 0: only the limit of pattern.workshop is checked."""
     min_gap: Annotated[float, Ge(0)] = 0.0
-    """Smallest width of openings, metres; with pattern.workshop also of tips. 0: only the limit of pattern.workshop."""
+    """Smallest width (m) of openings and, with pattern.workshop, their tips. 0: only the limit of pattern.workshop."""
     min_wall: Annotated[float, Ge(0)] = 0.0
     """Smallest thickness of walls of the solid, metres. 0: no check."""
     accept: bool = False
     """Write files of a design with faults. Faults are loads without a path to a support, very thin places where the
-    solid would meet itself, and members and openings under 1 mm and under their limit."""
+    solid would meet itself, and members and openings that are under 1 mm and also under their limit."""
     bed: tuple[Annotated[float, Gt(0)], Annotated[float, Gt(0)], Annotated[float, Gt(0)]] | None = None
     """Size of the machine along x, y, z, metres; the solid may be turned onto any side."""
 
@@ -503,9 +503,9 @@ class Export(Section):
     step: Literal["auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated"] = "auto"
     """planar: flat or folded designs, with lines and splines. faceted: plane faces. tessellated: triangles for viewers.
     members: four-sided curved faces that CAD programs cut and measure well; if impossible, smooth or faceted. smooth,
-    compact: a few large curved faces, the smallest file, which CAD programs often cannot cut. auto tries in this order:
-    planar; members (up to 7000 faces); smooth (if fast and OCCT can cut it); faceted (up to step_faces); smooth.
-    quick: like auto, but members only for open surfaces, no test of a cut, and no second attempt at smooth."""
+    compact: a few large curved faces in the smallest file. CAD programs often cannot cut these faces. auto: the first
+    possible of planar; members (up to 7000 faces); smooth (if fast and OCCT can cut it); faceted (up to step_faces);
+    smooth. quick: like auto, but members only for open surfaces; no cut is tested; no second attempt at smooth."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0
     """Largest error (m) of planar, smooth or simplified STEP. 0: a share of the thickness; faceted STEP is exact."""
     step_mb: Annotated[float, Ge(0)] = 0.0
@@ -575,7 +575,7 @@ class Preset(Section):
 
     @model_validator(mode="after")
     def _keeps_its_count(self) -> "Preset":
-        """Refuse vertex numbers in guides and regions if a void changes them; supports and loads are picked before."""
+        """Refuse vertex numbers in guides and regions if voids change them. Supports and loads are picked before."""
         regions = tuple(None if entry.do == "void" else entry for entry in self.pattern.region)
         lists: dict[str, Any] = {"pattern.guide": self.pattern.guide, "pattern.region": regions}
         counted = [

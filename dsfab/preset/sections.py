@@ -59,8 +59,8 @@ class Workshop(Section):
     grain: bool = False
     """True if the sheets have a grain along their length; then members lie along it, never across."""
     nesting: Literal["stacked", "spyrrow"] = "stacked"
-    """stacked: parts are stacked on sheets. spyrrow: a solver then tries to clear the emptiest sheet. It takes minutes
-    and needs: pip install "dsfab[nesting]"."""
+    """stacked: parts are stacked on sheets. spyrrow: after stacking, a solver tries to clear the emptiest sheet. The
+    solver takes minutes and needs: pip install "dsfab[nesting]"."""
     model: Annotated[float, Ge(0)] = 0.0
     """Scale of a card model: 50 means 1:50; all lengths of this section are lengths of the model. 0: full size."""
     alike: Annotated[float, Ge(0), Le(0.05)] = 0.0
@@ -68,7 +68,7 @@ class Workshop(Section):
     millimetre. 0: no change."""
     splice: Literal["cover", "scarf", "fingers", "none"] = "cover"
     """Joint of parts longer than the stock. cover: bolted cover plate for members, butt joint for flat sheets. scarf:
-    glued slope, eight times as long as thick. fingers: finger joints for flat sheets. none: butt joints."""
+    glued slope, eight thicknesses long. fingers: finger joints for flat sheets. none: butt joints."""
 
     @field_validator("stock", mode="before")
     @classmethod

@@ -118,8 +118,8 @@ class OwnSurface(SurfaceSection):
     finest: Annotated[float, Ge(0)] = 0.0
     """Smallest edge length, metres, at the places of `finest_at`; needs `edge`. 0: all edges have equal lengths."""
     finest_at: Literal["curvature", "stress", "both"] = "curvature"
-    """Places of shorter edges: where the surface is curved, where its stress changes, or both. The stress is that of a
-    solve on equal triangles. It changes if it varies along an edge by a quarter of its root mean square."""
+    """Places of shorter edges: where the surface is curved, where its stress changes, or both. The stress is from a
+    solve on equal triangles. Edges are shortened to limit its change per edge to a quarter of its root mean square."""
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:

@@ -49,7 +49,7 @@ class ClientPicture:
     """Data of preview.png, which a second process can draw.
     V, F    : solid, (n, 3) vertices, m, and (m, 3) faces, outward oriented.
     half    : half of the sheet's thickness, m.    caption : line below the picture.
-    surface, load : uncut surface and its supports."""
+    surface, load : uncut surface, and its loads and supports."""
 
     V: Floats
     F: Ints

@@ -97,7 +97,7 @@ def page_view(
 
 
 def _stands_on_ground(surface: Surface, load: LoadCase, V: Floats, up: Floats, reach: float) -> bool:
-    """Return whether the supports are the lowest points of the structure (size `reach`, m); True without supports."""
+    """Return whether supports are the structure's lowest points; True without supports. reach : structure size, m."""
     if not load.supported.any():
         return True
     lowest, height = float((V @ up).min()), float(np.ptp(V @ up))
@@ -128,7 +128,7 @@ def _marks(
 def legend(
     stage: Stage, caption: str, palette: Palette, size: tuple[int, int], swatches: tuple[tuple[str, Colour], ...] = ()
 ) -> Legend:
-    """Return the legend: caption, names of drawn marks (load, support, reaction), scale at the middle, and swatches."""
+    """Return the legend: caption, names of drawn marks (load, support, reaction), scale at stage centre, swatches."""
     depth = float((stage.centre - stage.view.eye) @ stage.view.forward)
     kinds: tuple[MarkName, ...] = ("load", "support", "reaction")
     colours = [body.colour for body in stage.bodies[1:]]
@@ -258,7 +258,7 @@ def _codes(colours: Bytes) -> Ints:
 
 def edge_strengths(pixels: Pixels, jump: float) -> Floats32:
     """Return the strength (h, w) of edge lines, 0..1, at sudden changes of normal or depth (Saito and Takahashi 1990).
-    An edge line lies on the nearer one of two pixels. jump : least change of depth, in units of `Scene.radius`."""
+    An edge line lies on the pixel nearer to the eye. jump : least change of depth, in units of `Scene.radius`."""
     strong, rows = np.zeros(pixels.depth.shape, dtype=np.float32), 64
     for start in range(0, len(strong), rows):  # strips of rows need less memory than the whole picture
         columns = np.flatnonzero(np.isfinite(pixels.depth[start : start + rows]).any(axis=0))

@@ -221,7 +221,7 @@ def _is_taken(taken: Bools, middle: Floats, half: Floats) -> bool:
 
 
 def with_names(image: "Image", names: list[PlacedName], letter: float, paper: Colour) -> "Image":
-    """Return the picture with names. letter : height of letters (pixels). paper : colour of the names' outlines."""
+    """Return the picture with `names` written on it. letter : height of letters, pixels. paper : colour of outlines."""
     from PIL import ImageDraw, ImageFont
 
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=letter)

@@ -26,9 +26,9 @@ def frame_towards(towards: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ShadowMaps:
-    """Shadow maps of b lamps. A single matrix product serves all lamps.
-    maps    : (b, s, s) depth from each lamp, as from `Scene.lamp`.
-    placing : (3 b, 6) matrix from (x, y, z, two random offsets up to `GRAIN`, 1) to columns, rows, depths in the maps.
+    """Shadow maps of b lamps. maps : (b, s, s) depth from each lamp, as from `Scene.lamp`.
+    placing : (3 b, 6) matrix for all lamps. Its product with (x, y, z, two random offsets up to `GRAIN`, 1) is columns,
+              rows and depths in the maps.
     towards : (b, 3) unit vectors towards the lamps, times the strengths of the lamps."""
 
     maps: Floats32
@@ -149,7 +149,7 @@ def lamps(view: View, floor: Floats, quality: LightQuality = FINE) -> Lamps:
 
 
 def _cap(count: int, half_angle: float) -> Floats:
-    """Return unit vectors (count, 3), spread evenly around the third axis within an angle (golden spiral)."""
+    """Return unit vectors (count, 3), spread evenly (golden spiral) within `half_angle`, radians, of (0, 0, 1)."""
     index = np.arange(count) + 0.5
     z = 1 - index / count * (1 - np.cos(half_angle))
     turn = index * np.pi * (3 - np.sqrt(5))
@@ -219,7 +219,7 @@ def pixel_and_floor_light(
 
 
 def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0) -> tuple[Floats32, Floats32]:
-    """Return points (scene units) and normals of hit pixels, then empty columns. Strips of 64 rows save time."""
+    """Return points (scene units) and normals of hit pixels as columns, then `spare` empty columns."""
     points, normals = (np.empty((3, int(hit.sum()) + spare), dtype=np.float32) for _ in range(2))
     for rows, pixel_range in _strips(hit):
         _strip_points(scene, view, pixels, hit, rows, (points[:, pixel_range], normals[:, pixel_range]))

@@ -38,8 +38,8 @@ LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06  # lengths, 
 
 def thin_points(points: Floats, size: float, spacing: Spacing) -> Ints:
     """Return the indices of a few evenly spaced points among points (k, 3). size : size of the structure, m.
-    Each new point is the farthest one from earlier points (Gonzalez 1985). All points are then moved to the middle of
-    their neighbours (Lloyd 1982)."""
+    First, add the point farthest from all chosen points, again and again (Gonzalez 1985). Then, replace each chosen
+    point by the point nearest to the middle of its neighbours, 20 times (Lloyd 1982)."""
     chosen_list = [0]
     distances = np.linalg.norm(points - points[0], axis=1)
     while len(chosen_list) < spacing.most:
@@ -111,7 +111,7 @@ def gathered_forces(
 
 
 def support_cones(surface: Surface, load: LoadCase, size: float, up: Floats, lift: float) -> MarkMesh:
-    """Return a few cones that touch the supports on one side, see `support_side`. up (3,), lift : as `load_arrows`."""
+    """Return cones that touch some supports. The cones lie on the side `support_side`. up, lift : see `load_arrows`."""
     vertices = np.flatnonzero(load.supported)
     if not len(vertices):
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)

@@ -64,7 +64,7 @@ def _curvature(member: "Member") -> float | None:
 
 
 def _nearest(V: Floats, places: list[tuple[Floats, float]]) -> list[int]:
-    """Return the number (n,) of the member nearest to each vertex, by distance / half width (`reach`) of the member."""
+    """Return for each vertex the number (n,) of the member with the least distance / half width (`reach`)."""
     least, number = np.full(len(V), np.inf), np.zeros(len(V), dtype=int)
     for k, (P, reach) in enumerate(places):
         away = np.asarray(cKDTree(P).query(V)[0]) / max(reach, 1e-9)

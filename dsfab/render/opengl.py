@@ -50,7 +50,7 @@ def assume_window(window: str | None = None) -> str:
 
 
 def forget_windows() -> None:
-    """Forget all tests of drawing and all windows set by `assume_window`, so that the next picture needs a new test."""
+    """Forget which kinds of window can draw, also kinds set by `assume_window`. The next picture needs a new test."""
     _KNOWN.clear()
     _draws.cache_clear()
 

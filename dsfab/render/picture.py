@@ -101,7 +101,7 @@ class StructurePicture:
     colours: Bytes | None = None
 
     def render(self, quality: LightQuality = FINE) -> Bytes:
-        """Return (height, width, 3 or 4) bytes. Call `require_rendering` first: VTK may end the process."""
+        """Return (height, width, 3 or 4) bytes. Call `require_rendering` first; otherwise VTK may end the process."""
         palette, size = self.look.palette, self.look.size
         colours = np.array(palette.members, dtype=np.uint8) if self.colours is None else self.colours
         body = Body(self.V, self.F, colours, casts=True)

@@ -1,4 +1,4 @@
-"""Previews of a design: pictures that show openings without cutting the surface, and change fast with parameters."""
+"""Previews of a design. They show openings without a cut of the surface, so changes of parameters appear fast."""
 
 import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -35,7 +35,7 @@ class Previewer:
     """Pictures of a design under changing parameters; use as `with Previewer(design) as previewer`.
     design  : a Design, or a draft from `dsfab.design.draft`. A cut sheet or a solid is not necessary.
     view    : iso, top, front, side or 'azimuth,elevation' in degrees, as in `dsfab.render.view.named_side`.
-    show    : structure; stress; families; major or minor, each with the kept regions. On the uncut sheet: loads,
+    show    : structure, stress, families; major or minor (one family and the kept regions). On the uncut sheet: loads,
               directions, major_mode, minor_mode, vonmises, utilisation or energy. With an exaggerated deformation:
               displacement, buckling or frequency.
     marks   : True for loads, supports and a person; or names from `EVERY_LAYER`.
@@ -209,7 +209,7 @@ class Previewer:
         return self._scene.renderer
 
     def mask(self, size: tuple[int, int] = DEFAULT_SIZE, words: bool = True) -> Bools:
-        """Return a mask (h, w) of the pixels that show material, with loads, supports and the person hidden."""
+        """Return a mask (h, w) of pixels that show material. Loads, supports and the person (for scale) are hidden."""
         return self._scene.mask(self._view(size, words), *size)
 
     def _view(self, size: tuple[int, int], words: bool) -> View:
@@ -336,8 +336,8 @@ def panels(
     quality: LightQuality = FINE,
     **options: Any,
 ) -> PanelsPicture:
-    """Return one picture that consists of the pictures `names`. pixels : size of each.    options : of `Previewer`.
-    If loads have their own picture, the remaining pictures have no arrows, unless the options contain `marks`.
+    """Return one picture that consists of the pictures `names`. pixels : size of each picture.
+    If `names` contains "loads", all other pictures have no arrows, unless `options` (of `Previewer`) contain `marks`.
     A picture is omitted and reported if the design lacks its result. Raises DsfabError if no picture is left."""
     pictures, refused = [], []
     alone = "marks" not in options and "loads" in names

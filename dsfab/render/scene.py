@@ -234,9 +234,9 @@ class Pixels:
 
 
 class Scene:
-    """Bodies in OpenGL, seen from an eye and from many lamps; use as `with Scene(...) as scene`.
-    Lengths are in scene units, for structures of any size. `centre` is the origin, and `radius` is 1: the radius of a
-    sphere around all bodies with a shadow. Create, use and close a scene in one thread."""
+    """Bodies in OpenGL, drawn from the eye and, for shadows, from each lamp; use as `with Scene(...) as scene`.
+    In scene units, `centre` is the origin, and the length 1 is `radius`: the radius of a sphere around all bodies with
+    a shadow. Create, use and close a scene in one thread."""
 
     def __init__(self, bodies: list[Body], centre: Floats, radius: float) -> None:
         self.centre, self.radius = centre, radius

@@ -109,7 +109,7 @@ class ShaderProgram:
     tinted: bool = False
 
     def vertex(self) -> tuple[tuple[str, str], ...]:
-        """Return tags of VTK's vertex shader, each with the code that follows the tag."""
+        """Return pairs for VTK's vertex shader: a tag (marker in its source), and the code to insert after the tag."""
         declared, code = [f"in vec2 {name}MC;" for name in self.vary], []
         if self.walls:
             declared.append("out vec4 stripesVS;\nout vec2 keptVS;\nout vec3 dsWhere;")
@@ -151,7 +151,7 @@ class StripeShader:
     _parts: list[dict[str, Any]] = field(default_factory=list)
 
     def attach(self, actor: Any, mapper: Any, mesh: Any, source: Ints) -> None:
-        """Put the shader on an actor. source : (k,) row of `fields` for each point of the actor's mesh."""
+        """Put the shader on an actor. source : (k,) for each point of the actor's mesh, its row in `self.fields`."""
         from vtkmodules.vtkCommonDataModel import vtkDataObject
 
         self._parts.append({"actor": actor, "mesh": mesh, "source": source, "program": None})

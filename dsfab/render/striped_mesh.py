@@ -75,7 +75,7 @@ class StripedMesh:
 
     @cached_property
     def normals(self) -> Floats:
-        """Unit normals (n', 3) of `surface`; equal on both sides of the cuts in the chart of evenly spaced stripes."""
+        """Unit normals (n', 3) of `surface`; equal on opposite sides of a cut in the chart of evenly spaced stripes."""
         return self.uncut.vertex_normals if self.even is None else unit_vectors(self.carry(self.uncut.vertex_normals))
 
     def phases(self, design: Design) -> Floats:
@@ -87,13 +87,13 @@ class StripedMesh:
 
     @cached_property
     def shares(self) -> Floats:
-        """Half-widths (n', 2) at vertices, divided by the mean `PatternResult.half_widths`; 0 without a phase there."""
+        """Half-width (n', 2) of each family / its mean `PatternResult.half_widths`; 0 where the family has no phase."""
         if self.even is None:
             return np.ones((self.uncut.n, 2))
         return self.carry(self.even.slope / self.even.density) * self.even.chart.scale
 
     def half_widths(self, pattern: PatternResult) -> Floats:
-        """Return half-widths (n', 2) of both families of stripes, in periods of `phases`."""
+        """Return half-widths (n', 2) of both families, in units of phase: 1 is one period of the finest stripes."""
         local = [pattern.half_width(name) for name in FAMILIES]
         if self.even is None:
             return np.stack(local, axis=1)
@@ -116,7 +116,7 @@ def distances(design: Design) -> tuple[Floats, Floats]:
 
 
 def _distances_outside(design: Design, to_held: Floats) -> Floats:
-    """Return approximate distances (n,), m, to material around loads and supports and to regions; 0 along outlines."""
+    """Return approximate distances (n,), m, to outlines of regions and of kept material around loads and supports."""
     surface, pattern = design.surface, design.preset.pattern
     outside = np.where(np.isfinite(to_held) & (pattern.keep > 0), to_held - pattern.keep, surface.size)
     for field in design.pattern.fields[: pattern.drawn_regions]:

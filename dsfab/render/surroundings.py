@@ -73,7 +73,7 @@ def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[Supp
 
 
 def _open_side(surface: Surface, load: LoadCase, groups: list[Ints], up: Floats) -> Floats | None:
-    """Return the horizontal direction (3,) to supports on one side, none of them low (see `LOW_SHARE`); else None."""
+    """Return the horizontal direction (3,) to supports that are all on one side, none low (`LOW_SHARE`); else None."""
     side, heights = support_side(surface, load, surface.size, up), surface.V @ up
     low = heights.min() + LOW_SHARE * np.ptp(heights)
     return side if abs(side @ up) < 0.5 and all(heights[group].mean() >= low for group in groups) else None
@@ -95,7 +95,7 @@ def _from_free_neighbours(surface: Surface, supported: Bools) -> Floats:
 
 
 def _extent(points: Floats, axis: Floats) -> float:
-    """Return the size (m) of points (k, 3) perpendicular to an axis (3,)."""
+    """Return the diagonal (m) of a box around points (k, 3), after projection along `axis` (3,)."""
     return float(np.linalg.norm(np.ptp(points - np.outer(points @ axis, axis), axis=0)))
 
 

@@ -63,7 +63,7 @@ def _normal(V: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ViewSide:
-    """Direction `towards` the eye, and `up`, `floor` and `front` as in `View`."""
+    """Side from which a picture shows a structure. towards : (3,) direction of the eye. Further fields : see `View`."""
 
     towards: Floats
     up: Floats

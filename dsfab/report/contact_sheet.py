@@ -53,7 +53,7 @@ class ContactTile:
 
 
 def column_count(count: int, runs: Sequence[int]) -> int:
-    """Return the number of tiles in a row; if they fit, all values of the last keys. runs : count of values per key."""
+    """Return the number of tiles in a row: all values of the last keys if they fit. runs : count of values per key."""
     row, columns_of_runs = 1, 1
     for run in reversed(runs[1:]):
         row *= run

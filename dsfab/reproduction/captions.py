@@ -48,7 +48,7 @@ class Web:
 
 
 def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
-    """Return the web of rings and spokes around the load, of the family with more rings of at least `SPOKES` spokes.
+    """Return rings and spokes around the load. The rings' family has more rings that at least `SPOKES` spokes cross.
     phases : (n, 2) phases of the major and minor family. The phase at the middle of a member is a whole number.
     load, supported : (n,) True for vertices under the load, and for vertices at supports."""
     webs = []
@@ -73,7 +73,7 @@ def links(surface: Surface, phases: Floats, start: Bools, end: Bools) -> tuple[i
 
 
 def design_phases(design: Design) -> Floats:
-    """Return phases (n, 2) of both families of stripes on eigenmodes: frequency x mode + phase."""
+    """Return phases (n, 2) of both families of stripes on eigenmodes: frequency x eigenmode + constant phase."""
     pattern, modes = design.pattern, (design.diffusion.major, design.diffusion.minor)
     x = np.stack([family.mode(number) for family, number in zip(modes, pattern.mode, strict=True)], axis=1)
     return np.asarray(x * np.array(pattern.frequency) + np.array(pattern.phase))
@@ -97,7 +97,7 @@ def _labels(a: Ints, b: Ints, n: int) -> Ints:
 
 
 def _disc_around(surface: Surface, z: Floats, level: int, load: Bools, supported: Bools) -> Bools | None:
-    """Return the part (n,) inside the contour z = level, with the load; None if it has supports or is not a disc."""
+    """Return the part (n,) around the load, within the contour z = level; None if it has supports or is not a disc."""
     a, b = surface.edges.ends.T
     above = z >= level
     same_side = above[a] == above[b]
@@ -116,7 +116,7 @@ def _is_disc(surface: Surface, region: Bools) -> bool:
 
 
 def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
-    """Count members of the second family that cross the contour `ring` = 0. z : phase, whole at members' middles."""
+    """Count the second family's members that cross the contour `ring` = 0. z : phase, whole at middles of members."""
     F = surface.F
     faces = np.flatnonzero(region[F].any(axis=1) & ~region[F].all(axis=1))
     crossing_values = np.empty((len(faces), 3))
@@ -155,7 +155,7 @@ ANGLE, EVENNESS = 60.0, 3.0  # in a grid: least crossing angle, degrees; largest
 
 
 def finding(claim: str, rendition: Rendition) -> str:
-    """Return a clause: whether a figure shows its caption's claim (see `PaperFigure`); '' without claim or design."""
+    """Return a clause: a figure's version (`rendition`) shows its claim or does not; '' without claim or design."""
     if not claim or rendition.design is None:
         return ""
     if claim == "grid":

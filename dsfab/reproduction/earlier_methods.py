@@ -153,7 +153,7 @@ class _Walk:
     others: cKDTree | None = None
 
     def line(self, seed: int) -> StressLine:
-        """Return the line through the centre of a face, in both directions."""
+        """Return the stress line through the centre of the face `seed`, traced in both directions."""
         start = self.surface.centroids[seed]
         ahead, faces, end = self._half(seed, start, self.direction[seed])
         if end == "round":

@@ -27,7 +27,7 @@ RENDITION_TITLES = {"letter": "Exactly as in the paper", "preset": "The preset",
 
 @dataclass(frozen=True, eq=False)
 class RenditionPicture:
-    """A version (rendition) of a figure, and its picture. edge : edge length of its mesh, m; 0 if it could not be made.
+    """A version (rendition) of a figure, and its picture. edge : edge length of its mesh, m; 0 without a design.
     found : result of the check of the published caption (see `finding`), or ''."""
 
     rendition: Rendition

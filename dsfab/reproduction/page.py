@@ -52,7 +52,7 @@ def claim_section(rows: Sequence[Row]) -> str:
 
 
 def stiffness_ratio(own_row: Row | None, rival: Row | None) -> tuple[float, float, float] | None:
-    """Return the stiffness of a row divided by a rival's, with bounds; None if either carries no loads."""
+    """Return a design's stiffness / its rival's, with lower and upper bound; None unless both carry loads."""
     if not own_row or not rival or not own_row["compliance_J"] or not rival["compliance_J"]:
         return None
     ratio = rival["compliance_J"] / own_row["compliance_J"]
@@ -113,7 +113,7 @@ COLUMNS = (
 
 
 def rendition_section(pictures: FigurePictures, coarser: float) -> str:
-    """Return HTML with three versions (renditions) of a figure: pictures, measures, departures, commands."""
+    """Return HTML on a figure's three versions (renditions): pictures, measures, departures from paper, commands."""
     if not pictures.ways:
         return ""
     name = pictures.figure.preset

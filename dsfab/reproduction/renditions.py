@@ -127,7 +127,7 @@ def measured_rendition(
 
 
 def _carried_share(design: Design) -> float:
-    """Share of loads on supported pieces; loads on void act on the nearest material. Needs `slicing.loose` "keep"."""
+    """Share of loads on supported pieces, if `slicing.loose` = "keep". Loads on void act on the nearest material."""
     if not any(load.force.any() for load in design.statics.loads(design.preset.followed_weights).values()):
         return np.nan
     try:
@@ -143,7 +143,7 @@ def _carried_share(design: Design) -> float:
 
 
 def _compliances(design: Design, share: float, uncut_compliance: dict[str, float]) -> tuple[float, float, str]:
-    """Return compliance / that of the uncut and of a thinner sheet, and the reason if both are infinite."""
+    """Return compliance / compliance of the uncut and of a thinner sheet; and why, if both ratios are infinite."""
     statics, weights = design.preset.statics, design.preset.followed_weights
     uncut_loads = design.statics.loads(weights)
     if not any(load.force.any() for load in uncut_loads.values()):

@@ -1,4 +1,4 @@
-"""Comparison of the paper's cut by upsampling with the exact cut: errors and numbers of triangles."""
+"""Comparison of the cut by upsampling (Madan et al.) with the exact cut: errors and numbers of triangles."""
 
 import io
 from collections.abc import Sequence
@@ -48,7 +48,7 @@ class CutComparison(NamedTuple):
 
 
 def compare_design_cuts(design: Design, rounds: int = 6) -> CutComparison:
-    """Cut a design's stripes by upsampling, and exactly. Stripes follow its modes, with the width rule "plain"."""
+    """Compare the cut by upsampling with the exact cut, for a design's stripes on modes with the width rule "plain"."""
     settings = (design.preset.pattern.major, design.preset.pattern.minor)
     families = [
         StripedField(Stripes(family.frequency, float(options.phase), options.threshold), family.mode)
@@ -98,7 +98,7 @@ def division(surface: Surface, families: Sequence[StripedField], crowded: Bools)
 
 
 def _wrong_share(surface: Surface, families: Sequence[StripedField], value: Sequence[Floats], side: int = 9) -> float:
-    """Return the share of area on which interpolated and exact values (n,) differ, from samples on each face."""
+    """Return the share of area where stripes from interpolated `value` (n,) are wrong. side : samples per face side."""
     i, j = np.meshgrid(*[np.arange(side)] * 2, indexing="ij")
     inside = i + j < side
     u, v = (i[inside] + 1 / 3) / side, (j[inside] + 1 / 3) / side
@@ -111,7 +111,7 @@ def _wrong_share(surface: Surface, families: Sequence[StripedField], value: Sequ
 
 
 def upsampled_beside_exact(design: Design, folder: Path) -> PaperComparison:
-    """Compare the cut by upsampling, after each round of division, with the exact cut of the same stripes."""
+    """Compare two cuts of the same stripes: the exact cut, and the cut by upsampling after each round of division."""
     title = "Adaptive upsampling compared with the exact cut"
     try:
         comparison = compare_design_cuts(design)

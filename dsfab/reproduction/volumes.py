@@ -48,7 +48,7 @@ RIVALS = {
 
 def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, shares: Sequence[float] = SHARES) -> None:
     """Write data and a chart: the graded design, isotropic stripes, a thinner sheet, and the `sphere_rivals`.
-    All structures are judged on finer and finer meshes; pairs of isotropic modes are first ranked by one solve each.
+    Every structure is judged on finer and finer meshes. Before that, one solve each ranks pairs of isotropic modes.
     coarser : edge length / `EDGE`.    shares : shares of material for all structures."""
     from dsfab.study import compare_at, full_at_many_shares
 
@@ -75,7 +75,7 @@ def sphere_draft(changes: Mapping[str, Any], coarser: float = 1.0) -> Design:
 
 
 def sphere_rivals(coarser: float = 1.0) -> dict[str, Design]:
-    """Return the sphere's designs `plain`, `row`, `letter`, `stripes` (see `RIVALS`). coarser : edges / `EDGE`."""
+    """Return designs `plain`, `row`, `letter`, `stripes` of the sphere (see `RIVALS`). coarser : mesh edge / `EDGE`."""
     plain_widths = {**ON_MODES, "pattern.width": {"solid_fraction": 0.5}}
     settings: dict[str, Mapping[str, Any]] = {"plain": plain_widths, "row": ROW, "letter": LETTER, "stripes": {}}
     return {name: sphere_draft(changes, coarser) for name, changes in settings.items()}

@@ -91,7 +91,7 @@ class VertexPairs:
 
     @cached_property
     def _block_positions(self) -> tuple[Index, Index, Index]:
-        """Row pointers, columns, block numbers: 0 to p - 1 above the diagonal, the next p below, the last n on it."""
+        """Row pointers, columns, block numbers: first p blocks above the diagonal, then p below it, then n on it."""
         low, high = self.ends.T.astype(np.int32)
         vertex, pair = np.arange(self.n, dtype=np.int32), np.arange(len(low), dtype=np.int32)
         # this order gives ascending columns in each row without sorting

@@ -79,7 +79,7 @@ def moment_loads(surface: Surface) -> Floats:
         integral of lambda_a M : hess w  -  sum over half-edges of  integral of lambda_a (m M m) (dw/dm + s theta)
 
     m points out of the face [Hellan 1967; Herrmann 1967; Johnson 1973; Neunteufel and Schoeberl 2019, shells].
-    A rotation theta has the half-edge's sign s. A slope needs none: it is odd along the edge, and m reverses, too."""
+    A rotation theta has the half-edge's sign s. A slope needs none: it and m both reverse in the neighbouring face."""
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
     across = np.einsum("mia,mca->mci", slope, outward)  # (faces, half-edge, corner): slope of lambda_a along normal m
@@ -104,7 +104,7 @@ def moment_loads(surface: Surface) -> Floats:
 def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b over the unknowns of `elements`, N/m, with the moments eliminated on each face.
     D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3), one for each face.
-    Only normal edge bubbles (`BUBBLES`) bend faces; with the others, coarse meshes of curved sheets are too stiff."""
+    Of the edge bubbles (`BUBBLES`), only "normal" bends faces. If all did, coarse curved meshes would be too stiff."""
     rows = moment_loads(surface)
     normal, edge = surface.normals, surface.edges.of
     normal_share = np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], normal)
@@ -137,9 +137,10 @@ def bending_stiffness(surface: Surface, material: Material, thickness: float, el
 
 
 def hinge_blocks(surface: Surface, material: Material, thickness: float) -> PairBlocks:
-    """Return K_b of the energy 1/2 sum_e D l_e^2 / (A1 + A2) (theta_e - theta_e0)^2, N/m [Wardetzky et al. 2007].
-    K_b is positive semidefinite, also on curved sheets: the sum of w g g^T with g = grad theta, w = D l^2 / (A1 + A2).
-    Directions of stress are good, but deflections do not converge: those of clamped plates are 20 to 45 % wrong."""
+    """Return the stiffness K_b, N/m, of the energy 1/2 sum_e D l_e^2 / (A1 + A2) (theta_e - theta_e0)^2.
+    K_b is the sum of w g g^T with g = grad theta, w = D l^2 / (A1 + A2), positive semidefinite also on curved sheets.
+    Stress directions are accurate, but deflections do not converge: for clamped plates, they are 20 to 45 % wrong.
+    Source of the energy: [Wardetzky et al. 2007]."""
     h = hinges(surface)
     gradients, weight = angle_gradients(surface, h)
     g = np.ascontiguousarray((gradients * np.sqrt(material.bending_stiffness(thickness) * weight)[:, None, None]).T)

@@ -16,7 +16,7 @@ from dsfab.surface.mesh import Surface
 
 def facet_number(surface: Surface, thickness: float) -> float:
     """Return L^2 / (R h): edge length times fold angle, divided by the thickness (median of all edges).
-    A load on a flat face of a curved sheet bends this face between its edges. So errors of `hhj` grow with the number.
+    A load on a flat face of a curved sheet bends the face between its edges. This error of `hhj` grows with the number.
     On spheres under pressure, the largest stress is too large by about 0.9 times the number."""
     faces = surface.edges.pairs // 3
     if not len(faces):
@@ -68,7 +68,8 @@ def _midedge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
-    """Return curvature (xx, yy, 2 xy), edge sums of l theta n n^T / (2 A), fold change theta [Grinspun et al. 2006]."""
+    """Return the curvature (xx, yy, 2 xy), the sum of l theta n n^T / (2 A) over edges [Grinspun et al. 2006].
+    theta : change of the fold angle at an edge."""
     length, _, out = half_edge_frames(surface)
     hinge, pairs = hinges(surface), surface.edges.pairs
     angle = np.einsum("ikx,ikx->i", angle_gradients(surface, hinge)[0], answer.u[hinge])
@@ -82,7 +83,7 @@ def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
-    """Return `hhj` corner moments (N), (12 / A) (I - J / 4) D r; J: ones; r: unit moments' work, see `moment_loads`."""
+    """Return corner moments of `hhj`, N: (12 / A) (I - J / 4) D r. J : ones, r : unit moments' work, `moment_loads`."""
     edge, unknowns = surface.edges.of, answer.on_edges
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))

@@ -105,12 +105,11 @@ def require_loads_on_faces(surface: Surface, load: LoadCase) -> None:
 
 
 def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: Bools | None) -> Bools:
-    """Return a mask (e, k) of the unknowns on edges (`elements.on_edges`) that are fixed.
+    """Return a mask (e, k) of the fixed unknowns on edges (`elements.on_edges`).
     fixed   : (n, 3) fixed directions of the vertices.
     clamped : (e,) edges that do not rotate: built-in edges, and edges on a plane of symmetry.
-
-    Edges of faces that are fixed in all directions do not rotate. A bubble unknown moves an edge's middle along a unit
-    vector d. The unknown is fixed if over half of |d|^2 belongs to fixed directions (`held_middles`)."""
+    If a face is fixed in all directions, its edges do not rotate. A bubble unknown moves an edge's middle along a unit
+    vector d. It is fixed if d's components in fixed directions (`held_middles`) have a sum of squares over 1/2."""
     faces, held_directions = held_faces(surface, fixed), held_middles(surface, fixed)
     no_rotation = np.zeros(len(held_directions), dtype=bool)
     no_rotation[surface.edges.of[faces.all(axis=1)]] = True

@@ -46,7 +46,7 @@ class Elements:
 
     @property
     def is_reported(self) -> bool:
-        """True if reports may show results of these elements; other elements serve for directions or ranking only."""
+        """True if reports may show results of these elements. Other elements have internal uses only (`Aid`)."""
         return any(self in (pair, pair.in_plane) for pair in REPORTED)
 
     @property
@@ -66,7 +66,7 @@ class Elements:
         return 3 * surface.n + len(self.on_edges) * len(surface.edges.ends)
 
     def columns(self, surface: Surface, *names: str) -> Ints:
-        """Return numbers (m, 9 + 3 len(names)) of each face's unknowns: x, y, z of corners, then `names` of edges."""
+        """Return numbers (m, 9 + 3 len(names)) of each face's unknowns: x, y, z of corners, then `names` on edges."""
         corners = (3 * surface.F[:, :, None] + np.arange(3)).reshape(-1, 9)
         count = len(surface.edges.ends)
         groups = [3 * surface.n + self.on_edges.index(name) * count + surface.edges.of for name in names]
@@ -148,7 +148,7 @@ Quantity = Literal["compliance", "compliance_once", "displacement", "stress", "f
 """Quantities in reports."""
 
 Aid = Literal["needles", "spread", "ranking", "directions"]
-"""Internal uses of elements. Results of these elements never appear in reports."""
+"""Internal uses of elements (explained in `USES`). Results of these elements never appear in reports."""
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,7 @@ USES: Mapping[Quantity | Aid, Use] = MappingProxyType(
 """Elements for each use. Bounds of compliances in `dsfab.study.verdict.estimates` are calibrated for these elements."""
 
 REPORTED: tuple[Elements, ...] = tuple(dict.fromkeys(use.pair for use in USES.values() if use.tolerance is not None))
-"""`Elements` for results in reports: the pairs of those uses that have a tolerance."""
+"""`Elements` for results in reports: the `pair` of each entry of `USES` that has a tolerance."""
 
 
 def elements_of(use: Quantity | Aid) -> Elements:

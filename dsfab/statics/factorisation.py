@@ -107,7 +107,7 @@ FactorFunction = Callable[[Surface, csr_array, Bools], Factor]
 
 
 class FactorCache:
-    """A cache of the last `count` factors: one factorisation serves equal stiffnesses with equal fixed unknowns."""
+    """A cache of the last `count` factors. Equal stiffnesses with equal fixed unknowns share one factorisation."""
 
     def __init__(self, count: int = 1) -> None:
         self._kept: list[tuple[csr_array, Bools, Factor]] = []
@@ -162,7 +162,7 @@ def refined_solution(K: LinearMap, b: Floats, solve: Callable[[Floats], Floats])
 
 
 def _energy_share(r: Floats, step: Floats, b: Floats, x: Floats) -> Floats:
-    """Return each column's relative residual sqrt(|r . step| / b . x), with `step` = K^-1 r; 0 if b does no work."""
+    """Return each column's relative residual sqrt(|r . step| / b . x); 0 if b . x <= 0. r: b - K x, step: K^-1 r."""
     energy = np.sum(b * x, axis=0)
     share = np.abs(np.sum(r * step, axis=0)) / np.where(energy > 0, energy, np.inf)
     return np.asarray(np.sqrt(share))

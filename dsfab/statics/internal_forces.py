@@ -23,7 +23,7 @@ up to a distance of CROWDED times the mean size. With a larger distance, some of
 @dataclass(frozen=True, eq=False)
 class ShearRecovery:
     """Data to compute shear forces q from moments; q is the gradient of a potential M. All cases share these data.
-    columns : (m, 6) unknowns of M at the corners and in the middles of the half-edges; (m, 3) at the corners only.
+    columns : unknowns of M, (m, 6) at corners and middles of half-edges, or (m, 3) at corners if M is linear on faces.
     sign    : (m, 6) -1 if the face's normal is opposite to the normal of the first face with this unknown, else 1.
     rim     : (m, 3) 1 on half-edges of free edges and folds, which transfer no shear; else 0.
     spread  : (N, N) matrix that spreads the load of each unknown over its neighbours; columns sum to 1."""
@@ -37,7 +37,7 @@ class ShearRecovery:
 
     @classmethod
     def for_surface(cls, surface: Surface, linear: bool = True) -> Self:
-        """Return the data for a surface. linear : True for moments linear on each face, and a quadratic potential M."""
+        """Return the data for a surface. linear : True if moments are linear on each face. Then M is quadratic."""
         side_a, side_b = surface.edges.pairs.T
         lean = np.abs(np.einsum("ix,ix->i", surface.normals[side_a // 3], surface.normals[side_b // 3]))
         side_a, side_b = side_a[lean > SMOOTH], side_b[lean > SMOOTH]
@@ -59,7 +59,7 @@ class ShearRecovery:
     def forces(self, moments: Floats, twist: Floats) -> Floats:
         """Return the mean shear force q on each face (m, 3), N/m, in space, tangent to the face.
         moments : (m, 3 corners, 3) moments of the elements, in `SheetStress.frame`, N.
-        twist   : (m, 3 corners, 3) moments averaged at vertices, N. Their twist m_nt acts on free edges and folds."""
+        twist   : (m, 3 corners, 3) moments averaged at vertices, N. Their part m_nt acts on free edges and folds."""
         nodes = self.columns.shape[1]
         work = np.einsum("mai,maij->mj", -moments, moment_loads(self.surface)[..., :6]) + self._at_rims(twist)
         if nodes == 6:  # change from bubbles to quadratic functions that are 1 at one of the six nodes
@@ -112,7 +112,7 @@ def _gradient_stiffness(surface: Surface, linear: bool) -> Floats:
 
 
 def _spread_matrix(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> csr_array:
-    """Return `ShearRecovery.spread`. A load at a splinter (very low face) is divided among nearby points by area."""
+    """Return `ShearRecovery.spread`. Points near a splinter (very low face) share its load in proportion to area."""
     size, nodes = len(points), columns.shape[1]
     weight = np.array([1 / 12] * 3 + [1 / 4] * 3) if nodes == 6 else np.full(3, 1 / 3)
     area = np.bincount(columns.ravel(), (surface.areas[:, None] * weight).ravel(), size)
@@ -192,7 +192,7 @@ def section_forces(
     recovery : data for this surface and kind of bending; several cases can share them.
 
     n is the thickness times the mean stress of the middle surface. m is averaged around each vertex, which removes the
-    bending of each flat face under its own load. q balances the moments; sums across ribs have errors of 2.5 %."""
+    bending of each flat face under its own load. q balances the moments; sums of q across ribs have errors of 2.5 %."""
     stress_frame, scale = stress.frame, thickness**2 / 6
     moments = scale * vertex_averages(surface, stress_frame, stress.bending, sided=True)
     across = np.zeros((surface.m, 3))

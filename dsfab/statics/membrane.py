@@ -115,7 +115,7 @@ def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBloc
 
 
 def _doubled_area_gradients(surface: Surface) -> Floats:
-    """Return each corner's hat function gradient times twice the area, (3, 3, m): normal x opposite edge."""
+    """Return each corner's hat function gradient times twice the area, (3, 3, m): cross(normal, opposite edge)."""
     P = surface.V[surface.F].transpose(1, 2, 0)
     edge = np.roll(P, -2, axis=0) - np.roll(P, -1, axis=0)
     n = surface.normals.T
@@ -147,7 +147,7 @@ def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> F
 
 
 def corner_strains(surface: Surface) -> Floats:
-    """Return the strain (m, 3, 9) of each face for unit displacements x, y, z of its corners, per metre."""
+    """Return the strain (m, 3, 9) of each face, per metre of displacement of its corners along x, y, z."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)  # (m, 3 corners, 2) hat gradients in the face's frame
     moved = voigt(slope[:, :, None, :], t.transpose(0, 2, 1)[:, None, :, :])  # (m, corner, xyz, strain)
@@ -155,8 +155,8 @@ def corner_strains(surface: Surface) -> Floats:
 
 
 def bubble_strains(surface: Surface, weights: Floats) -> Floats:
-    """Return the strain (m, 3, 6) at a point with barycentric coordinates `weights` (3,), per metre.
-    Columns: unit edge bubbles of the three edges, first along each edge, then across it (see `BUBBLES`)."""
+    """Return the strain (m, 3, 6) at barycentric coordinates `weights` (3,), per metre of an edge bubble (`BUBBLES`).
+    Columns: first the bubbles along the three edges, then the bubbles across the three edges."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
     # slopes of the bubbles 4 phi_j phi_k

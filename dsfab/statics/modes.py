@@ -137,7 +137,7 @@ def frequencies(
 
 def mass_of_loads(loads: Iterable[LoadCase]) -> Floats | None:
     """Return the masses (n,), kg, at the vertices whose weights are these loads; None without loads.
-    Only weight downwards has mass. The mass of each load is that of its resultant, without forces that only turn it."""
+    Only weight downwards has mass. Each load's mass is that of its resultant. Forces that cancel add no mass."""
     masses = None
     for load in loads:
         up = load.force[:, 2]
@@ -238,8 +238,8 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
         x . K_g x  =  integral of  sum over i of  grad x_i . N grad x_i     [Zienkiewicz and Taylor 2000, vol. 2, 11]
 
     resultant : (m, 3, 3) membrane force per length N, N/m, tangent to each face.
-    The stress acts only on slopes that the elements resist. Other slopes have no stiffness: there, a needle (very thin
-    triangle) would buckle alone. Used: mean gradients; for `hhj` also slopes of a constant curvature [Morley 1968]."""
+    K_g uses only slopes that the elements resist; else a needle (very thin triangle) would buckle alone. These slopes
+    are mean gradients; for `hhj` also slopes of a constant curvature [Morley 1968]."""
     slopes, columns = _slopes(surface, elements)
     blocks = np.einsum("majx,mab,mbjy->mxy", slopes, _in_faces(surface, resultant), slopes, optimize=True)
     return assemble_blocks(blocks, columns, elements.unknowns(surface))
@@ -260,7 +260,7 @@ def _in_faces(surface: Surface, resultant: Floats) -> Floats:
 
 
 def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
-    """Return slopes s (m, 2 tangents, 5, c) times the root of the area, so that K_g sums s . N s; and unknowns (m, c).
+    """Return slopes s (m, 2 tangents, 5, c) times sqrt(area), and unknowns (m, c). K_g is the sum of s . N s.
     Slopes 0 to 2: mean gradients of displacements x, y, z. Slopes 3, 4: from curvature, at two quadrature points."""
     names = ("normal", "rotation") if elements.bending == "hhj" else ()
     mean = _mean_gradients(surface, names) * np.sqrt(surface.areas)[:, None, None, None]
@@ -275,8 +275,8 @@ def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
 
 
 def _mean_gradients(surface: Surface, names: tuple[str, ...]) -> Floats:
-    """Return mean gradients (m, 2 tangents, 3 xyz, columns) for unit displacements of corners, then unknowns `names`.
-    `normal` moves an edge's middle along the edge's normal; only the part along the face's normal counts."""
+    """Return mean gradients (m, 2 tangents, 3 xyz, columns) for unit displacements of corners, unit values of `names`.
+    `normal` moves an edge's middle along the edge's normal. Only the component along the face's normal counts."""
     slope = np.einsum("mik,mak->mai", hat_gradients(surface), tangents(surface))
     gradients = np.zeros((surface.m, 2, 3, 9 + 3 * len(names)))
     for i in range(3):

@@ -36,8 +36,8 @@ def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> 
 
 def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
     """Return the resultant of each support's forces and torques on the sheet.
-    The torque of an edge goes to the supports that clamp the edge, or if none does, to the supports of its ends. Edges
-    clamped by the sheet itself (`SheetModel.clamped`) belong to no support; so reactions may not balance the loads."""
+    The torque of an edge goes to the supports that clamp the edge; without these, to the supports of its ends. Edges
+    clamped by the sheet itself (`SheetModel.clamped`) belong to no support, so reactions can fail to balance loads."""
     forces = support_forces(surface, supports, answer)
     fixed = np.array([support.fixed_directions(surface) for support in supports])  # (s, n, 3)
     torques = np.zeros((len(supports), 0))
@@ -131,7 +131,7 @@ def support_entries(
 
 
 def _extent(surface: Surface, picked: Bools) -> tuple[int, Floats, float, float]:
-    """Return count and mean of picked vertices, and length (no inner edges of picked faces) and area between them."""
+    """Return count and mean of picked vertices, and length and area between them, without picked faces' inner edges."""
     faces, edges = surface.faces_of(picked), surface.edges
     inner = np.zeros(len(edges.ends), dtype=bool)
     inner[edges.of[faces]] = True

@@ -39,7 +39,7 @@ class ResultRequest:
         return self.frequencies + self.buckling
 
     def elements_for(self, elements: Elements) -> Elements:
-        """Return `elements` if `REPORTED` contains them, or if this request is empty; else the elements for stress."""
+        """Return `elements` if they are in `REPORTED`, or if nothing is requested; else `elements_of("stress")`."""
         return elements_of("stress") if self and elements not in REPORTED else elements
 
     def factor_for(self, elements: Elements) -> FactorFunction:
@@ -70,7 +70,8 @@ class Answers:
 @dataclass(frozen=True, eq=False)
 class SolvedCase:
     """A load case and its equilibrium.
-    equilibrium : solution under `load` and `spread`, by `elements`, or by `elements.in_plane` if `plane`.
+    equilibrium : solution under `load`, with its part `spread` on faces and edges. It uses `elements`, but
+                  `elements.in_plane` if `plane`.
     elements    : pair of membrane and bending elements, also if `plane` is True.
     factor_of   : function that factorised K (`ResultRequest.factor_for`).
     plane       : True if the sheet was solved in its plane; by default this follows from `load`."""
@@ -125,7 +126,7 @@ def sheet_answers(
 
 
 def _result_or_refusal(find: Callable[[], Result], missing: str, refusals: list[str]) -> Result | None:
-    """Return find(). If it fails, add `missing` and the reason to `refusals`, and return None: a design must go on."""
+    """Return find(). If it raises StaticsError, add `missing` and the error to `refusals`, and return None."""
     try:
         return find()
     except StaticsError as error:

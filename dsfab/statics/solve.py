@@ -106,9 +106,9 @@ def equilibria(
     sums: Sequence[Sequence[float]] = (),
     factor_of: "FactorFunction | None" = None,
 ) -> tuple[Equilibrium, ...]:
-    """Return the `equilibrium` of each load, then of combinations, from one factorisation.
-    K    : (u, u), see `equilibrium`.
-    sums : k factors of the loads for each combination. The loads' residuals give a bound for the combination's.
+    """Return the `equilibrium` of each load, then of each combination in `sums`, from one factorisation.
+    K    : (u, u), see `equilibrium`.    spreads : spread part of each load.    factor_of : function that factorises K.
+    sums : k factors of the loads for each combination. A combination's residual is a bound from the loads' residuals.
     Raises StaticsError as `equilibrium`, and for loads on different supports."""
     _require_same_supports(loads)
     is_held = held_unknowns(surface, loads, elements)
@@ -137,7 +137,7 @@ def _require_same_supports(loads: Sequence[LoadCase]) -> None:
 
 def held_unknowns(surface: Surface, loads: Sequence[LoadCase], elements: Elements, plane: bool | None = None) -> Bools:
     """Return the unknowns (u,) that do not move. All loads must have equal supports.
-    plane : False for a flat sheet that may move out of its plane; by default this follows from the loads.
+    plane : False to let a flat sheet leave its plane; by default, it stays in its plane if all loads lie in this plane.
     Raises StaticsError if the supports leave a motion free, and for a load on a vertex without faces."""
     reference = loads[0]
     clamped = all_clamped(reference)
@@ -223,7 +223,7 @@ def solution(
 
 
 def _torque(elements: Elements, on_edges: Floats) -> Floats:
-    """Return the moments (e,), N m, on the sheet at its edges: the part of `on_edges` for the unknown `rotation`."""
+    """Return the moments (e,), N m, on the sheet at its edges: values in `on_edges` of the `rotation` unknowns."""
     if "rotation" not in elements.on_edges:
         return np.zeros(0)
     return np.asarray(on_edges.reshape(len(elements.on_edges), -1)[elements.on_edges.index("rotation")])

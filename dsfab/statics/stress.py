@@ -172,7 +172,7 @@ class SheetStress:
         return np.asarray(self.frame.transpose(0, 2, 1) @ tensor_matrices(self._mean(layer)) @ self.frame)
 
     def principal(self, layer: Layer) -> Principal:
-        """Return principal values and directions of the mean stress of each face [Mohr 1882]."""
+        """Return principal values and directions of the stress in `layer`, averaged over each face [Mohr 1882]."""
         return principal_values(self._mean(layer), self.frame)
 
     @cached_property

@@ -69,7 +69,7 @@ class ThicknessStiffness:
         return np.asarray(thickness * (self.membrane @ x) + thickness**3 * (self.bending @ x))
 
     def with_derivatives(self, thickness: float, factor: Factor, x: Floats, count: int) -> list[Floats]:
-        """Return x (u, k) and its products with powers 1 to `count` of K^-1 dK/dt. factor : factorised K(thickness)."""
+        """Return [x, P x, ..., P^count x] for x (u, k), with P = K^-1 dK/dt. factor : factorised K(thickness)."""
         vectors = [x]
         for _ in range(count):
             forces = self.membrane @ vectors[-1] + 3 * thickness**2 * (self.bending @ vectors[-1])
@@ -117,12 +117,12 @@ def _independent_columns(columns: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ThicknessBasis:
-    """Reduced bases for displacements and buckling of a sheet at other thicknesses, see `from_sheet`.
+    """Reduced bases for displacements and buckling of a sheet at thicknesses near its own, see `from_sheet`.
     loads     : the loads by name, at the thickness of `sheet`.
-    constant, per_metre : f0 (u, k), N, and f1 (u, k), N/m.
+    constant, per_metre : f0 (u, k), N, and f1 (u, k), N/m. At thickness t, the loads on the unknowns are f0 + t f1.
     vectors   : (u, b) basis of the displacements.
     reduced   : (3, b, b) `projection` on `vectors`.    modes : (3, s, s) `projection` on the buckling modes.
-    geometric : (b, s, s) products x_i . -K_g x_j of modes. K_g: stress of one of `vectors`, in a sheet 1 m thick."""
+    geometric : (b, s, s) -x_i . K_g x_j of modes x. K_g : geometric stiffness by one of `vectors`, sheet 1 m thick."""
 
     sheet: SheetModel
     loads: Mapping[str, LoadCase]
@@ -136,7 +136,7 @@ class ThicknessBasis:
 
     @classmethod
     def from_sheet(cls, sheet: SheetModel, loads: Mapping[str, LoadCase], buckling: Sequence[str] = ()) -> Self:
-        """Return the reduced bases for thicknesses t / `ACCURATE` to t `ACCURATE`, where t is the thickness of `sheet`.
+        """Return reduced bases for thicknesses from t / `ACCURATE` to t x `ACCURATE`, where t is that of `sheet`.
         buckling : names of the loads whose buckling factors are wanted.
         Raises StaticsError as `solve_statics`. Needles (very thin triangles) can cause this error."""
         try:
@@ -228,7 +228,7 @@ def _resultants(sheet: SheetModel, stiffness: ThicknessStiffness, x: Floats) -> 
 
 
 def _buckling_modes(across: ThicknessStiffness, resultants: Floats, factor: Factor) -> list[Floats]:
-    """Return the lowest buckling modes (u, s) of the most compressed cases. resultants : (k, m, 3, 3), N/m."""
+    """Return the lowest buckling modes (unknowns, s) of the most compressed cases. resultants : (k, m, 3, 3), N/m."""
     surface, modes = across.surface, list[Floats]()
     compression = [-np.linalg.eigvalsh(N)[:, 0].clip(max=0) @ surface.areas for N in resultants]
     for k in np.argsort(compression)[: -1 - CASES : -1]:

@@ -56,7 +56,7 @@ def rib_shape(surface: Surface) -> RibShape:
 
 
 def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, largest: float) -> Floats:
-    """Return radii of the largest empty discs at border points: discs grow, then shrink [Ma, Bae and Choi 2012]."""
+    """Return radii, up to `largest`, of the largest empty discs that touch border points [Ma, Bae and Choi 2012]."""
 
     def blocked(discs: Ints) -> tuple[Bools, Floats]:
         p, n, r = points[discs], inward[discs], radius[discs]
@@ -84,8 +84,8 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
 
 
 def torsion_loss(sheet: SheetModel, elements: Elements, ribs: RibShape) -> csr_array:
-    """Return a negative stiffness over the unknowns of `elements`. If it is added, ribs twist as softly as bars.
-    The bending stiffness D of each face loses (1 - `torsion_share`) D_66 t t^T. The vector t gives the twist
+    """Return a (negative) stiffness over the unknowns of `elements`. Add it to make ribs twist as softly as bars.
+    The bending stiffness D of each face is reduced by (1 - `torsion_share`) D_66 t t^T. The vector t is defined by
     t . kappa = 2 kappa_ab, a along the rib, b across it. Raises ValueError unless bending is `hhj` or `midedge`."""
     if elements.bending not in ("hhj", "midedge"):
         raise ValueError(f"{elements}: only hhj and midedge bending can reduce the torsion of ribs")

@@ -15,9 +15,9 @@ from dsfab.statics.stress import tensors_in_space
 from dsfab.surface import LoadCase
 
 LEAST = 1e-4
-"""Least thickness, as a fraction of the sheet's thickness, so that empty faces still have a direction of force."""
+"""Least thickness of a face in a solve, divided by the sheet's thickness. At 0, a face would have no membrane force."""
 SETTLED, MOVE, STEPS = 0.01, 0.2, 40
-"""Steps end at a thickness change below `SETTLED`, or after `STEPS`. Most per step: `MOVE`. Unit: sheet thickness."""
+"""Thickness change below which the iteration ends, and largest change per step, in sheet thicknesses; most steps."""
 
 
 class VaryingSheet(NamedTuple):
@@ -63,10 +63,10 @@ def _membrane_forces(sheet: SheetModel, loads: list[LoadCase], K: FaceStiffness,
 
 
 def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: Bools, move: float) -> Floats:
-    """Return x sqrt(gain / multiplier) (m,), changed by at most `move`, with the multiplier for `area` [Bendsoe 1995].
-
+    """Return new shares of material x sqrt(gain / multiplier), (m,), 0 to 1. Each differs from x by at most `move`.
+    The multiplier makes the sum of the results times `areas` equal to `area`, m2 [Bendsoe 1995].
     gain  : (m,) decrease of the compliance per area of material added to a face.
-    solid : (m,) faces whose result is always 1.    area : sum of the results times `areas`, m2."""
+    solid : (m,) faces whose result is always 1, without regard to `move`."""
     low, high = np.maximum(x - move, 0.0), np.minimum(x + move, 1.0)
     root = x * np.sqrt(np.maximum(gain, 0.0))
     lower, upper = 0.0, 2 * float(root.max()) / max(float(x.min()), 1e-3)

@@ -160,12 +160,12 @@ class Alternative:
 
     @property
     def is_stiffer(self) -> bool:
-        """True if the alternative is probably stiffer than the design."""
+        """True if this structure (the alternative) is probably stiffer than the design."""
         return self.over > 1
 
     @property
     def sentence(self) -> str:
-        """Sentence that states how many times as stiff as the design this alternative is."""
+        """Sentence that compares the stiffness of this alternative structure with that of the design."""
         which = f"{ALTERNATIVE_WORDS[self.name]} of the same mass"
         if not np.isfinite(self.over):
             return f"this design does not carry its loads, and {which} does"
@@ -188,7 +188,7 @@ def losing_line(candidates: Iterable[Alternative]) -> str:
 
 
 def is_searched(preset: Preset) -> bool:
-    """Return True if dsfab searches for a part of the pattern: method, modes, phases, or widths by rule `stressed`."""
+    """Return True if dsfab searches for the method, modes or phases of a pattern, or for widths (rule `stressed`)."""
     pattern = preset.pattern
     return pattern.method == "auto" or pattern.auto or pattern.width.rule == "stressed"
 
@@ -240,9 +240,9 @@ def thinner_alternative(task: ComparisonTask, structure: Structure, own_judge: J
 
 
 def isotropic_alternative(task: ComparisonTask, structure: Structure, own_judge: Judge = quick) -> Alternative:
-    """Compare a structure with the best isotropic stripes of the same mass.
-    The stripes of each pair of modes are cut and solved once. The stripes of the two best pairs are cut again, to
-    exactly the design's mass. More accurate elements then solve these stripes and, by `own_judge`, the design."""
+    """Compare a structure (the design) with the best isotropic stripes, which ignore the stress, of the same mass.
+    Each pair of modes gives stripes that are cut and solved once. The stripes of the two best pairs are cut again, to
+    exactly the design's mass, and solved with more accurate elements. The function `own_judge` solves the design."""
     blind = isotropic_stripes(task)
     phases = blind.preset.pattern.major.shift, blind.preset.pattern.minor.shift
     level = f"one solve of each sheet; the best of {len(blind.pairs)} pairs of modes"
@@ -270,7 +270,7 @@ def _variant_compliance(task: ComparisonTask, variant: Variant) -> _BoundedCompl
 
 
 def judged_alternatives(design: Competitor, rivals: Iterable[Competitor]) -> tuple[Alternative, ...]:
-    """Return the competitors in `ALTERNATIVE_WORDS` as alternatives, with their judged compliances."""
+    """Return an `Alternative` for each competitor in `ALTERNATIVE_WORDS`, from compliances that are already known."""
     design_value, judged = _competitor_compliance(design), []
     for rival in (rival for rival in rivals if rival.name in ALTERNATIVE_WORDS):
         level = f"{rival.judgement.level} check" if rival.judgement else ""

@@ -38,10 +38,9 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
     """Return forces (n + e, 3), newtons, on the nodes of six-node triangles. They do the same work as dsfab's loads.
     force  : (n, 3) newtons on the vertices. They include the loads `spread`.
     spread : loads per area and per length.
-
-    The shape function of a middle node is the bubble function of its edge, so the force on this node is the work of
-    the loads on the bubble. The shape function of a corner contains minus half of this bubble, so each end of the edge
-    loses half of the middle node's force."""
+    The shape function of a middle node is the bubble function of its edge. The force on this node is therefore the work
+    of the loads on the bubble. The shape function of a corner is a linear function minus half of the bubble of each of
+    its edges. So half of a middle node's force is subtracted at each end of the edge."""
     middle = np.zeros((len(surface.edges.ends), 3))
     if spread is not None:
         on_bubbles = spread.bubble_forces(surface, elements_of("six_nodes"))[:, -3:]
@@ -102,7 +101,7 @@ def six_node_model(
 
 
 def axes_of_file(axis: int) -> Ints:
-    """Return the coordinate of the surface (0 to 2) that is x, y and z in the file, (3,). For z, this is `axis`."""
+    """Return the coordinates (0 to 2) of the surface that become x, y and z in the file, (3,). `axis` becomes z."""
     return np.asarray(np.roll(np.arange(3), 2 - axis))
 
 
@@ -178,7 +177,7 @@ def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
 
 
 def cut_model(design: Design, progress: Progress | None = None) -> CheckModel:
-    """Return the model of a design's cut sheet. `sheet_load` moves the loads of the uncut surface to its vertices."""
+    """Return the model of a design's cut sheet. Loads of the uncut surface are moved to vertices of the cut sheet."""
     sheet, preset = design.sheet, design.preset
     nothing = SpreadLoad.broadcast(sheet.surface)  # spread loads are already part of the vertex forces
     acting = [

@@ -37,8 +37,8 @@ class Comparison:
     """A design, the uncut (full) sheet, and competitors of the design's mass, under the loads that shape the pattern.
     The compliance is the sum over the load cases, with the weights of [diffusion]; it is small for a stiff structure.
     task      : common input of the competitors.
-    pattern   : quality of the design's pattern; None if its widths are scaled or it cannot be cut.
-    looked_at : fast comparisons with structures of `ALTERNATIVE_WORDS` that are not among the competitors."""
+    pattern   : quality of the design's pattern; not computed (None) for scaled widths or a design that cannot be cut.
+    looked_at : results of fast solves for structures of `ALTERNATIVE_WORDS` that are not among the competitors."""
 
     name: str
     task: ComparisonTask
@@ -50,12 +50,12 @@ class Comparison:
 
     @property
     def alternatives(self) -> tuple[Alternative, ...]:
-        """The comparisons with structures of `ALTERNATIVE_WORDS`: first with competitors, then those in `looked_at`."""
+        """Results for structures of `ALTERNATIVE_WORDS`: first the competitors, then structures in `looked_at`."""
         judged = judged_alternatives(self.design, self.rivals)
         return judged + tuple(entry for entry in self.looked_at if entry.name not in {two.name for two in judged})
 
     def with_alternatives(self) -> Self:
-        """Return the comparison with all structures of `ALTERNATIVE_WORDS`. Fast solves add those not yet compared."""
+        """Return the comparison with all structures of `ALTERNATIVE_WORDS`. Fast solves compute missing structures."""
         missing = [name for name in ALTERNATIVE_WORDS if name not in {rival.name for rival in self.rivals}]
         structure = self.design.structure
         if not (structure and missing):
@@ -108,8 +108,8 @@ def comparison(
 ) -> Comparison:
     """Compare the compliance of the design's cut sheet with competitors of the same mass.
     against : names of `BASELINES`.     judge : function that solves the design and the full sheet.
-    rival_judge : function that solves the competitors, default `judge`. `quick` first finds the stiffest variant.
-    refuse  : True to raise an error if the design does not carry its loads. If False, the comparison holds the error.
+    rival_judge : solves competitors, default `judge`. If a competitor has variants, `quick` first finds the stiffest.
+    refuse  : True to raise an error if the design does not carry its loads. If False, `Comparison.design` states it.
     Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names."""
     rivals = baselines_by_name(against)
     try:
@@ -294,8 +294,8 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
 
 
 def full_at_many_shares(memory: float = BUDGET) -> Judge:
-    """Return a function like `full`, to compare one surface with different amounts of material. Uncut sheets of one
-    thickness are solved once. memory : bytes that the solver may take."""
+    """Return a function that solves a structure as `full` does, but solves uncut sheets of one thickness only once.
+    Use it to compare one surface with different amounts of material. memory : bytes that the solver may take."""
     judge = partial(full, budget=memory)
     return _full_for_whole_sheets(judge, judge)
 
@@ -308,7 +308,7 @@ def _can_be_cut(design: Design) -> bool:
 
 
 def _full_for_whole_sheets(whole_judge: Judge, cut: Judge) -> Judge:
-    """Return a function that calls `cut` for cut sheets, and `whole_judge` once for all uncut sheets of a thickness."""
+    """Return a function that solves cut sheets by `cut`, and only one uncut sheet per thickness by `whole_judge`."""
     judgements: dict[float, Judgement] = {}
 
     def judge(task: ComparisonTask, structure: Structure) -> Judgement:

@@ -90,7 +90,7 @@ def fabrication(design: Design) -> FabricationMeasures:
 
 def refusals(design: Design, measured: FabricationMeasures | None = None) -> tuple[str, ...]:
     """Return reasons (clauses) why an export needs the option --accept: loads without support, and places where the
-    solid is thinner than `FILM`. In a workshop design, also members and gaps that are under 1 mm and miss their limit.
+    solid is thinner than `FILM`. In a workshop design, members and gaps under 1 mm that fail their check also count.
     measured : measures of the design. If it is None, members and gaps are not checked."""
     loads, why = {name: case.load for name, case in design.statics.cases.items()}, []
     try:

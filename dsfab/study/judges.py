@@ -97,8 +97,8 @@ class Judgement:
         return "full" if self.check else "quick"
 
     def solid_loss(self, power: float) -> float:
-        """Return by how much a quantity is smaller for a solid than for the shell, as a fraction: a quantity that grows
-        with this power of the stiffness, 1 for buckling factors and 0.5 for frequencies."""
+        """Return the relative decrease (a fraction) of a quantity from the shell to the solid.
+        power : exponent of the stiffness in this quantity: 1 for buckling factors, 0.5 for frequencies."""
         return float(1 - (1 + (self.theory or 0.0)) ** -power)
 
     def worst(self, name: str) -> Extreme:

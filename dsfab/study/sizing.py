@@ -77,8 +77,8 @@ class SizingResult:
 
     def lines(self, every: bool = False) -> Iterator[str]:
         """Yield a table of the trials, then remarks.
-        every : True to list all trials. False to list the cut designs and some drafts: those of the next thinner sheet
-                or, if the pattern was changed or the targets are missed, those of the chosen thickness."""
+        every : True to list all trials. False to list the cut designs, and the drafts of the next thinner sheet. If the
+                pattern was changed or the targets are missed, drafts of the chosen thickness replace these drafts."""
         thickness, final = self.trials[-1].thickness, {trial.thickness for trial in self.trials if trial.is_final}
         if every or self.changes or not self.fits:
             shown = {trial.thickness for trial in self.trials} if every else {thickness}
@@ -125,7 +125,7 @@ def sized_preset(preset: Preset, progress: Progress = silent) -> Preset:
 
 
 def guessed_preset(preset: Preset) -> Preset:
-    """Return the preset, for quick drawings. If its thickness is auto, the result has a first guess of it."""
+    """Return the preset for quick drawings. If its thickness is auto, the result has a first guess of the thickness."""
     if preset.statics.is_sized:
         return preset
     guess = preset.sizing.first
@@ -190,7 +190,7 @@ def _possible_thicknesses(design: Design, stock: Sequence[float], source: str) -
 
 
 def _standing_design(design: Design, thickest: float, progress: Progress) -> Design:
-    """Return the design, with at most the thickness `thickest` (m), and with it if the uncut sheet moves too much."""
+    """Return the design, at most `thickest` (m) thick, or exactly this thick if the uncut sheet moves too much."""
     preset = design.preset.with_thickness(min(design.preset.statics.thickness, thickest))
     design = Design.from_preset(preset, design, progress)
     is_refused = bool(refusal(preset, design.statics))
@@ -198,8 +198,8 @@ def _standing_design(design: Design, thickest: float, progress: Progress) -> Des
 
 
 def _nearest_trials(design: Design, stock: Sequence[float], progress: Progress) -> "_StockTrials":
-    """Return trials of stock thicknesses near a draft's. If thinner or thicker sheets may be better, draft again at the
-    smallest or largest of these, or else the next in stock. Raises PatternError or StaticsError of the first draft."""
+    """Try the stock thicknesses near that of a draft. If thinner (thicker) sheets may be better, draft again with the
+    thinnest (thickest) tried thickness or the next in stock. Raises PatternError or StaticsError of the first draft."""
     thickness, solved, rows = design.preset.statics.thickness, set[float](), None
     while True:
         solved.add(thickness)
@@ -232,8 +232,8 @@ def _draft(design: Design) -> Design:
 def _own_cuts(
     design: Design, preset: Preset, rows: "_StockTrials", progress: Progress
 ) -> tuple[list[SizingTrial], Design | None]:
-    """Return trials of new cuts, first the one nearest to the targets in `rows`, and the thinnest good design or None.
-    The design's trial is last. Raises PatternError or StaticsError if a cut fails before any cut meets the targets."""
+    """Cut and solve, first with the thickness nearest to the targets in `rows`. Return trials, and the thinnest good
+    design (last trial) or None. Raises PatternError or StaticsError if a cut fails before any cut meets the targets."""
     trials, chosen, count = list[SizingTrial](), None, len(rows.trials)
     k = rows.thinnest_sufficient()
     if 0 < k < count and rows.full_trial(k - 1).worst * rows.full_trial(k).worst < 1:
@@ -329,7 +329,7 @@ def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) ->
 
 
 def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) -> SizingTrial:
-    """Return a solved structure's trial. `row`, of this thickness on an older cut, lends a missing buckling factor."""
+    """Return the trial of a solved structure. row : older trial of this thickness, for a missing buckling factor."""
     targets = design.preset.sizing
     use = outcome.use.value if outcome.use else float("inf") if row else None  # None: utilisation not yet computed
     movement = outcome.movement.share if outcome.movement else float("inf")

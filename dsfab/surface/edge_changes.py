@@ -232,7 +232,7 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
 
 
 def _may_flip(surface: Surface, faces: Ints, quad: Ints, tolerance: float) -> Bools:
-    """Mark quads a, b, c, d (k, 4) of faces (k, 2) where c-d may replace a-b: new, near a-b, no face turned over."""
+    """Mark quads a, b, c, d (k, 4) where edge c-d may replace a-b: c-d is new and near a-b, and turns no face over."""
     a, b, c, d = (surface.V[k] for k in quad.T)
     across = cross(b - a, d - c)
     distance = np.abs(np.einsum("ki,ki->k", across, c - a)) / np.maximum(lengths(across), np.finfo(float).tiny)

@@ -243,8 +243,8 @@ class CornerField:
     shift  : (m, 3) offset at each corner of a face. The value at the corner is sign * x + shift.
     blank  : (m,) faces without a field; the cut leaves them whole.
     wanted : (m,) fraction of each face on which the field applies, 0 to 1; None if it applies everywhere.
-    In a band, a place is material if more levels of the cut lie below x[:, 0] than below x[:, 1]. If earlier fields
-    have cut an opening, the mean of `wanted` in the opening decides whether it stays or is filled."""
+    In a band, a place is material if the number of cut levels below x[:, 0] exceeds the number below x[:, 1]. If
+    earlier fields have cut an opening, the mean of `wanted` in the opening decides whether it stays or is filled."""
 
     x: Floats
     sign: Floats
@@ -262,7 +262,7 @@ class CornerField:
 
     @cached_property
     def changed_faces(self) -> Bools:
-        """Mask (m,) of the faces with values other than x: `sign` is -1 or `shift` is not 0 at a corner."""
+        """Mask (m,) of faces where sign * x + shift differs from x: `sign` is -1 or `shift` is not 0 at a corner."""
         return np.asarray(((self.sign < 0) | (self.shift != 0)).any(axis=1))
 
     def corners(self, F: Ints) -> Floats:
@@ -306,11 +306,11 @@ class DividedSurface:
         return DividedSurface(self.whole, Surface(V, F), self.parent[source], weights)
 
     def cut_parts(self) -> Ints:
-        """Return the parts (k,) of divided faces, without the faces that are still whole."""
+        """Return the indices (k,) of the triangles that are parts of divided faces."""
         return np.flatnonzero(self.surface.F.max(axis=1) >= self.whole.n)
 
     def corners(self, parts: Ints) -> Floats:
-        """Return the barycentric coordinates (k, 3, 3) of the corners of parts (k,), each in the part's whole face."""
+        """Return the corners of parts (k,) as barycentric coordinates (k, 3, 3) in the undivided face of each part."""
         rows, columns = self.surface.F[parts][:, :, None], self.whole.F[self.parent[parts]][:, None, :]
         i, j = (np.broadcast_to(index, (len(parts), 3, 3)).ravel() for index in (rows, columns))
         return np.asarray(self.weights[i, j]).reshape(-1, 3, 3)
@@ -354,7 +354,7 @@ class DividedField:
 
     @property
     def at_vertices(self) -> Floats:
-        """Values (n,) or (n, 2) at the vertices of the undivided surface."""
+        """Values (n,) or (n, 2) of the field at the vertices of the surface before it was divided."""
         return self.x[: self.divided.whole.n]
 
     @property

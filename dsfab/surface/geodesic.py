@@ -21,9 +21,9 @@ SLACK = 1e-10  # Allowed rounding errors, divided by the compared lengths, areas
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """k windows. A window is the part of an edge that straight paths from a source reach, in a plane of unfolded faces.
-    names  : (k, 5) the properties `edge`, `face`, `a`, `b` and `parallel`.
-    values : (k, 7) the properties `at_a` and `at_b` (two columns each), `start`, `end` and `offset`."""
+    """k windows. A window is the part of an edge that straight paths from a source reach, if faces are laid in a plane.
+    names  : (k, 5) values of the properties `edge`, `face`, `a`, `b` and `parallel`.
+    values : (k, 7) values of the properties `at_a` and `at_b` (two columns each), `start`, `end` and `offset`."""
 
     names: Ints
     values: Floats
@@ -32,17 +32,17 @@ class Windows:
     def from_columns(
         cls, names: Sequence[Ints | Bools], A: Floats, B: Floats, start: Floats, end: Floats, offset: Floats
     ) -> "Windows":
-        """Return k windows (reached parts of edges). names : columns (k,) of `names`.    A, B : (k, 2) edge ends, m."""
+        """Return k windows (see `Windows`). names : columns (k,) of `names`.    A, B : (k, 2) ends of edges, m."""
         return cls(np.stack(names, axis=1), np.stack([*A.T, *B.T, start, end, offset], axis=1))
 
     @property
     def edge(self) -> Ints:
-        """Number (k,) of the edge of each window. A window is the part of an edge that straight paths reach."""
+        """Number (k,) of the edge that contains each window, see `Windows`."""
         return self.names[:, 0]
 
     @property
     def face(self) -> Ints:
-        """Number (k,) of the last face that paths cross before they reach each window's edge; -1 without a face."""
+        """Number (k,) of the face that paths to each window (see `Windows`) cross last; -1 if they cross no face."""
         return self.names[:, 1]
 
     @property
@@ -72,17 +72,17 @@ class Windows:
 
     @property
     def start(self) -> Floats:
-        """Start (k,) of the reached part of each edge A-B: the point A + start (B - A)."""
+        """Start (k,) of each window, which is a part of an edge A-B: the point A + start (B - A)."""
         return self.values[:, 4]
 
     @property
     def end(self) -> Floats:
-        """End (k,) of the reached part of each edge A-B: the point A + end (B - A)."""
+        """End (k,) of each window, which is a part of an edge A-B: the point A + end (B - A)."""
         return self.values[:, 5]
 
     @property
     def offset(self) -> Floats:
-        """Length (k,) of the path from the origin to the source of the straight paths, metres."""
+        """Length (k,), metres, of the path from the origin to the source, where straight paths to each window begin."""
         return self.values[:, 6]
 
     def select(self, which: Ints | Bools) -> "Windows":
@@ -91,15 +91,15 @@ class Windows:
 
     @classmethod
     def concatenate(cls, parts: Sequence["Windows"]) -> "Windows":
-        """Join several sets of windows (reached parts of edges). The result has k windows."""
+        """Join several sets of windows to one set, see `Windows`."""
         return cls(np.concatenate([part.names for part in parts]), np.concatenate([part.values for part in parts]))
 
     def place(self, t: Floats) -> Floats:
-        """Return the positions (k, 2) of the points A + t (B - A) on the edges."""
+        """Return the positions (k, 2) of the points A + t (B - A). The windows lie on edges from A to B."""
         return np.asarray(self.at_a + t[:, None] * (self.at_b - self.at_a))
 
     def distance(self, P: Floats) -> Floats:
-        """Return the lengths (k,) of paths from the origin, through the source of each window, to points P (k, 2)."""
+        """Return the lengths (k,) of paths from the origin to points P (k, 2), through the sources of `Windows`."""
         return np.asarray(self.offset + np.where(self.parallel, P[:, 1], np.hypot(P[:, 0], P[:, 1])))
 
     def nearest(self) -> Floats:
@@ -111,7 +111,7 @@ class Windows:
         return self.distance(P + foot[:, None] * along)
 
     def rays(self, P: Floats) -> Floats:
-        """Return the directions (k, 2), at points P (k, 2), of the straight paths from the source of each window."""
+        """Return the directions (k, 2), at points P (k, 2), of the straight paths from the sources of `Windows`."""
         return np.where(self.parallel[:, None], (0.0, 1.0), P)
 
     def left_offset(self, t: Floats, C: Floats) -> Floats:
@@ -154,8 +154,8 @@ class Origins(NamedTuple):
 
 
 class Distances(NamedTuple):
-    """Distances (metres) from the nearest origin to vertices (n,) and edge middles (e,), and the faces (m,) partly
-    within the requested distance. Distances are exact on these faces. Elsewhere, they are upper bounds, or infinite."""
+    """Distances (m) from the nearest origin to vertices (n,) and edge middles (e,). reached : (m,) faces partly within
+    the requested distance. Distances are exact on these faces. Elsewhere, they are upper bounds, or infinite."""
 
     vertex: Floats
     middle: Floats
@@ -174,7 +174,7 @@ def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf
 
 
 class _Bends(NamedTuple):
-    """Vertices (k,) at which shortest paths bend. A path leaves at `bound` radians or more from its incoming part.
+    """Vertices (k,) where shortest paths bend. The angle between incoming and outgoing path is at least `bound` (rad).
     offset : (k,) distance of each vertex from the source, metres.
     edge, angle : (k, 2) two edges at the vertex, and their angles to the incoming part of the path, radians."""
 
@@ -197,8 +197,8 @@ class _Bends(NamedTuple):
 
 class _Front:
     """Distances computed so far; see `Distances`.    reached : (m,) faces that are partly within reach.
-    bent : (n,) distance of each vertex when it last became the source of windows (reached parts of edges).
-    bending : (n,) vertices at which paths may bend.    waiting : vertices that must still become sources of windows."""
+    bent : (n,) distance of each vertex when `Windows` last started there; if none started, infinite (at origins 0).
+    bending : (n,) vertices where shortest paths can bend.    waiting : vertices where `Windows` must still start."""
 
     def __init__(self, surface: Surface, origins: Origins, reach: float) -> None:
         self.F, self.edges, self.origins, self.reach = surface.F, surface.edges, origins, reach
@@ -234,7 +234,7 @@ class _Front:
         return Windows.from_columns((edge, np.full(len(edge), -1), a, b, zero == 0), A, B, zero, zero + 1, zero)
 
     def advance(self, windows: list[Windows], limit: float) -> list[Windows]:
-        """Propagate windows (reached parts of edges) up to `limit` (metres). Return windows beyond this distance."""
+        """Extend the paths behind windows (see `Windows`) up to `limit` (metres). Return the windows beyond `limit`."""
         beyond: list[Windows] = []
         while windows:
             current = Windows.concatenate(windows)

@@ -29,7 +29,7 @@ def bounding_box(V: Floats, F: Ints) -> Floats:
 
 
 def signed_volume(V: Floats, F: Ints) -> float:
-    """Return the volume inside closed faces F (m, 3) on V (n, 3), in their unit cubed; negative for inward normals.
+    """Return the volume inside closed faces F (m, 3) on V (n, 3), in the cubed unit of V; negative for inward normals.
     Method: divergence theorem, as a sum of tetrahedra with one common corner in the middle of the bounding box."""
     return float(_tetrahedron_volumes(V, F).sum())
 
@@ -52,7 +52,7 @@ def _tetrahedron_volumes(V: Floats, F: Ints) -> Floats:
 
 
 def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
-    """Yield blocks of k faces: slice; first corner (3, k) from the bounding box's middle; double area vector (3, k)."""
+    """Yield a slice for each k faces, first corners (3, k) relative to the box's middle, and twice the area vectors."""
     if not len(F):
         return
     columns = np.ascontiguousarray((V - bounding_box(V, F).mean(axis=0)).T)

@@ -87,7 +87,7 @@ def edge_table(F: Ints) -> EdgeTable:
 
 
 def _counted_order(keys: Ints, count: int) -> Ints:
-    """Return the stable order of integers below `count`. A matrix transposition is a fast sort [Gustavson 1978]."""
+    """Return the indices that sort integers below `count` (stable), by a sparse transposition [Gustavson 1978]."""
     rows = csr_array((np.ones(len(keys), dtype=np.int8), keys, np.arange(len(keys) + 1)), shape=(len(keys), count))
     return rows.tocsc().indices.astype(np.int64)
 
@@ -180,7 +180,7 @@ def corner_fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bool
 
 
 def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | None = None) -> tuple[int, Ints]:
-    """Return the number of fans (faces at a vertex, connected by edges) and each corner's fan; see `corner_fans`."""
+    """Return the count of fans (edge-connected faces at a vertex) and each corner's fan; inputs: see `corner_fans`."""
     pairs = edges.pairs if apart is None else edges.pairs[~apart[edges.count == 2]]
     h0, h1 = (pairs if also is None else np.concatenate([pairs, also])).T
     a, _ = half_edges(F)
@@ -193,7 +193,7 @@ def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | No
 
 
 def _walks_meet_all_corners(F: Ints, edges: EdgeTable, n: int) -> bool:
-    """Return True if one walk around each vertex meets all of its corners; False also if the walks cannot decide."""
+    """Return True if a walk from face to face around each vertex meets all corners there; False if not or unknown."""
     if len(misoriented_edges(F, edges)) or (edges.count > 2).any():
         return False
     start = np.full(n, -1)

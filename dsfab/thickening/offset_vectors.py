@@ -58,7 +58,7 @@ CHUNK = 1 << 13  # Number of faces processed together, because they fit the proc
 def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
     """Return unit normals (n, 3) at the vertices, at small angles to the normals of the faces around each vertex.
     The smallest cosine of these angles is at least 95 % of the best possible.
-    faces   : (m, 3, 3) normal of each face at each of its corners, turned to the upper side of the corner's vertex.
+    faces   : (m, 3, 3) normal of each face at each of its corners, turned to the side wanted for the vertex normal.
     weights : (m, 3) corner angles.
     The best normal points to the point nearest to the origin in the convex hull of the face normals [Gilbert 1966].
     The search starts from the weighted mean of the face normals. If a cosine stays negative, the mean is returned."""
@@ -128,7 +128,7 @@ def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
 
 
 def _unit_normals(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
-    """Normalise `point` (n, 3). Use `mean` where it looks away from a face, or a face normal if `mean` is near zero."""
+    """Normalise `point` (n, 3). At 90 degrees or more to a face normal, use `mean`; near zero, a face normal."""
     N = np.where(_sees_all(surface, point, faces)[:, None], point, mean)
     lost = lengths(N) < 1e-6
     if lost.any():
@@ -172,7 +172,7 @@ class Offsets:
         lock(self, "sides", np.int64, (None, 3))
 
     def at_corners(self, F: Ints) -> Floats:
-        """Return half-thickness vectors (m, 3, 3) at corners of F (m, 3), on the faces' sides, for `carry_corners`."""
+        """Return half-thickness vectors (m, 3, 3) at corners of F (m, 3), turned to the side of each face's normal."""
         seen: Floats = self.D[F] * self.sides[:, :, None]
         return seen
 
@@ -219,9 +219,9 @@ def _checked_thickness(surface: Surface, thickness: float | Floats) -> Floats:
 def safe_shares(
     surface: Surface, D: Floats, sides: Ints, shift: int = 0, shrink: float = 0.85, smallest: float = 0.05
 ) -> Floats:
-    """Return factors (n,), at most 1, for D (n, 3), so that the prisms over faces have a clearly positive Jacobian.
-    A smaller Jacobian is accepted at corners with offsets nearly parallel to the face: shorter offsets do not help.
-    sides : (m, 3) as in `Offsets`. shrink : factor of each step."""
+    """Return factors (n,), at most 1, for half-thickness vectors D (n, 3), so that prisms have positive Jacobians.
+    The Jacobians are clearly positive, but smaller at vectors nearly parallel to a face: shorter vectors do not help.
+    sides : (m, 3) as in `Offsets`. shift : as in `SHIFT`. shrink : factor of each step."""
     share = np.ones(surface.n)
     faces = np.arange(surface.m)
     while len(faces):
@@ -241,7 +241,7 @@ def safe_shares(
 
 
 def prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
-    """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and their safe minimum (m, 3).
+    """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and their wanted minimum (m, 3).
     P, d : (m, 3, 3) corners of the faces, and half-thickness vectors there, on the side of the faces' normals.
     Coefficient [k, v] belongs to Bernstein polynomial k of s and corner v. If all coefficients are positive, the prism
     does not fold over. A face's coefficients are divided by twice the face's area times the mean |d|."""

@@ -49,8 +49,8 @@ def flatten_contacts(
     surface: Surface, skin: Skin, D: Floats, backslash: Bools, pairs: Ints
 ) -> tuple[Floats, Floats, Ints]:
     """Remove intersections that other repairs left; return vertices V (n, 3), offsets D (n, 3), and the remaining pairs
-    (k, 2). The sheet becomes thinner at faces that meet, down to a film if necessary. Where an offset is nearly
-    parallel to a face, offset and vertex move halfway to their neighbours' mean. The round with fewest pairs counts."""
+    (k, 2). The sheet becomes thinner at faces that meet, to about 0.2 % if needed. Where an offset is nearly
+    parallel to a face, offset and vertex move halfway to their neighbours' mean. The round with fewest pairs wins."""
     V, faces, averages = surface.V, skin.faces(backslash), _averages(surface)
     least = 0.002 * np.linalg.norm(D, axis=1)  # shortest offset; with half of it, rounding errors would be visible
     result = V, D, pairs
@@ -72,7 +72,7 @@ def flatten_contacts(
 
 
 def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
-    """Return each offset's smallest cosine (n,) to the face normals around it; these point to the offset's side."""
+    """Return each offset's smallest cosine (n,) to the normals, on the offset's side, of faces around its vertex."""
     side = np.where(skin.upper < surface.n, 1, -1)
     unit = D / np.linalg.norm(D, axis=1, keepdims=True)
     cosine = np.einsum("mi,mvi->mv", surface.normals, unit[surface.F]) * side
@@ -82,7 +82,7 @@ def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
 
 
 def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
-    """Group vertices of crossing faces into folds; return each vertex's fold (n,), or -1; and box diagonals, metres."""
+    """Return each vertex's group (n,) of connected crossing faces, or -1; and the diagonal of each group's box (m)."""
     corner = F[pairs].reshape(-1, 6)
     i, j = np.repeat(corner[:, :1], 5, axis=1).ravel(), corner[:, 1:].ravel()
     label, used = link_components(len(V), i, j)[1], distinct(corner)
@@ -120,7 +120,7 @@ class RepairedSkin:
 def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None) -> RepairedSkin:
     """Remove intersections of the skin of a sheet with offsets D (n, 3) as far as possible.
     If the sheet crosses itself, dsfab cuts it into patches and unites their solids.
-    among : mask of the skin's faces that may intersect for some choice of wall diagonals; by default all faces."""
+    among : mask of the skin's faces to test; no other face intersects, for any wall diagonals. Default: all faces."""
     V = surface.V
     backslash = skin.shorter_diagonals(V, D)
     pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash), among)
@@ -173,7 +173,7 @@ def _away_from(surface: Surface, crossing: Ints, D: Floats) -> Bools:
 
 
 def _thin_offsets(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, free: Bools) -> tuple[Floats, Ints]:
-    """Shorten `free` offsets at intersecting faces. Return offsets and pairs of the round with the fewest pairs."""
+    """Shorten `free` offsets at crossing faces in rounds. Return offsets and pairs of the round with fewest pairs."""
     if not len(pairs):
         return D, pairs
     faces = skin.faces(backslash)

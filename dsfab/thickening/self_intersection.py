@@ -71,7 +71,7 @@ def _around_vertices(V: Floats, F: Ints) -> Ints:
 
 
 def _surely_separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j: Ints) -> Bools:
-    """Return a mask of pairs i, j of corners at a vertex: True if a plane separates their faces, False if unclear."""
+    """Return a mask of pairs i, j of corners at a vertex: True if a plane surely separates their faces, else False."""
     w = middle[i] - middle[j]
     least = np.minimum(np.einsum("ck,ck->c", ahead[i], w), np.einsum("ck,ck->c", behind[i], w))
     largest = np.maximum(np.einsum("ck,ck->c", ahead[j], w), np.einsum("ck,ck->c", behind[j], w))
@@ -81,7 +81,8 @@ def _surely_separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j:
 
 
 def _corners_meet(V: Floats, s: Ints, first_edge: tuple[Ints, Ints], second_edge: tuple[Ints, Ints]) -> Bools:
-    """Test exactly if triangles sab and scd meet outside s: ab or cd meets the other, or flat angles at s overlap."""
+    """Test exactly if triangles (s, a, b) and (s, c, d) meet outside s.
+    Edge a-b or c-d meets the other triangle; or the triangles are coplanar, and their angles at s overlap."""
     S, A, B, C, D = V[s], V[first_edge[0]], V[first_edge[1]], V[second_edge[0]], V[second_edge[1]]
     a, b, c, d = _side(S, C, D, A), _side(S, C, D, B), _side(S, A, B, C), _side(S, A, B, D)
     meet: Bools = (a * b <= 0) & (c * d <= 0)
@@ -139,7 +140,7 @@ def _side(a: Floats, b: Floats, c: Floats, d: Floats) -> Ints:
 
 
 def _turn(axis: Ints, a: Floats, b: Floats, c: Floats) -> Ints:
-    """Return the exact sign of projected areas: that of the tetrahedra over them with the tip at 1 on the axis."""
+    """Return the exact sign of the area of each triangle a, b, c, projected along the coordinate axis `axis`."""
     keep = 1.0 - np.eye(3)[axis]
     return _side(a * keep, b * keep, c * keep, np.eye(3)[axis])
 

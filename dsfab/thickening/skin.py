@@ -18,7 +18,7 @@ def round_to_single(V: Floats) -> Floats:
 
 
 def is_fine(V: Floats, D: Floats) -> bool:
-    """Return True if rounding to single precision moves V (n, 3) by less than 1e-3 of the median |D| (n, 3)."""
+    """Return True if rounding V (n, 3) to single precision moves it by under 1e-3 of the median length in D (n, 3)."""
     step = np.spacing(np.float32(np.abs(V).max() * MM_PER_M)) / MM_PER_M
     return bool(step <= 1e-3 * np.median(np.linalg.norm(D, axis=1)))
 
@@ -89,19 +89,19 @@ class Skin:
         return cls(n, copies[0], copies[1], *ends, np.flatnonzero(rim) // 3, shift, single)
 
     def vertices(self, V: Floats, D: Floats) -> Floats:
-        """Return the vertices (2 n, 3): first all copies on the side to which D points, then all opposite copies."""
+        """Return two copies (2 n, 3) of the vertices: first those on the side to which D points, then the opposite."""
         copies = np.concatenate([V + (self.shift + 1) * D, V + (self.shift - 1) * D])
         return round_to_single(copies) if self.single else copies
 
     def shorter_diagonals(self, V: Floats, D: Floats) -> Bools:
-        """Return True for each boundary wall (r,) whose diagonal p+ q- is clearly shorter than q+ p- (see `Skin`)."""
+        """Return a mask (r,) of walls at boundary edges whose backslash is clearly the shorter diagonal; see `Skin`."""
         P = self.vertices(V, D)
         back, slash = P[self.p[0]] - P[self.q[1]], P[self.q[0]] - P[self.p[1]]
         shorter: Bools = np.einsum("ri,ri->r", back, back) < (1 - 1e-9) * np.einsum("ri,ri->r", slash, slash)
         return shorter
 
     def faces(self, backslash: Bools) -> Ints:
-        """Return faces (2 m + 2 r, 3), facing outward: upper, lower, then the walls' first and second triangles."""
+        """Return outward faces (2 m + 2 r, 3): upper, lower, first, then second triangles of r walls; see `Skin`."""
         (p, below_p), (q, below_q) = self.p, self.q
         across = backslash[:, None]
         first_triangle = np.where(across, np.stack([q, p, below_q], axis=1), np.stack([q, p, below_p], axis=1))

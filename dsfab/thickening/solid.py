@@ -245,7 +245,7 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
 
 
 def _vertices(skin: Skin, repair: RepairedSkin, F: Ints, among: Bools | None) -> Floats:
-    """Return the vertices of the repaired solid: exact, or rounded if rounded vertices give fewer intersections."""
+    """Return the repaired solid's vertices: exact, or rounded if rounding is wanted and gives fewer intersections."""
     V = skin.vertices(repair.V, repair.D)
     if not skin.single:
         return V
@@ -254,7 +254,7 @@ def _vertices(skin: Skin, repair: RepairedSkin, F: Ints, among: Bools | None) ->
 
 
 def check_solid(solid: Solid) -> None:
-    """Raise SolidError if manifold3d rejects the solid or finds another volume, or if the volume is not positive.
+    """Raise SolidError if manifold3d rejects the solid, or if its volume is not positive or not manifold3d's volume.
     manifold3d empties a bad mesh without an error, so its status is read. Intersections are not tested."""
     import manifold3d
 

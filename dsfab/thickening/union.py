@@ -31,9 +31,9 @@ class Overlap:
 
 
 def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
-    """Return one part for each colour (number) of the faces (m,); it extends over adjacent faces of larger colours.
+    """Return one part for each colour (number) of the faces (m,). It extends over adjacent faces of higher number.
     clashes : (k, 2) pairs of faces of the sheet whose thickened solids meet; no part contains such a pair.
-    Where a part of colour c borders a smaller colour, its thickness is multiplied by 1 - 2 s; s = 0.01 (1 + c / 2).
+    Where a part of colour c borders a lower number, its thickness is multiplied by 1 - 2 s; s = 0.01 (1 + c / 2).
     At the neighbours of these border vertices, its thickness is multiplied by 1 - s."""
     neighbours = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
@@ -60,7 +60,7 @@ def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
 
 
 def _extension(surface: Surface, colour: Ints, c: int, own_vertices: Bools, clashes: Ints) -> Bools:
-    """Return a mask (m,) of faces of larger colours that touch colour c, without pairs whose thickened solids meet."""
+    """Return a mask (m,) of faces with higher numbers that touch colour c, without pairs of faces whose solids meet."""
     extension = (colour > c) & own_vertices[surface.F].any(axis=1)
     part = extension | (colour == c)
     meet = clashes[part[clashes].all(axis=1)]
@@ -69,7 +69,7 @@ def _extension(surface: Surface, colour: Ints, c: int, own_vertices: Bools, clas
 
 
 def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_vertices: Bools) -> Floats:
-    """Return all vertices (n, 3). Each vertex `beyond` a part moves by 45 % of its shortest edge to the part."""
+    """Return vertices (n, 3). Vertices `beyond` a part move towards it by 45 % of their shortest edge to the part."""
     i, j = np.concatenate([surface.edges.ends, surface.edges.ends[:, ::-1]]).T
     used = beyond[i] & own_vertices[j]
     i, j = i[used], j[used]
@@ -96,7 +96,7 @@ THINNEST = 0.3  # Smallest fraction of an offset that thinning leaves.
 @dataclass(frozen=True, eq=False)
 class PrismUnion:
     """Union of a sheet's prisms: closed mesh V (n, 3), F (m, 3), pairs (k, 2) of faces that intersect, piece count.
-    share  : (n',) remaining fraction of the input offset at each vertex of the sheet.
+    share  : (n',) length of the offset at each vertex of the sheet, divided by the input offset's length.
     places : number of separate lines along which the sheet crosses itself."""
 
     V: Floats
@@ -108,10 +108,10 @@ class PrismUnion:
 
 
 def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> PrismUnion | None:
-    """Unite the prisms over a sheet whose solid has intersecting faces `pairs` (k, 2).
+    """Unite the prisms (solids over faces) of a sheet whose solid has intersecting faces `pairs` (k, 2).
     corners : (m, 3, 3) offset vectors at the corners of the faces, on the side of each face's normal.
-    Returns None if the sheet must be cut into too many patches, or if manifold3d rejects a part. The sheet becomes
-    thinner where faces meet at a common vertex, because no cut can separate them."""
+    Returns None if the sheet must be cut into too many patches, or if manifold3d rejects a part. Offsets are shortened
+    where intersecting faces have a common vertex, because no cut can separate these faces."""
     graph, share = _dual(surface), np.ones(surface.n)
     label = pieces(surface.F, surface.edges)[1]
     meeting = skin.sources()[pairs]
@@ -140,7 +140,7 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
 
 
 def _collapse_short_edges(V: Floats, F: Ints, single: bool) -> tuple[Floats, Ints, Ints]:
-    """Collapse edges too short for single precision. Return the mesh with the fewest intersecting pairs, and these."""
+    """Collapse edges too short for single precision. Return the mesh with fewest intersecting pairs, and its pairs."""
     step = float(np.spacing(np.float32(np.abs(V).max() * MM_PER_M))) / MM_PER_M
     result: tuple[Floats, Ints, Ints] | None = None
     for tolerance in (0.0, *(step * factor for factor in (1.0, 4.0, 16.0, 64.0))):
@@ -216,7 +216,8 @@ class PrismPart(NamedTuple):
 
 
 def prism_part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> PrismPart:
-    """Return `overlap` as a closed mesh, cut where it touches itself at points. corners : (m, 3, 3) offsets, metres."""
+    """Return part `overlap` of the sheet, thickened, as a closed mesh. It is split where faces touch only in a vertex.
+    corners : (m, 3, 3) offsets, metres. like : skin with the shift and rounding to use."""
     faces = np.flatnonzero(overlap.faces)
     F = corner_fans(surface.F[faces], edge_table(surface.F[faces]))
     _, first_corner = np.unique(F.ravel(), return_index=True)

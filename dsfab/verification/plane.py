@@ -58,7 +58,7 @@ def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:
 
 def cook(cells: int, mesh: Mesh) -> Problem:
     """Return a tapered panel 48 long, from 44 to 16 high, under a unit shear force.
-    The value is the displacement of the middle vertex of its end. `diagonal` halves cells along the short diagonal."""
+    Value: displacement of the middle of the loaded end. Mesh "diagonal" halves cells along the short diagonal."""
     uv, F = square(cells, cells, mesh)
     if mesh == "diagonal":
         uv, F = np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1), F[:, ::-1]

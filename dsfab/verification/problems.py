@@ -165,7 +165,7 @@ class Problem:
         return int((~fixed).sum() + 2 * self.surface.n - turning.sum() - built_in.sum())
 
     def solve(self, elements: Elements) -> float:
-        """Return the value of this problem, calculated with `elements`. Raises StaticsError."""
+        """Return the tested quantity (movement, factor ...) as calculated with `elements`. Raises StaticsError."""
         if self.modes:
             return self.modes(elements)
         clamped = self.clamped if self.clamped.any() else None
@@ -211,7 +211,7 @@ class Test:
 
 
 def held_directions(n: int, *supports: tuple[Bools, str]) -> Bools:
-    """Return fixed directions (n, 3) from pairs of a vertex mask (n,) and directions such as "xz"."""
+    """Return a mask (n, 3) of fixed directions. supports : pairs of a vertex mask (n,) and directions, such as "xz"."""
     fixed = np.zeros((n, 3), dtype=bool)
     for where, axes in supports:
         for axis in axes:
@@ -220,7 +220,7 @@ def held_directions(n: int, *supports: tuple[Bools, str]) -> Bools:
 
 
 def point_force(n: int, *forces: tuple[Bools, tuple[float, float, float]]) -> Floats:
-    """Return forces (n, 3), newtons. Each of `forces` has a mask (n,) and a force on the first marked vertex."""
+    """Return forces (n, 3), newtons. Each pair in `forces`, mask (n,) and force, loads the mask's first vertex."""
     force = np.zeros((n, 3))
     for where, newtons in forces:
         force[np.flatnonzero(where)[0]] += newtons

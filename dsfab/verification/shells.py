@@ -38,7 +38,7 @@ def scordelis_lo(cells: int, mesh: Mesh) -> Problem:
 
 def holed_hemisphere(cells: int, mesh: Mesh) -> Problem:
     """Return a quarter of a hemisphere with a hole of 18 degrees: radius 10, 0.04 thick.
-    Forces of 2 act inwards and outwards at the rim. Two act on borders of the quarter, which bears half of each."""
+    Four forces of 2, inward and outward, act at the rim. Two act at the quarter's corners; it bears half of each."""
     uv, F = square(cells, cells, mesh)
     turn, polar = np.pi / 2 * uv[:, 0], np.radians(18 + 72 * uv[:, 1])
     V = 10 * np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=1)

@@ -131,7 +131,7 @@ def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
 
 
 def _with_ends(edge: tuple[Floats, Floats], opposite: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return a plank's edge (arc lengths, distances left of the axis), extended to `opposite` at an oblique cut."""
+    """Return a plank's edge (arc lengths, distances left of the axis), extended to edge `opposite` at oblique cuts."""
     (places, y), (opposite_places, z) = edge, opposite
     before, after = int(opposite_places[0] < places[0]), len(z) - int(opposite_places[-1] > places[-1])
     lengths = np.concatenate([opposite_places[:before], places, opposite_places[after:]])
@@ -156,7 +156,7 @@ def _line_coordinates(axis: Floats, along: Floats, places: Floats, beyond: bool 
 def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) -> tuple[MemberShape, ...]:
     """Return the built members of a plan, in the order of the design's shapes (m).
     shapes : shapes of members as in `dsfab.design.output`: vertices of the upper skin, then of the lower skin.
-    shift  : height of the middle between both skins above the surface, in half thicknesses.
+    shift  : distance of the sheet's middle above the surface, divided by half of the sheet's thickness.
     Flat parts are bent to strips, planks and cover plates. Plates have the stock's thickness. Bars have no mitres."""
     if plan.bars:
         return _bar_shapes(plan.bars, shapes, shift)

@@ -157,7 +157,7 @@ class _CrossingEdge:
         lock(self, "way", np.float64, (2,))
 
     def stations(self, side: int, away: float, y: Floats) -> Floats:
-        """Return arc lengths (q,) of points y (q,) metres left of an axis and `away` metres from the axis across it."""
+        """Return arc lengths (q,) of points y metres left of an axis, `away` metres from a crossing member's axis."""
         nx, ny = np.array([-self.way[1], self.way[0]]) * np.sign(-self.way[1]) * side
         return np.asarray(self.s + (away - y * ny) / nx)
 
@@ -260,7 +260,7 @@ class _MemberPanels:
         return _PanelEnd(float(shoulders[0]), float(shoulders[1]), (tab, y))
 
     def _ends_with_foot(self, begin: _PanelEnd, end: _PanelEnd) -> tuple[_PanelEnd, _PanelEnd]:
-        """Return both ends; a tab opposite to a foot becomes shorter if needed, so that material stays between both."""
+        """Return both panel ends. A tab opposite a foot is shortened, if needed, to leave material in between."""
         least = 0.1 * self.member.mean_width  # least length of the panel between its two tabs
         if begin.foot and len(end.tab[0]):
             low = max(begin.right, begin.left) + least

@@ -1,7 +1,7 @@
 """Development of members: axes with their edges, and strips developed into the plane.
 
-A curve P + h N lies at a height h along the normals N of the axis. Its lengths, its angle phi to the axis, and its
-bending kg_h in the surface are
+The points P of an axis move by a height h along its normals N to a curve P + h N. This curve has the length ds_h, the
+angle phi to the axis, and the geodesic curvature kg_h:
     ds_h = sqrt((1 - h kn)^2 + (h tg)^2) ds      phi = atan2(-h tg, 1 - h kn)      kg_h = (kg + phi') ds / ds_h
 They follow from N' = -kn T - tg B. T, B, N is the Darboux frame; kg, kn, tg are its curvatures and its torsion."""
 
@@ -109,7 +109,7 @@ def turns_within_its_width(member: Member) -> Bools:
 
 
 def uncurled_span(member: Member) -> tuple[float, float]:
-    """Return the arc lengths between which a member has no curled ends. Dividing a sharp bend leaves curled ends."""
+    """Return the arc lengths of a member between its sharply turning ends. Dividing a sharp bend leaves such ends."""
     axis = member.curve
     reach = OBLIQUE_WIDTHS * float(np.median(member.width))
     if axis.closed or axis.length < 4 * reach:
@@ -185,8 +185,8 @@ CHORD_TOLERANCE = 2e-5  # largest distance between an outline's chord and its ar
 
 @dataclass(frozen=True, eq=False)
 class Development:
-    """Strip at a height h (m) along the normals of a course (stations on a member's axis), developed into the plane.
-    The flat middle line x (k, 2) begins at the origin along +x; k is the number of stations."""
+    """Strip at a `height` (m) along the normals of a course (stations on a member's axis), developed into the plane.
+    The developed middle line x (k, 2) begins at the origin along +x; k is the number of stations."""
 
     course: StripCourse
     height: float
@@ -199,7 +199,7 @@ class Development:
 
     @cached_property
     def turn(self) -> Floats:
-        """Angle phi (k,) from the member's axis to the strip's middle line at height h (radians)."""
+        """Angle phi (k,) from the member's axis to the strip's middle line, `height` above the axis (radians)."""
         c, h = self.course, self.height
         return np.asarray(np.arctan2(-h * c.tg, 1 - h * c.kn))
 
@@ -211,7 +211,7 @@ class Development:
 
     @cached_property
     def angle(self) -> Floats:
-        """Tangent angle (k,) of the flat middle line (radians): integral of geodesic curvature + change of `turn`."""
+        """Tangent angle (k,) of the developed middle line (radians): integral of the axis's `kg` + change of `turn`."""
         kg = self.course.kg
         bent = np.concatenate([[0.0], np.cumsum((kg[1:] + kg[:-1]) / 2 * np.diff(self.course.s))])
         return np.asarray(bent + self.turn - self.turn[0])
@@ -231,7 +231,7 @@ class Development:
         return self.x[i] + _chords(step, self.angle[i], angle), angle
 
     def to_plane(self, s: Floats, y: Floats) -> Floats:
-        """Return the flat points (q, 2) that lie y (q,) metres left of the flat middle line at arc lengths s (q,)."""
+        """Return points (q, 2) of the developed strip, y (q,) metres left of its middle line at arc lengths s (q,)."""
         x, angle = self.middle_line_at(s)
         return np.asarray(x + np.asarray(y)[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1))
 
@@ -244,7 +244,7 @@ class Development:
 
     def piercing_point(self, point: Floats, normal: Floats, s: float) -> tuple[float, float]:
         """Return the point where the strip's layer meets the line through a point (3,) along a unit normal (3,).
-        The result is an arc length of the course close to `s`, and the distance to the left of the course (m)."""
+        The result is an arc length of the member's axis near `s`, and a distance left of the strip's middle (m)."""
         y = 0.0
         for _ in range(4):  # Newton steps
             P, T, B, N = (row[0] for row in self.frame(np.array([s])))

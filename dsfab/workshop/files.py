@@ -195,11 +195,10 @@ BAR_HEAD = (
 def bar_rows(plan: BarPlan, files: Mapping[str, str]) -> PlanTable:
     """Return a row for each bar: its nodes, sizes and angles.
     files : name of the drawing, without suffix, by bar; equal bars share a drawing.
-
     Columns of angles and sizes:
-    along : degrees from the first bar of the node, counter-clockwise from outside.
+    along : degrees from the node's first bar to this bar, counter-clockwise as seen from outside.
     dip   : degrees below the node plate.
-    twist : degrees from the first to the second node, right-handed.
+    twist : degrees from the normal at the first node to the normal at the second node, right-handed about the bar.
     bow   : largest distance of the member's axis from the bar (mm)."""
     nodes, rows = plan.bar_lattice.lattice.nodes, []
     sizes = {part.id: part.size for part in plan.parts}

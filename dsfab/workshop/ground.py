@@ -22,8 +22,8 @@ STEEP_SINE = np.sin(np.radians(25.0))  # smallest slope (sine) of a strip with a
 @dataclass(frozen=True, eq=False)
 class StripFoot:
     """Foot of a strip: an end with a tab, on the base plate. Arc lengths are those of the strip's axis.
-    shoulders : (4,) arc lengths of points on the plate: right edge, right and left side of the tab, left edge.
-    sides     : (4,) distances of these points to the left of the axis, metres.
+    shoulders : (4,) arc lengths on the plate: strip's right edge, tab's right and left side, strip's left edge.
+    sides     : (4,) distances of these points from the axis, positive to the left, metres.
     tips      : (2,) arc lengths of the tab's end, right and left.
     slot      : (4, 2) corners of the foot's slot in the plate, metres.
     at_end    : True if the foot is at the end of the axis, False if at its beginning."""
@@ -87,7 +87,7 @@ class BasePlane:
         return float(self.heights(self.supports[int(k)][None])[0]) if is_near else None
 
     def cut_course(self, course: StripCourse, height: float) -> tuple[StripCourse, tuple[StripFoot, ...]]:
-        """Cut a strip's course at the base plate. Return the new course and the feet: ends with tabs at supports."""
+        """Cut a strip's course (built part of its axis) at the base plate. Return it and its feet (ends with tabs)."""
         if course.closed:
             return self._trim_course(course, height), ()
         layer, feet = Development(course, height), list[StripFoot]()

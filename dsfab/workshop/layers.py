@@ -27,9 +27,9 @@ class Layering:
 
     major  ═══════════════     0      numbers for two layers; with four layers both families alternate
     minor  ─┤ ├─── ┤ ├────     1
-    rim    ═══════════════     2      strips along edges; below them, strips of kept regions
+    rim    ═══════════════     2, 3   strips along edges (2); strips of kept regions (3)
                                4      plates (members that are not strips), below all strips
-    families_below : families of `FAMILIES_BELOW` that have layers.
+    families_below : the names in `FAMILIES_BELOW` whose families exist in this structure.
     letters        : largest heights of part names and of node names, metres.
     alike          : parts whose outlines differ by up to this distance may become equal, metres; 0 changes no part."""
 
@@ -76,7 +76,7 @@ class Layering:
         return (END_DISTANCE + BOLT_PITCH + END_DISTANCE) * self.bolt
 
     def splice_bolts(self, width: float) -> tuple[tuple[float, float], ...]:
-        """Return places (along, left) of a splice's bolts (m), in one row or two."""
+        """Return places of bolts (m): along the strip from the splice, left of its axis; in one or two rows."""
         row = round(width / 4 / self.alike) * self.alike if self.alike else width / 4
         rows = (-row, row) if width / 4 >= 3 * self.bolt else (0.0,)  # only wide parts have two rows of bolts
         along = (END_DISTANCE * self.bolt, (END_DISTANCE + BOLT_PITCH) * self.bolt)
@@ -106,7 +106,7 @@ class _StripEnd:
         return self.name != rival.name and bool(np.linalg.norm(self.places[0] - rival.places[0]) < width)
 
     def clear_station(self, rival: "_StripEnd") -> float | None:
-        """Return the arc length from which the strip is clear of a rival strip; None if the strips do not overlap."""
+        """Return the arc length from which, inwards, this strip does not overlap `rival`; None without an overlap."""
         least = 0.98 * (self.width + rival.width) / 2
         away = np.asarray(cKDTree(rival.places).query(self.places)[0])
         is_far = np.linalg.norm(rival.places[0] - self.places[0]) > least
@@ -122,8 +122,7 @@ def shortened_courses(
     overhang: float,
 ) -> dict[str, StripCourse]:
     """Return courses (built parts of axes) of one layer that stop before they run into another course.
-    A course ends `overhang` metres beyond its last node before the collision. Without such a node, it ends at the
-    collision.
+    A course ends `overhang` metres beyond its last node before the collision; without a node there, at the collision.
     nodes  : arc lengths of nodes on each course, metres.
     joined : pairs of members that are notched at a common node."""
     open_courses = {name: course for name, course in courses.items() if not course.closed}
@@ -141,13 +140,13 @@ def shortened_courses(
 
 
 def courses_without_curls(courses: Mapping[str, StripCourse], members: Sequence[Member]) -> dict[str, StripCourse]:
-    """Return, by member, the courses (built parts of axes) that stop before a curled end (`uncurled_span`)."""
+    """Return, by member, the courses (built parts of axes) that stop before a sharply turning end (`uncurled_span`)."""
     lengths = {member.id: member.length for member in members}
     return {name: c for name, c in courses.items() if not c.closed and (c.begin > 0 or c.end < lengths[name])}
 
 
 def vanished_courses(stopped: Mapping[str, StripCourse], widths: Mapping[str, float]) -> set[str]:
-    """Return the names of members that are not built, as their `stopped` courses are shorter than their widths (m)."""
+    """Return the names of members that are not built: their shortened courses are shorter than their widths (m)."""
     return {name for name, course in stopped.items() if course.end - course.begin < widths[name]}
 
 

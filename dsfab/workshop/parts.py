@@ -267,7 +267,7 @@ def _in_place_of(model: FlatPart, part: FlatPart, turn: int, distance: float, fi
 
 
 def _outline_distance(P: Floats, Q: Floats) -> float:
-    """Return the largest distance (m) from a corner of one closed outline, (k, 2) or (l, 2), to the other outline."""
+    """Return the largest distance (m) from a corner of closed outline P (k, 2) or Q (l, 2) to the other outline."""
     return max(float(distances_from_outline(*pair).max()) for pair in ((P, Q), (Q, P)))
 
 

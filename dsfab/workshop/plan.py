@@ -124,7 +124,7 @@ def design_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> PlankP
 
 
 def usable_sizes(options: Workshop) -> list[tuple[float, float]]:
-    """Return the largest part size (m) for each stock sheet. Raises PatternError if gaps leave no room."""
+    """Return the largest part size (two lengths, m) for each stock sheet. Raises PatternError if gaps leave no room."""
     slack = 5e-4  # metres: parts may be slightly rotated on their drawings
     room = [(a - 2 * options.gap - slack, b - 2 * options.gap - slack) for a, b in options.stock]
     if min(min(size) for size in room) <= 0:
@@ -133,7 +133,7 @@ def usable_sizes(options: Workshop) -> list[tuple[float, float]]:
 
 
 def _route_by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up: Floats) -> ConstructionRoute:
-    """Choose the first possible way: strips within the bending limit, bars near the surface, planks, or other bars."""
+    """Choose the first possible: strips bent within the limit, bars close to the surface, planks, bars farther off."""
     worst, layers_text = max(limits.bending, limits.shape), f"layers of {length(limits.thickness)} of strips"
     if not limits.limit:
         reason = f"{layers_text} would be bent to {worst:.2%}, and the limit of the material is not known"
@@ -249,7 +249,7 @@ class WorkshopPlan:
 def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
     """Return the workshop plan of a design, from section [workshop] of its preset.
     up : (3,) unit vector, for the base plate of a model.
-    If the stock has prices, the cheapest of several plans wins: on all sheet sizes, and on the shorter sheets only.
+    If the stock has prices, dsfab plans with all sheet sizes, and with the shorter sheets only. The cheapest plan wins.
     Raises PatternError if the route is impossible, a part fits on no sheet, or a library is missing."""
     if design.preset.workshop.nesting == "spyrrow":
         require_spyrrow()

@@ -128,7 +128,7 @@ class FlattenedMesh:
 
 FINGER_LENGTH, FINGER_WIDTH = 4.0, 2.0  # length and approximate width of a finger, in sheet thicknesses
 REASSIGN_ROUNDS, LEAST_FINGERS = 4, 4.0
-"""Rounds in which small bits of a piece join its neighbour, and the area below which bits are small, in fingers."""
+"""Rounds in which small bits of a piece join its neighbour; area (in areas of a finger) below which bits are small."""
 LINE_TOLERANCE = 1e-9  # largest distance of a mesh edge from the line that divides the sheet, over the sheet's size
 
 
@@ -159,17 +159,16 @@ class SheetJoint:
 
 @dataclass(frozen=True)
 class SheetParts:
-    """Pieces of a sheet, and the numbers of its rectangles along and across the sheet."""
+    """Pieces of a sheet, and the two counts of rectangles into which it is divided: along and across."""
 
     pieces: tuple[FlatPart, ...]
     counts: tuple[int, int]
 
 
 def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJoint = SheetJoint()) -> SheetParts:
-    """Cut a flat sheet into as few rectangles as possible; each rectangle fits into one of `room` (m).
+    """Cut a flat sheet into as few rectangles as possible; each rectangle fits into a stock size in `room` (m).
     Disconnected pieces of a rectangle become separate parts; openings become slots. With fingers, the pieces do not
-    overlap; with a scarf, they overlap at the joints. Raises PatternError if joints, or pieces with joints, are too
-    long."""
+    overlap; with a scarf, they overlap at the joints. Raises PatternError if joints or jointed pieces are too long."""
     x = plane_coordinates(surface)
     level = Surface(np.pad(x - x.min(axis=0), ((0, 0), (0, 1))), surface.F)
     reduction = 0.0
@@ -243,7 +242,7 @@ class _SheetGrid:
         return is_inside
 
     def bevels(self, which: tuple[int, int]) -> list[tuple[int, float]]:
-        """Return the axis and the position (m) of each line at which the bevel of a scarf joint begins."""
+        """Return the axis (0 along, 1 across the sheet) and position (m) of each line where a scarf bevel begins."""
         if self.joint.kind != "scarf":
             return []
         half = self.joint.reach / 2
@@ -281,7 +280,7 @@ def _connected_to(divided: Surface, selected: Bools, roots: Bools) -> Bools:
 
 
 def _with_bits_reassigned(divided: Surface, pieces: Ints, least: float) -> Ints:
-    """Return piece numbers (m,). A separate bit below `least` (m2) joins the piece with the longest common border."""
+    """Return piece numbers (m,). A connected bit below `least` (m2) joins the piece with the longest common border."""
     face_a, face_b = (divided.edges.pairs // 3).T
     ends = divided.V[divided.edges.ends[divided.edges.count == 2]]
     edge_lengths, pieces = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), pieces.copy()

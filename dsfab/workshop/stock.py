@@ -15,7 +15,7 @@ from dsfab.workshop.parts import FlatPart
 
 
 def stock_choices(options: Workshop) -> list[Workshop]:
-    """Return `options`; with prices, also variants without the longer sheets, because few parts need long sheets."""
+    """Return `options`, and with prices also variants without the longer sheets, which only few parts may need."""
     lengths = sorted({size[0] for size in options.stock}, reverse=True) if options.prices else []
     choices = [options]
     for longest in lengths[1:]:
@@ -124,7 +124,7 @@ def _narrower_hint(
 def _larger_hint(
     parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: StockSizes, gap: float, grain: bool
 ) -> Iterator[str]:
-    """Yield a hint if longer or wider stock would need less area in total, for stock of a single size."""
+    """Yield a hint if the stock has a single size, and longer or wider stock would need less area in total."""
     if len(stock) != 1:
         return
     ((long, wide),), larger = stock, 1.1

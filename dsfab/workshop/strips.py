@@ -107,7 +107,7 @@ def _shortened_courses(
 
 
 def node_bolts(graph: MemberGraph, member: Member, course: StripCourse) -> list[StripBolt]:
-    """Return the bolts of a member's nodes, in the order of the nodes' arc lengths on the member's axis."""
+    """Return the bolts of a member's nodes in the order of arc length. course : stations on the member's axis."""
     bolts = []
     for node in graph.nodes_along[member.id]:
         s = course.wrapped_station(node.at[node.members.index(member.id)])
@@ -127,7 +127,7 @@ class _StripLayer:
 
     @property
     def name(self) -> str:
-        """Name of the strip: "A07", or "A07-2" for the third layer of a member in several layers."""
+        """Name of the strip: "A07"; for a member in several layers, with the layer's number (from 0): "A07-2"."""
         several = len(self.layering.family_layers(self.member.family)) > 1
         return f"{self.member.id}-{self.number}" if several else self.member.id
 
@@ -252,18 +252,18 @@ def bending_strain(course: StripCourse, span: tuple[float, float], thickness: fl
 UNCERTAIN_WIDTHS = 1.5  # length of the part at a member's end where its curvature is uncertain, in member widths
 HOLE_FIT = 5e-4
 """Largest error (m) of a length between holes. A hole may be a millimetre larger than its bolt [EN 1995-1-1, 10.4.3].
-Each of the two parts at a bolt may use half of this clearance."""
+Each of the two parts at a bolt may use half of this millimetre."""
 LEAST_STRAIN = 5e-6  # smallest strain that a sentence reports
 
 
 @dataclass(frozen=True)
 class StripLimits:
     """Limits of all strips of a design for one layer thickness (m).
-    bending     : largest bending strain, at `member`.
+    bending     : largest bending strain, which occurs in the strip `member`.
     shape       : largest strain |K| w^2 / 12 from the Gauss curvature K of the surface, in a strip of width w.
     limit       : strain at the material's strength; 0 if the preset has none.
     edge        : mean edge of the mesh, metres.
-    wanted_edge : `drilling_edge`, metres."""
+    wanted_edge : mesh edge that makes distances between holes exact enough (`drilling_edge`), metres."""
 
     thickness: float
     bending: float
@@ -306,7 +306,7 @@ class StripLimits:
 
 
 def drilling_edge(graph: MemberGraph) -> float:
-    """Return the largest mesh edge (m) for which the error of a typical bay's length is at most `HOLE_FIT`; infinite
+    """Return the largest mesh edge (m) that makes typical bays (parts between nodes) exact to `HOLE_FIT`; infinite
     without bending. Edges of length e change a bay of length L and curvature k by at most about L (e k)^2 / 8."""
     strips = [member for member in graph.members if is_strip(member)]
     bends = [np.abs(member.axis.kn[calm_stations(member)]) for member in strips if member.axis is not None]
@@ -320,7 +320,7 @@ def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: 
     surface   : surface before the pattern was cut.
     thickness : thickness of the layers, metres.
     limit     : strain at the material's strength; 0 if unknown.
-    edge      : edge of the mesh, metres."""
+    edge      : mean edge length of the mesh, metres."""
     strips = [member for member in graph.members if is_strip(member)]
     tree, K = cKDTree(surface.centroids), face_curvatures(surface)
     bends, shapes = [0.0], [0.0]

@@ -42,9 +42,9 @@ class EditorBuild:
 class BuildRequest:
     """A request to build a preset.
     old     : design whose unchanged stages are used again.    picture : True for a picture, too.
-    mesh    : mesh file of the page; the build copies it, and the written preset names the copy.
+    mesh    : mesh file that is open in the editor. The build copies this file, and its written preset names the copy.
     only    : a single format as in `dsfab export --to`; '' for all files of a build.
-    before  : folder of an earlier build, whose design is used again for an equal preset."""
+    before  : folder of an earlier build; its design is used again if its preset equals this preset."""
 
     preset: Preset
     old: Design | None = None
@@ -78,7 +78,7 @@ def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -
 
 
 def export_file(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
-    """Write one file like `dsfab export`, from the build in `before` if its preset is equal. Raises DsfabError."""
+    """Write one file like `dsfab export`, from the build in `request.before` if presets agree. Raises DsfabError."""
     from dsfab.app.export import CALCULIX, CALCULIX_SUFFIX, ExportRequest, write_file
     from dsfab.design.output.archive import read_archive
 
@@ -123,7 +123,7 @@ PROGRAM = "import sys; sys.path.append(sys.argv[1]); from dsfab.app.editor.build
 
 
 class BuilderError(RuntimeError):
-    """An unexpected error in the process that builds."""
+    """An unexpected error in the separate process that builds a preset."""
 
 
 def build_in_process(request: BuildRequest, folder: Path, progress: JobProgress) -> EditorBuild:

@@ -93,7 +93,7 @@ def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]
 def pattern_widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return facts about the pattern, and arrays (n, 2), a column for each family of stripes.
     half   : half the width of a stripe, in periods of its wave.
-    slope  : stripes per metre; for modes, at frequency 1.
+    slope  : stripes per metre; a pattern of modes has this number if its frequency is 1.
     shares : half-width at a vertex, divided by the mean half-width; for evenly spaced stripes."""
     pattern, options, surface = draft.pattern, draft.preset.pattern, draft.surface
     mesh = StripedMesh.from_design(draft)

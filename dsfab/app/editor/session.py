@@ -56,7 +56,7 @@ class SessionView:
 class Session:
     """The open preset, its last draft (a design before the cut), and builds; use as `with Session(opened)`.
     drafted : draft of the preset that is open at the start; the page shows this draft at once.
-    outputs : folder of builds and its name; None for a temporary folder of the session."""
+    outputs : folder of builds, and the folder's name; None for a temporary folder of the session."""
 
     def __init__(self, opened: OpenedPreset, drafted: Design | None = None, outputs: Outputs | None = None) -> None:
         self.jobs = Jobs()
@@ -160,8 +160,8 @@ class Session:
         return {"name": f"{opened.preset_with(changes).name}.toml", "toml": opened.toml(changes)}
 
     def command(self, changes: Changes) -> dict[str, Any]:
-        """Return the command that builds the preset. `saved` is the preset file that the session wrote, or ''.
-        `save` is True if the page must offer the preset file to the user."""
+        """Return a dict. `command` builds the preset. `saved` is the preset file that the session wrote, or ''.
+        `save` is True if the editor's page must offer the preset file to the user."""
         opened, outputs = self.current_preset, self.builds.outputs
         command, save = opened.command(changes)
         if not (save and outputs.label):
@@ -207,7 +207,7 @@ class Session:
         return self.jobs.submit("picture", lambda progress: self._picture(preset, view, show, size, progress))
 
     def first_model(self) -> bytes:
-        """Return the last draft for a new page. Wait for a first draft or a sketch; empty if no job makes a draft."""
+        """Return the last draft for a new page, or wait for a first draft or sketch; b'' if no job makes a draft."""
         shown = self._shown
         while shown is None and self._asked and self.jobs.pending(self._asked[0]):
             time.sleep(0.01)
@@ -216,7 +216,7 @@ class Session:
         return self._model(shown, 0) if shown else b""
 
     def model(self, have: int) -> bytes:
-        """Return the last draft, or only its widths if its version is `have`. Raises DsfabError without a draft."""
+        """Return the last draft, or only widths if its version is `have` (on the page). Raises DsfabError if none."""
         with self._lock:
             shown = self._shown
         if shown is None:

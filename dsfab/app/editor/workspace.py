@@ -173,7 +173,7 @@ def saved_preset(opened: OpenedPreset, changes: Mapping[str, Any], outputs: Outp
 
 def open_preset(target: str, source: Source = UNCHANGED) -> OpenedPreset:
     """Open a shipped preset by its name, or a preset file or mesh file by its path, like `dsfab build`.
-    source : changes of the command line.
+    source : changes of the preset that the user gave on the command line.
     Raises DsfabError for another target, and for a preset without its mesh."""
     proposal = source.proposal(target)
     preset = source.read_preset(target, proposal, "guessed")
@@ -189,7 +189,7 @@ def opened_shipped(name: str) -> OpenedPreset:
 
 @dataclass(frozen=True)
 class MeshRequest:
-    """A request to read a mesh from the page: its file on this machine, the user's name for it, and its unit."""
+    """A request to open a mesh in the editor: its file on this machine, the user's name for the file, and its unit."""
 
     path: Path
     name: str

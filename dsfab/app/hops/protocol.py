@@ -96,7 +96,7 @@ class HopsComponent:
 @dataclass(frozen=True)
 class HopsRequest:
     """Values by parameter name; None for a missing value. A mesh is a `TriangleFile`, a point is three numbers.
-    unit : unit of all lengths, such as 'mm'.    key : text that is equal for equal requests."""
+    unit : unit of all lengths, such as 'mm'.    key : text that identifies the request; equal requests share it."""
 
     values: Mapping[str, Any]
     unit: str

@@ -150,7 +150,7 @@ def upper_half(points: Floats, part: Ints) -> Ints:
 
 
 def point_graph(K: csr_array, node: Ints, n: int) -> tuple[Ints, Ints]:
-    """Return the pairs of points that K couples, in both directions; node : (N,) the point of each unknown."""
+    """Return the pairs of points that the matrix K couples, in both orders. node : (N,) the point of each unknown."""
     pairs = csr_array((np.ones(K.nnz, dtype=bool), node[K.indices].astype(np.int32), K.indptr), (K.shape[0], n))
     gather = csr_array((np.ones(len(node), dtype=bool), (node, np.arange(len(node)))), (n, len(node)))
     graph = (gather @ pairs).tocoo()
@@ -234,7 +234,7 @@ class Fronts:
 
 
 def _touched_points(row: Index, column: Index, front_start: Ints) -> tuple[list[Ints], list[list[int]]]:
-    """From entries below the diagonal, return later points that each front changes (with fill-in), and its children."""
+    """From entries below the diagonal, return later points that each front changes (with fill-in), and child fronts."""
     n = int(front_start[-1])
     front = np.repeat(np.arange(len(front_start) - 1), np.diff(front_start))
     outside = front[row] != front[column]

@@ -113,7 +113,7 @@ def _distances(design: Design) -> dict[str, Floats]:
 
 
 def _even_fields(even: EvenStripes, family: int) -> dict[str, Floats]:
-    """Return fields of a family at vertices. At a vertex with several phases, the phase nearest to a line is used."""
+    """Return fields of a family at vertices. A vertex with several phases uses the phase nearest to a whole number."""
     name, chart, density = STRIPES[family], even.chart, even.density[:, family]
     weights = chart.weights.tocoo()
     row, vertex = (index.astype(np.int64) for index in weights.coords)
@@ -234,8 +234,8 @@ _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFil
 
 
 def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
-    """Return the preset as it is written into `folder`: a mesh file there is named without its path, and curves replace
-    the names of drawings. folder : also gets a mesh from Python.    home : path of the folder after the build.
+    """Return the preset as it is written into `folder`. It names a mesh file there without a path, and contains curves
+    instead of names of drawings. A mesh from Python is written into `folder`. home : path of `folder` after the build.
     Raises SurfaceError for a missing drawing."""
     preset = preset.self_contained()
     section = preset.surface

@@ -75,7 +75,7 @@ class OpenedSurface(NamedTuple):
 
 
 def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
-    """Return a surface cut along a seam, which avoids the sheet's material; None if no piece is one-sided."""
+    """Return a surface cut along a seam that prefers openings to material; None if no piece is one-sided."""
     if not one_sided_pieces(surface.F, surface.edges).any():
         return None
     kept_share = np.bincount(sheet.parent, sheet.surface.areas, surface.m) / surface.areas
@@ -95,8 +95,8 @@ def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
 
 
 def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
-    """Return faces to reverse for the shortest seam from boundary to boundary; None if no seam gives a two-sided piece.
-    A loop that reverses the normal crosses the seam an odd number of times. counts : (m,) cost of a metre of seam."""
+    """Return faces to reverse, so that normals disagree only at the shortest seam between boundaries; None without it.
+    A loop that reverses the normal crosses this seam an odd number of times. counts : (m,) cost of a metre of seam."""
     n, m, edges = surface.n, surface.m, surface.edges
     h0, h1 = edges.pairs.T
     f, g, ends = h0 // 3, h1 // 3, edges.ends[edges.count == 2]
@@ -127,7 +127,7 @@ def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
 def _shortest_path(
     count: int, starts: Ints, ends: Ints, turns: Ints, lengths: Floats, source: int, target: int
 ) -> Ints:
-    """Return edges in order; (0,) for no path. Nodes i, i + count / 2 are copies; `turns` = 1 joins unlike copies."""
+    """Return edges in order; (0,) for no path. Nodes i, i + count / 2 are copies; an edge with `turns` 1 swaps them."""
     half = count // 2
     tails = np.concatenate([starts, starts + half])
     heads = np.concatenate([ends + half * turns, ends + half * (1 - turns)])
@@ -143,7 +143,7 @@ def _shortest_path(
 
 
 def _turned_for_smooth_seam(surface: Surface, rounds: int = 1000) -> Bools:
-    """Return faces (m,) to reverse; at most half of each face's outline then borders faces with opposite normals."""
+    """Return faces (m,) to reverse. Then at most half of each face's outline borders faces with opposite normals."""
     h0, h1 = surface.edges.pairs.T
     f, g, (a, b) = h0 // 3, h1 // 3, half_edges(surface.F)
     lengths = np.linalg.norm(surface.V[a[h0]] - surface.V[b[h0]], axis=1)
@@ -344,8 +344,8 @@ def divided_sheet(sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) ->
 
 
 def largest_fields(fields: Floats, F: Ints, chart: Ints) -> Ints:
-    """Return the chart of each face (m,), which is the number of a field. A face keeps its chart if this field is the
-    largest field at one of its corners. Otherwise the face gets the field that is the largest at its centre."""
+    """Return the chart of each face (m,), which is the number of a field. A face keeps its chart if the field of this
+    chart is the largest at one of its corners. Otherwise the face gets the field that is the largest at its centre."""
     corners = fields[F]
     own_field = np.take_along_axis(corners, chart[:, None, None], axis=2)[:, :, 0]
     is_hidden = (own_field < corners.max(axis=2)).all(axis=1)

@@ -63,7 +63,7 @@ class SafSheet:
 
     @classmethod
     def from_rows(cls, name: str, rows: list[dict[str, Cell | None]]) -> "SafSheet":
-        """Return a sheet with a column for each key of any row, in order of appearance."""
+        """Return a worksheet of the SAF file with a column for each key in the rows, in order of appearance."""
         head = tuple(dict.fromkeys(key for row in rows for key in row))
         return cls(name, head, tuple(tuple(row.get(key) for key in head) for row in rows))
 

@@ -211,7 +211,7 @@ def _members_layer(document: Any, family: str, what: str) -> str:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back with ezdxf, audit it, and compare unit and the lines of each member with those of the part."""
+    """Read the file back with ezdxf and audit it; compare the unit, and the lines of each member, with the part."""
     document = _sound_document(part, path, ".members.json")
     groups, shapes = {name: list(group) for name, group in document.groups}, part.details.shapes
     require_equal(part, "members", sorted(shape.id for shape in shapes), sorted(groups))

@@ -263,8 +263,8 @@ STRESS = CodeCheck("stress over strength", "no standard: sqrt(s^2 + 3 t^2), s = 
 
 
 def plain_checks(bays: MemberBays, forces: Floats, strength: float, bent: Floats) -> CheckRatios:
-    """Return the largest von Mises stress of an elastic section, divided by a strength (Pa), for forces (b, 5, 6).
-    bent : (b, 5) stress from bending members into shape, Pa."""
+    """Return the largest von Mises stress of an elastic section, divided by a strength (Pa).
+    forces : (b, 5, 6) at five stations of each bay.    bent : (b, 5) stress from bending members into shape, Pa."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     N, Vy, Vz, Mt, My, Mz = np.abs(np.moveaxis(forces, -1, 0))
     axial = N / section.area + My / section.Wy + Mz / section.Wz + bent

@@ -20,7 +20,7 @@ class SteelGrade:
         return next((value for limit, value in self.yields if thickness <= limit * (1 + 1e-9)), self.yields[-1][1])
 
     def covers(self, thickness: float) -> bool:
-        """Return True if `yields` contains a strength for plates of this thickness (m)."""
+        """Return True if a plate thickness (m) is not above the largest thickness in `yields`."""
         return thickness <= self.yields[-1][0] * (1 + 1e-9)
 
 

@@ -47,7 +47,7 @@ class Rules:
 
 def utilisation(bays: MemberBays, rules: Rules) -> Utilisation:
     """Return force divided by resistance, for bays and all their cases.
-    Raises StaticsError if neither the material nor a strength is known, and if there are no bays."""
+    Raises StaticsError if there are no bays, or if the material and the strength are both unknown."""
     if not bays.member:
         raise StaticsError(
             "no member has a bay between two nodes, so the report checks nothing; see dsfab export --to csv"

@@ -105,7 +105,8 @@ def _by(lying: Floats, if_lying: Floats, if_upright: Floats) -> Floats:
 
 
 def _interaction(strong: list[Floats], weak: list[Floats], tilted: Floats) -> Floats:
-    """Larger of (6.61), (6.62). tilted : M / M_Rd / chi_LT.    strong, weak : lambda, N / N_b,Rd, M / M_Rd, C_m."""
+    """Return the larger of the ratios (6.61) and (6.62). tilted : M / M_Rd / chi_LT about the strong axis.
+    strong, weak : relative slenderness, N / N_b,Rd, M / M_Rd and C_m for this axis."""
     (lam_s, n_s, _, C_s), (lam_w, n_w, m_w, C_w) = strong, weak
     k_ss = C_s * (1 + 0.6 * np.minimum(lam_s, 1) * n_s)
     k_ww = C_w * (1 + 0.6 * np.minimum(lam_w, 1) * n_w)

@@ -116,7 +116,7 @@ def _bay(
 
 
 def _sides(member: Member) -> Floats:
-    """Return widths left and right of the axis. The axis of a disc has no inner edge, so its area gives widths."""
+    """Return the widths left and right of the axis; for a disc, which has no inner edge, at least area / length / 2."""
     return member.sides if member.kind != "disc" else np.maximum(member.sides, member.area / member.length / 2)
 
 
@@ -156,7 +156,7 @@ class BeamPlaces:
 
 
 def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
-    """Return the nearest beam to each place (q, 3), and the nearest point on it."""
+    """Return the nearest beam to each place (q, 3), and the nearest point on it. points : (n, 3) nodes of the beams."""
     a, b = points[beams.ends[:, 0]], points[beams.ends[:, 1]]
     count = 9  # samples along each beam; the nearest beam is sought among those of the six samples nearest to a place
     samples = (a[:, None] + np.linspace(0, 1, count)[:, None] * (b - a)[:, None]).reshape(-1, 3)
@@ -175,8 +175,8 @@ def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
 
 def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, beams: Beams) -> Floats:
     """Return forces and moments (n, 6), N and Nm, at nodes, from forces on the vertices V (v, 3) of a sheet.
-    Each force moves to the nearest point on the axes, with its moment about that point. The end nodes of the beam share
-    the force and the moment in proportion to the point's distance from the opposite node."""
+    Each force moves to the nearest point of the nearest beam, with its moment about that point. Both end nodes of this
+    beam share force and moment, in proportion to the point's distance from the opposite node."""
     loads = np.zeros((len(points), 6))
     ends, moment = beams.ends[places.beam], np.cross(V - places.foot, load.force)
     for side, share in ((0, 1 - places.along), (1, places.along)):
@@ -187,9 +187,9 @@ def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, b
 
 @dataclass(frozen=True, eq=False)
 class NodeSupports:
-    """Supports at nodes; h counts the supports.
-    node   : (h,) nearest node of an axis.    place : (h, 3) centre of the supported vertices, metres.
-    apart  : (h,) True if a link must join node and place.    width : (h,) width of the link, metres.
+    """Supports at nodes of a frame; h counts the supports.
+    node   : (h,) nearest end node of the nearest beam.    place : (h, 3) centre of the supported vertices, metres.
+    apart  : (h,) True if a link must join node and place.    width : (h,) width of this link, metres.
     fixed  : (h, 6) as in `Frame`.    spring : (h, 6) N/m."""
 
     node: Ints
@@ -256,7 +256,7 @@ def _reach(V: Floats, group: Ints) -> Floats:
 
 
 def fixed_in_plane(fixed: Bools, axis: int) -> Bools:
-    """Return supports (n, 6) of a plane frame, with supports that keep it in its plane. axis : normal of the plane."""
+    """Return `fixed` (n, 6) with more supports, which keep a plane frame in its plane. axis : normal of the plane."""
     still = fixed.copy()
     still[:, axis] = True
     still[:, [3 + k for k in range(3) if k != axis]] = True

@@ -14,8 +14,8 @@ from dsfab.statics import SectionForces
 from dsfab.surface import Surface
 
 PLANES = 4
-"""Number of planes near a station, all within one edge length of the mesh.
-Forces are constant on each face, so only means over several faces are in equilibrium. The planes give such means."""
+"""Number of planes that cut a member near each station (point of its axis), all within one edge length of the mesh.
+Forces are constant on each face, so only means over several faces are in equilibrium. Results are means over planes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +197,7 @@ def _force_sums(
 
 
 def _edge_forces(cut: Sections, section_forces: SectionForces, graph: MemberGraph, normals: Floats) -> Floats:
-    """Return forces (e, 3), N, for the twisting moment on free edges, divided by `PLANES` (cuts per station)."""
+    """Return forces (e, 3), N, of the twisting moment on free edges. Each is divided by `PLANES` (cuts per station)."""
     source = graph.source[cut.end_face]
     frame = section_forces.frame[source]
     v, s = (np.einsum("cai,ci->ca", frame, x) for x in (cut.end_across, cut.end_out))

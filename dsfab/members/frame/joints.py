@@ -63,7 +63,7 @@ class AxisJoints:
         return [candidate for candidate in self._members_by_node.get(number, []) if candidate is not member]
 
     def other_width(self, member: Member, number: int) -> float:
-        """Return the width (m) of the widest other member at a node; 0 without another member."""
+        """Return the width (m) of the widest member at node `number`, without `member`; 0 without another member."""
         return max((neighbour.mean_width for neighbour in self.other_members(number, member)), default=0.0)
 
     def normal_at(self, number: int) -> Floats:
@@ -84,7 +84,7 @@ class AxisJoints:
 
 
 def joints_at_nodes(graph: MemberGraph) -> AxisJoints:
-    """Return the joints at the nodes of a graph; members without an axis have no joints, and ends are joined later."""
+    """Return the joints at the nodes of a graph. Members without an axis have none. `join_ends` joins members' ends."""
     joints = AxisJoints(graph)
     joints.on = {member.id: [] for member in joints.members_with_axis}
     for node in graph.nodes:
@@ -223,9 +223,9 @@ def _samples(member: Member) -> tuple[Floats, Floats]:
 
 
 def add_hubs(joints: AxisJoints) -> None:
-    """Add a hub (central node) and spokes (links) to each member of kind "disc" with 3 nodes or more. Spoke widths sum
-    to the length of the disc's closed axis. Under a load on the hub, clamped spokes deflect 0.73 times, simply
-    supported spokes 1.15 times as much as the plate [Timoshenko, Woinowsky-Krieger 1959, 19]."""
+    """Add a hub (central node) and spokes (links to the hub) to each member of kind "disc" with 3 nodes or more. The
+    spokes of a disc are together as wide as its closed axis is long. Under a load on the hub, clamped spokes deflect
+    0.73 times as much as the plate, simply supported spokes 1.15 times [Timoshenko, Woinowsky-Krieger 1959, 19]."""
     for member in joints.members_with_axis:
         nodes = sorted({number for _, number in joints.on[member.id]})
         if member.kind == "disc" and member.axis and member.axis.closed and len(nodes) >= 3:

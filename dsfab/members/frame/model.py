@@ -59,9 +59,9 @@ class Frame:
     loads     : (n, 6) newtons and newton metres on the nodes, by case.
     combinations : factors of the cases, by name of the combination.
     actions   : permanent, snow, wind or variable, by case; {} if unknown.
-    eccentricity : (b,) metres from the beam to the material's middle, to the left along local y.
-    stout     : (b,) width of the member / length of the bay (part between nodes), at most 1. It is 1 beside a node at
-                which members overlap although their middle lines do not meet, and 0 for links."""
+    eccentricity : (b,) metres from the beam to the middle of the material; positive to the left, along local y.
+    stout     : (b,) width of the member / length of the bay (part between nodes), at most 1; 0 for links. It is 1
+                beside a node at which members overlap, but their middle lines do not meet."""
 
     points: Floats
     nodes: tuple[str, ...]
@@ -261,12 +261,11 @@ STOUT = 0.35
 
 @dataclass(frozen=True, eq=False)
 class FrameAgreement:
-    """Results of a frame divided by those of its sheet, for one case. In this sheet, ribs have the torsion of bars.
-    compliance   : ratio of the compliances, 1 for equal results.
-    displacement : ratio of the largest displacements, 1 for equal results.
-    stout : the larger of two shares of the elastic energy. Frame: share in links and in bays with `Frame.stout` above
+    """Comparison of a frame with its sheet, for one case. Ribs of this sheet have the torsional stiffness of bars.
+    compliance, displacement : compliance and largest displacement of the frame, divided by those of the sheet.
+    stout : the larger of two shares of the elastic energy. Frame: share in links, and in bays with `Frame.stout` above
             `STOUT`. Sheet: share outside of members with an axis.
-    twist : largest displacement of this sheet, divided by the displacement of a thin sheet without bar torsion."""
+    twist : largest displacement of this sheet / largest displacement of a thin sheet without this stiffness."""
 
     case: str
     compliance: float

@@ -63,7 +63,7 @@ class JudgedReading:
 
 
 def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float = 1.0) -> JudgedReading:
-    """Return the reading with its score, 0 if the sheet could move freely. usual : factor on the score, for `up`."""
+    """Return the reading with its score, 0 if the sheet could move freely. usual : factor of `up` on the score."""
     if reading.kind == "object":
         return JudgedReading(reading, DRAWN * usual, up)
     surface, supported = shape.surface, reading.vertices(shape.surface)
@@ -99,7 +99,7 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
 
 
 def _steadiness(shape: Shape, reading: SupportReading, supported: Bools, upward: Floats, is_line: bool) -> float:
-    """Return 1 if steady; less if the sheet may tip, swing or lift. upward : reactions.    is_line : can be clamped."""
+    """Return 1 if steady; less if the sheet may tip, swing or lift. is_line : a long support, which can be clamped."""
     if reading.kind in ("wall", "floor"):
         return 1.0
     if reading.kind == "hung" and len(reading.places) == 1 and reading.places[0].name != "upper rim":
@@ -127,7 +127,7 @@ def _forces(shape: Shape, kind: str, thick: float) -> Floats:
 
 
 def _upward(reading: SupportReading, surface: Surface, rows: Bools, reaction: Floats) -> Floats:
-    """Return the upward reaction at each support, newtons. A supported vertex belongs to the nearest support."""
+    """Return the upward reaction at each support, newtons. Each vertex of `rows` belongs to the nearest support."""
     points = np.concatenate([place.points for place in reading.places])
     owner = np.repeat(np.arange(len(reading.places)), [len(place.points) for place in reading.places])
     nearest = owner[cKDTree(points).query(surface.V[rows])[1]]
@@ -191,7 +191,7 @@ class SupportChoice:
 
     @property
     def rivals(self) -> list[JudgedReading]:
-        """At most two readings with nearly the best score, only one for each axis other than the best axis."""
+        """At most two readings with nearly the best score; at most one for each axis other than the best axis."""
         rivals = [rival for rival in self.ranking[1:] if rival.score > CLOSE * self.best.score]
         best_on = {rival.up: rival for rival in reversed(rivals)}
         return [rival for rival in rivals if rival.up == self.best.up or rival is best_on[rival.up]][:2]
@@ -208,7 +208,7 @@ class SupportChoice:
 
 
 def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: str = "") -> SupportChoice:
-    """Return the readings (ways to support) of a surface with edges, with scores and vertical axes, and its unit.
+    """Return the readings (ways to support a surface with edges), with scores and vertical axes, and the unit.
     surface : surface in metres, or in the numbers of its file if the unit is unknown.
     axes    : possible vertical axes, each with a factor on the scores.
     unit    : unit, or "" if unknown.
@@ -235,7 +235,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
 
 
 def _ranking(shapes: Mapping[Up, Shape], candidates: Sequence[tuple[float, Up, SupportReading]]) -> list[JudgedReading]:
-    """Return readings with scores, the best first, without those of too low `form` (upper bound of the score)."""
+    """Return ways to support with scores, the best first, without ways of low `form` (highest possible score)."""
     ranking = list[JudgedReading]()
     for factor, up, reading in sorted(candidates, key=lambda candidate: -candidate[0] * candidate[2].form):
         highest = factor * reading.form

@@ -63,7 +63,7 @@ def possible_axes(surface: Surface, suffix: str = "", usual: str | None = None) 
 
 
 def _standing(V: Floats, surface: Surface) -> float:
-    """Return `_stability` of a sculpture, plus the share of its free edge that is at its base. V : (n, 3) with z up."""
+    """Return the sum of `_stability` and the share of the free edge that is at the base. V : (n, 3) with z up."""
     edges = surface.edges
     low = (V[edges.ends, 2] <= V[:, 2].min() + 0.05 * np.ptp(V[:, 2])).all(axis=1)
     length = surface.edge_lengths * edges.boundary
@@ -170,7 +170,7 @@ def mesh_in_file(
 
 
 def _file_decisions(raw: RawMesh, better: RawMesh, scan: bool, mesh: SurfaceInFile) -> Iterator[Decision]:
-    """Yield decisions on a file: content that was read or left out, remarks, repairs, and parallel sheets."""
+    """Yield notes on a file: parts read or left out, remarks, repairs, parallel sheets. better : `raw` after repair."""
     if raw.record.surface_words:
         yield Decision("file", f"read: {raw.record.surface_words}")
     if raw.record.mark_words:

@@ -44,7 +44,7 @@ class SupportPlace:
         lock(self, "points", np.float64, (None, 3))
 
     def with_offset(self, offset: Floats) -> "SupportPlace":
-        """Return the place with `offset` (3,), metres, subtracted from its points."""
+        """Return this supported part with `offset` (3,), metres, subtracted from its points."""
         return replace(self, points=self.points - offset)
 
     def picker(self, margin: float = 0.0, digits: int = 9) -> Boundary | Ball | Box:
@@ -94,7 +94,7 @@ def distinct_readings(shape: Shape) -> list[SupportReading]:
 
 
 def _of_what_it_leaves(shape: Shape, reading: SupportReading) -> SupportReading:
-    """Return the reading (way of support), with a lower `form` if necks of the shape or hollows of a roof stay free."""
+    """Return the reading (way of support), with a lower `form` (score) if necks, or hollows of a roof, stay free."""
     free = len(shape.heads) * (reading.word not in ("loops", "walls")) + len(shape.lugs) * (reading.word != "hung")
     ponds = len(shape.inner_hollows) > 0 and not shape.heads and reading.kind == "roof"
     ponds = ponds and reading.word not in ("hollows", "columns")
@@ -125,7 +125,7 @@ def _edge_place(edge: Edge) -> SupportPlace:
 
 
 def _whole(shape: Shape, edges: Sequence[Edge], name: str) -> tuple[SupportPlace, ...]:
-    """Return whole edges as places. A place gets the number of its edge if no other edge's length is within 5 %."""
+    """Return whole edges as supports. A support has its edge's number if no other edge's length is within 5 %."""
     places = []
     for edge in edges:
         rivals = [rival for rival in shape.edges if abs(rival.length / edge.length - 1) < 0.05]
@@ -148,7 +148,7 @@ def _edge_form(shape: Shape) -> float:
 
 
 def _walls(shape: Shape) -> Iterator[SupportReading]:
-    """Yield walls below a level outer edge, together with columns inside. Yield nothing without column heads."""
+    """Yield walls below a level outer edge with columns inside, if the shape has column heads."""
     if shape.heads and (form := _edge_form(shape)) > WALLS:
         places = (
             *_whole(shape, shape.outer, "wall"),
@@ -225,7 +225,7 @@ def _pairs(shape: Shape) -> tuple[list[Edge], list[Edge]]:
 
 
 def _hangs_between(shape: Shape, two: Sequence[Edge], crossing: Sequence[Edge]) -> bool:
-    """Return True if the sheet sags between the sides `two`: its centre and the middles of `crossing` are lower."""
+    """Return True if the sheet sags between the sides `two`: its centre and middles of sides `crossing` are lower."""
     if not two:
         return False
     low = min(float(side.z.min()) for side in two)

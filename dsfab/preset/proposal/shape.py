@@ -162,7 +162,7 @@ class Shape:
 
     @cached_property
     def outer(self) -> list[Edge]:
-        """The longest edge of each piece."""
+        """The longest edge (boundary loop) of each piece."""
         piece = self.surface.vertex_pieces
         _, index = np.unique([piece[loop[0]] for loop in self.surface.loops], return_index=True)
         return [self.edges[k] for k in sorted(index)]
@@ -174,7 +174,7 @@ class Shape:
 
     @cached_property
     def small(self) -> list[Edge]:
-        """Small inner edges: column heads, lugs, openings."""
+        """Small inner edges (boundary loops): around column heads, lugs and openings."""
         return [edge for edge in self.edges if edge not in self.outer and edge.length < SMALL * self.edges[0].length]
 
     @cached_property
@@ -199,12 +199,12 @@ class Shape:
 
     @property
     def is_raised(self) -> bool:
-        """True for a surface above the ground: too low to stand under (`HEAD`), or with its lowest z above `HEAD`."""
+        """True above the ground: the rise is under `HEAD` (too low to stand under), or the lowest z is over `HEAD`."""
         return self.rise < HEAD or HEAD <= self.surface.V[:, 2].min() <= 1.5 * self.surface.size
 
     @cached_property
     def corners(self) -> list[int]:
-        """Indices of the points of the longest edge (boundary loop) at which this edge has corners."""
+        """Indices of the corners among the points of the longest edge (boundary loop)."""
         return self.edges[0].corners(self.width / 8)
 
     @cached_property
@@ -270,7 +270,7 @@ class Shape:
         return np.setdiff1d(self.hollows, np.concatenate([*self.surface.loops, np.zeros(0, dtype=np.int64)]))
 
     def below(self, plan: Floats) -> Floats:
-        """Return the vertices (k, 3) nearest in plan to points (j, 2), without points outside the sheet in plan."""
+        """Return the vertices (k, 3) nearest to points (j, 2) in plan. Points outside the sheet are left out."""
         away, vertex = (np.atleast_1d(values) for values in cKDTree(self.surface.V[:, :2]).query(plan))
         return np.asarray(self.surface.V[vertex[away < 0.05 * self.width]])
 

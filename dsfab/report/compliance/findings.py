@@ -237,7 +237,7 @@ class Findings:
 
     @cached_property
     def checks(self) -> list[CheckLine]:
-        """Checks on the structure itself."""
+        """Checks of supports, compliance, theory, balance, mesh and limits; only one check without equilibrium."""
         if not self.carries:
             reason = f"no: {self.design.error}"
             return [CheckLine("Carries its loads", "fail", reason, "equilibrium with its supports")]

@@ -265,7 +265,7 @@ def carrying_sections(
     versions: Mapping[str, str],
     preset: str,
 ) -> list[ReportSection]:
-    """Return all sections for a design in equilibrium."""
+    """Return all sections of the report on a design in equilibrium."""
     return [
         summary_section(findings, pictures, number),
         checks_section(findings, number),

@@ -13,7 +13,7 @@ USUAL_SPAN_SHARE = 300  # a movement > 1/300 of the span is reported [EN 1990, a
 SHOWN_SUPPORTS = 6  # number of supports in a short table of reactions
 LEVEL = 1e-3  # a horizontal force below this share of the reaction is a rounding error
 OPPOSED = 0.1
-"""Horizontal forces at a support are opposite, as along a ring, if their resultant / sum of magnitudes is smaller.
+"""Horizontal forces at a support are opposite, as along a ring, if resultant / sum of magnitudes is below OPPOSED.
 At a single foot this ratio is 0.4, because the forces at its vertices partly cancel."""
 
 
@@ -58,7 +58,7 @@ def figure_lines(carrying: "Carrying") -> Iterator[str]:
 
 
 def carrying_notes(carrying: "Carrying") -> Iterator[str]:
-    """Yield notes on the figures: a large movement, missing figures and assumptions."""
+    """Yield notes on the results: a large movement of the structure, missing results and assumptions."""
     moved = carrying.movement
     if moved and moved.share > 1 / USUAL_SPAN_SHARE:
         yield f"the structure moves by 1/{1 / moved.share:.0f} of its span; the usual limit is 1/{USUAL_SPAN_SHARE}"

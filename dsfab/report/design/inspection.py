@@ -54,7 +54,7 @@ def load_facts(design: "Design") -> dict[str, Any]:
 
 
 def _force_on_cut_sheet(design: "Design", load: "Load") -> "Floats":
-    """Return the sum (3,) of a load on the cut sheet, newtons. Spread loads over openings need a covering to count."""
+    """Return the sum (3,), N, of a load on the cut sheet. Spread loads over openings count only with a covering."""
     from dsfab.surface import load_parts
 
     surface, sheet = design.surface, design.sheet
@@ -202,8 +202,7 @@ def _check_facts(check: "Check") -> dict[str, Any]:
 
 
 def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Yield lines on the smallest features and the pieces, and a table of limits.
-    The table has all limits of the preset, and dsfab's own limits if the design does not meet them."""
+    """Yield lines on smallest features and pieces, and a table: all limits of the preset, unmet limits of dsfab."""
     sizes = {name: facts[name] for name in ("smallest_member", "smallest_gap", "thinnest_wall") if facts[name]}
     words = [f"{name.replace('_', ' ')} {length(value['m'])}" for name, value in sizes.items()]
     usual_width = facts["member_widths"]["at_share_of_walls"].get("50%")

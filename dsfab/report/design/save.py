@@ -109,7 +109,7 @@ def _write_facts(
     spent: float,
     earlier: Mapping[str, Any] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """Write `design.json`, return its content. measured : more facts. spent : seconds. earlier : manifest so far."""
+    """Write `design.json`; return its facts. measured : more facts. spent : export, s. earlier : manifest so far."""
     seconds = {**design.seconds, "export": spent}
     facts = design_facts(design, seconds, files.names, files.refused, files.notes) | dict(measured)
     facts |= {MANIFEST: {**earlier, **manifest(folder)}}
@@ -144,7 +144,7 @@ def ready_to_draw(picture: bool) -> AbstractContextManager[None]:
 
 @contextmanager
 def _pictures_meanwhile(design: Design, folder: Path, progress: Progress) -> "Iterator[Pictures]":
-    """Draw preview.png, and pictures that the caller adds, in a second process."""
+    """Draw preview.png, and pictures that the caller adds to the yielded `Pictures`, in a second process."""
     from dsfab.render.design_picture import client_picture, pictures_in_background
 
     with pictures_in_background() as pictures:
@@ -172,7 +172,7 @@ def _write_formats(design: Design, folder: Path, suffixes: Sequence[str], progre
 
 
 def merged_notes(notes: Mapping[str, Sequence[str]]) -> list[str]:
-    """Merge the notes of all formats: a note on several formats appears once, after their suffixes."""
+    """Return the notes of all formats. A note on several formats appears once, after the suffixes of these formats."""
     by_note: dict[str, list[str]] = {}
     for suffix, lines in notes.items():
         for line in lines:

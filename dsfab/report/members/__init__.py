@@ -161,7 +161,7 @@ def worst_member_words(utilisation: Utilisation) -> str:
 
 
 def summary_section(utilisation: Utilisation, picture: ReportFigure) -> ReportSection:
-    """Return the first page: a verdict on the members alone, and a picture."""
+    """Return the first page: a verdict on the members, not on joints or the stability of the whole, and a picture."""
     overloaded = sum(value > 1 for value in utilisation.by_member.values())
     if utilisation.standard.startswith("no standard"):
         status, title = "unknown", "No standard: stress / strength"
@@ -180,7 +180,7 @@ def summary_section(utilisation: Utilisation, picture: ReportFigure) -> ReportSe
 
 
 def worst_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
-    """Return the members with the largest utilisation, each with its decisive clause and forces."""
+    """Return the members with the largest utilisation, with their forces and the decisive clause of the standard."""
     bays = utilisation.worst_bays(WORST_COUNT)
     decisive = []
     for bay in bays:

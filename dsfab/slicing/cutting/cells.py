@@ -19,7 +19,7 @@ class Cells:
 
     start    : (c + 1,) index into `corner` of each polygon's first corner; the last entry is len(corner) = h.
     corner   : (h,) vertices. An index into `corner` is called a slot.
-    sides_on : (h,) line of the side from each slot: row of `CutLines`; 0 for no line; -1 - l for level l of a split."""
+    sides_on : (h,) line of the side from each slot: row of `CutLines`; 0 for no line; -1 - l on level l of a split."""
 
     start: Ints
     corner: Ints
@@ -31,7 +31,7 @@ class Cells:
 
     @classmethod
     def triangles(cls, F: Ints, sides_on: Ints | None = None) -> "Cells":
-        """Return the triangles F (m, 3) as polygons; `sides_on` (m, 3) see `Cells`."""
+        """Return the triangles F (m, 3) as polygons. sides_on : (m, 3) line of each triangle side, as in `Cells`."""
         return cls(
             np.arange(0, 3 * len(F) + 1, 3), F.ravel(), (np.zeros_like(F) if sides_on is None else sides_on).ravel()
         )
@@ -87,7 +87,7 @@ class Cells:
         return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[slots], self.sides_on[slots])
 
     def with_new_lines(self, lines: Ints) -> "Cells":
-        """Replace the marks -1 - l in `sides_on`, for sides on level l, by rows of `CutLines`: lines[l, polygon].
+        """In `sides_on`, replace each mark -1 - l, for a side on level l, by lines[l, polygon], a row of `CutLines`.
         lines : (levels, c); a dimension may be 1 if all levels, or all polygons, have the same line."""
         side = np.flatnonzero(self.sides_on < 0)
         if not len(side):
@@ -97,7 +97,7 @@ class Cells:
         return Cells(self.start, self.corner, sides_on)
 
     def triangle_sides(self, F: Ints, polygon: Ints) -> Ints:
-        """Return `sides_on` (m, 3) for the sides of triangles F (m, 3); triangle i is part of polygon[i]."""
+        """Return the line (m, 3) of each side of triangles F (m, 3), as in `sides_on`. Triangle i is in polygon[i]."""
         slot = np.flatnonzero(self.sides_on)
         n, owner, end = int(self.corner.max()) + 1, self.owner[slot], self.next_values(self.corner)[slot]
         key = owner * n + self.corner[slot]
@@ -173,7 +173,7 @@ def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
 
 
 def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
-    """Return triangles with the best worst quality, and their rows. rating[i, j] : worst quality for corners i to j."""
+    """Return triangles with the highest least quality, and their rows. rating[i, j] : least quality, corners i to j."""
     g, size = polygons.shape
     if size == 3:
         return polygons, np.arange(g)
@@ -227,7 +227,7 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
 
 
 SNAP_FLOOR = 1e-9
-"""Smallest snap fraction; it applies even at snap = 0."""
+"""Smallest fraction for snapping (a value moves onto a near level, see `cut`); it applies even at snap = 0."""
 TIP = 1e-3  # Largest snap fraction (see `cut`) if one edge of a stripe moves and the stripe's opposite edge stays.
 
 
@@ -291,7 +291,7 @@ def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools,
 
 
 def largest_ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floats:
-    """Return for each of n vertices the largest `difference` on the sides at it; 0 for a vertex without sides."""
+    """Return for each of n vertices the largest `difference` on sides that end at the vertex; 0 without sides."""
     reach = np.zeros(n)
     for end in sides:
         np.maximum.at(reach, end, difference)

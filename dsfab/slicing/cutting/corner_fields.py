@@ -25,8 +25,8 @@ from dsfab.surface.fields import CornerField
 class PolygonField:
     """A `CornerField` on the vertices of a mesh of polygons.
 
-    lead   : (n',) a face at each vertex.    values : (n', 1 or 2) values of the field in this face, at the vertices.
-    sign, shift : (h,) for polygon corners. In the parent face of the polygon, the field is sign * value + shift.
+    lead   : (n',) one face around each vertex.    values : (n', 1 or 2) the field at the vertices, in the face `lead`.
+    sign, shift : (h,) for polygon corners: the field in the polygon's parent face is sign * value + shift.
     blank  : (h,) True for polygon corners without a value."""
 
     mesh: PolygonMesh
@@ -39,7 +39,7 @@ class PolygonField:
 
     @classmethod
     def from_field(cls, mesh: PolygonMesh, field: CornerField) -> Self:
-        """Evaluate the field at each vertex, in the first face around the vertex in which the field has values."""
+        """Evaluate the field at each vertex, in a face around the vertex: the first face where the field has values."""
         corner, n = mesh.cells.corner, len(mesh.X)
         lead = np.zeros(n, dtype=np.int64)
         lead[corner[::-1]] = mesh.face[::-1]
@@ -72,7 +72,7 @@ class PolygonField:
         return cls(mesh, field, values, lead, sign, shift, field.blank[face])
 
     def value_index(self, side: int) -> Ints:
-        """Return indices (h,) of corners' values in values.ravel(). side : 0 for z + d, 1 for z - d (half-width d)."""
+        """Return indices (h,) of corners in values.ravel(). side : 0 for z + d, 1 for z - d (field z, half-width d)."""
         return self._lower if side else self._upper
 
     @cached_property
@@ -85,7 +85,7 @@ class PolygonField:
         return self._upper if self.values.shape[1] == 1 else self._upper ^ 1
 
     def slot_values(self, side: int) -> Floats:
-        """Return the field (h,) at all polygon corners. side : 0 for z + d, 1 for z - d (field z, half-width d)."""
+        """Return the field (h,) at all polygon corners. side : stripe edge, 0: z + d, 1: z - d (field z, width 2 d)."""
         return self._slots[side]
 
     @cached_property
@@ -108,13 +108,13 @@ class PolygonField:
         return changed
 
     def side_values(self, side: int, foreign: Bools | None = None) -> SideValues:
-        """Return the field at both ends of each polygon side. foreign : (h,) sides without a value; default `blank`."""
+        """Return the field at both ends of polygon sides. foreign : (h,) sides without own value; default: `blank`."""
         return SideValues.from_slots(
             self.mesh.cells, self.slot_values(side), self.blank if foreign is None else foreign
         )
 
     def after_split(self, split: Split, side: int, lines: Ints) -> "PolygonField":
-        """Return the field after a split at levels of z + d (side 0) or z - d (side 1), with half-width d of stripes.
+        """Return the field after a split at levels. side : edge of stripes, 0 for z + d, 1 for z - d (half-width d).
         lines : (l, 1) row of `CutLines` for each level."""
         mesh, following = self.mesh.after_split(split, lines), self.mesh.cells.following
         cut = self.slot_values(side)
@@ -129,7 +129,7 @@ class PolygonField:
         return PolygonField._from_leads(mesh, self.field, np.concatenate([self.values, new_values]), lead)
 
     def turned_edges(self) -> tuple[Bools, Bools]:
-        """Find edges where the field changes sign; return masks (h,) of their sides in the first and second polygon."""
+        """Find edges where the field changes sign; return two masks (h,): sides in their first and second polygon."""
         cells = self.mesh.cells
         a, b = cells.corner, cells.next_values(cells.corner)
         leading, second = np.zeros((2, len(a)), dtype=bool)
@@ -155,11 +155,10 @@ def corner_band(
     mesh: PolygonMesh, field: CornerField, levels: Floats, snaps: tuple[float, float], size: float, edges: Ints
 ) -> tuple[PolygonMesh, Bools]:
     """Cut the void polygons along the stripes of a `CornerField`; return also a mask (c',) of the new material.
+    If the field changes its sign across a mesh edge, this edge first gets vertices at all levels.
 
-    snaps : snap fractions (see `cut`): for moves of whole stripes, and of one edge of a stripe (see `TIP`).
-    size  : of the surface, m.    edges : (l, 2) row of `CutLines` for each level of z + d and of z - d (see `cut`).
-
-    If the field changes its sign across a mesh edge, this edge first gets vertices at all levels."""
+    snaps : snap fractions (see `cut`): for moves of whole stripes, and for moves of one edge of a stripe (see `TIP`).
+    size  : size of the surface, m.    edges : (l, 2) rows of `CutLines` for the edges z + d and z - d at each level."""
     void = (mesh.void | mesh.again) & ~field.blank[mesh.parent]
     if field.wanted is not None and void.any():
         void &= _cells_to_cut(mesh, field.wanted)
@@ -178,7 +177,7 @@ def corner_band(
 
 
 def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
-    """Return a mask (c,) of void polygons where the field has no value, if stripes are on most of their outline."""
+    """Return a mask (c,) of void polygons without a field value that have stripes on most of their outline."""
     inner = mesh.void & blank[mesh.parent]
     if not inner.any():
         return inner
@@ -195,7 +194,7 @@ def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
 
 
 def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
-    """Return a mask (c,) of openings, and of material in `mesh.again`, with a mean `wanted_share` above one half."""
+    """Return a mask (c,) of openings, and of material in `mesh.again`, whose mean `wanted_share` is above one half."""
     least = 0.5  # an opening or a face is cut if the mean of `wanted_share` is larger
     crossed = mesh.again & (wanted_share > least)[mesh.parent]
     if not mesh.void.any():
@@ -212,9 +211,9 @@ def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
 class StripeCut:
     """A cut along the stripes of a `CornerField`, in progress.
 
-    seen   : the field on the polygons.    tip : see `TIP`.    size : of the surface, metres.
+    seen   : the field on the polygons.    tip : see `TIP`.    size : size of the surface, metres.
     active : (c,) mask of polygons to cut.    solid : (c,) mask of polygons inside stripes.
-    source : (c,) number of each polygon before the last split.    edges : (l, 2) see `corner_band`."""
+    source : (c,) for each polygon, its polygon before the last split.    edges : (l, 2) see `corner_band`."""
 
     seen: PolygonField
     levels: Floats
@@ -247,7 +246,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved))
 
     def with_snapped_values(self, side: int) -> "StripeCut":
-        """Move the upper (side 0) or lower (side 1) edges of stripes onto near vertices: `tip` as `snap` in `cut`."""
+        """Move the upper (side 0) or lower (side 1) edges of stripes onto vertices within the snap fraction `tip`."""
         x = self.seen.values.ravel()
         a, b, difference = self._side_ends(side)
         free = np.ones(len(x), dtype=bool)
@@ -255,7 +254,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved.reshape(self.seen.values.shape)))
 
     def with_turned_edges(self, side: int) -> "StripeCut":
-        """Add vertices where levels cross edges at which the field changes sign, by values in the first polygon."""
+        """On edges where the field changes sign, add vertices where its values in the first polygon equal levels."""
         leading, second = self.seen.turned_edges()
         owner = self.seen.mesh.cells.owner
         if not self.active[owner[leading | second]].any():
@@ -268,8 +267,8 @@ class StripeCut:
         return state._after_split(split, side)
 
     def cut_along_levels(self, side: int, above: bool) -> tuple["StripeCut", Ints]:
-        """Cut the polygons `active` along levels of z + d (side 0) or z - d (side 1): field z, half-width d of stripes.
-        Return also the strip (c',) of each polygon; strip j has j levels below it.
+        """Cut the polygons `active` along edges of stripes: where z + d (side 0) or z - d (side 1) equals a level.
+        Return also each polygon's strip (c',); strip j has j levels below it. z : field. d : half-width of stripes.
         above : True puts a polygon that lies on a level into the strip above."""
         state = self.with_snapped_values(side)
         for _ in range(ROUNDS):

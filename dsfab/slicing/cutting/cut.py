@@ -30,8 +30,8 @@ LEVEL_GAP = 1e-6  # Levels closer to each other than this fraction of the field'
 
 Field = Floats | CornerField | DividedField
 DividedAgain = Callable[[PolygonMesh, int, Bools], Bools]
-"""Function that returns a mask (c,) of the material that later fields of the cut may divide as well. Arguments: the
-mesh of polygons; number k of the latest field; a mask (m,) of faces without field k, and of their neighbours."""
+"""Function that returns a mask (c,) of material that the next fields may divide too. Arguments: the mesh of polygons;
+number k of the latest field; a mask (m,) of faces without field k, and of the neighbours of these faces."""
 
 
 def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05) -> Sheet:
@@ -70,8 +70,7 @@ def cut_polygons(
     mesh: PolygonMesh | None = None,
 ) -> PolygonMesh:
     """Cut a surface as `cut` does; return the polygons before their division into triangles.
-
-    mesh : void polygons to cut; default: the faces of the surface."""
+    mesh : polygons without material, to cut; default: the faces of the surface."""
     return polygons_along(surface, fields, *checked_lines(surface, fields, levels), snap, mesh=mesh)
 
 
@@ -85,7 +84,7 @@ def polygons_along(
     mesh: PolygonMesh | None = None,
 ) -> PolygonMesh:
     """Cut a surface as `cut_polygons` does. values, levels : results of `checked_lines`.
-    divided_again : function that selects the material that later fields may cut as well; default: no material."""
+    divided_again : selects, after each field, material that the next fields may cut too; default: no material."""
     if not 0 <= snap <= 0.4:
         raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
     divided, on_parts = _division(fields)
@@ -134,7 +133,7 @@ def _tip_snap(snap: float) -> float:
 def _plain_splits(
     mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Split polygons along levels; return splits, and a mask of new polygons in stripes. edges : rows of `CutLines`."""
+    """Split polygons at levels `lines` of x; return splits, and a mask of material. edges : rows of `CutLines`."""
     if x.ndim == 2:
         return _band(mesh, x, lines, snap, size, edges)
     split = clean_split(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, Snapping(snap, size))
@@ -144,7 +143,7 @@ def _plain_splits(
 def _band(
     mesh: PolygonMesh, x: Floats, levels: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Split void cells by x[:, 0], then x[:, 1], the two edges of a stripe; return splits, and a mask of material.
+    """Split void cells at levels of x[:, 0], then of x[:, 1], the edges of stripes; return splits and a material mask.
     The second split uses the vertices of the first split, so the two edges meet in a vertex where the stripe ends."""
     cells, X, void = mesh.cells, mesh.X, mesh.void | mesh.again
     if not len(levels):
@@ -202,7 +201,7 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
 
 
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
-    """Return distinct levels. Equal levels cancel in pairs for a field (n,), and count once for a field (n, 2)."""
+    """Return distinct levels of field k. Of equal levels, pairs drop out for a field (n,), one stays for (n, 2)."""
     values = np.asarray(levels, dtype=np.float64)
     if values.ndim != 1 or not np.isfinite(values).all() or (np.diff(values) < 0).any():
         raise PatternError(f"the levels of field {k} must be finite and ascending")
@@ -217,8 +216,7 @@ def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
 
 def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
     """Return cells (k,) of a sheet and their neighbours as polygons to cut, and the cell (c,) of each polygon.
-
-    cells : ascending. Their neighbours get the new vertices on common edges. Vertices keep their order."""
+    cells : ascending. A cut of cells puts new vertices on edges of their neighbours. Vertices keep their order."""
     surface = sheet.surface
     selected = np.zeros(surface.m, dtype=bool)
     selected[cells] = True
@@ -234,7 +232,7 @@ def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
 
 
 def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
-    """Return a sheet in which polygons replace the cells `source` (c,) that `recut_polygons` took from it."""
+    """Return a sheet in which polygons from `recut_polygons`, after a cut, replace their cells `source` (c,)."""
     surface = sheet.surface
     stay = np.ones(surface.m, dtype=bool)
     stay[source] = False
@@ -255,7 +253,7 @@ def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
 
 
 def divided_field_values(sheet: Sheet, uncut: Surface, field: DividedField) -> Floats:
-    """Return values (n',) or (n', 2) of `field` at a sheet's vertices. It is linear on the parts of divided faces."""
+    """Return values (n',) or (n', 2) at a sheet's vertices of a field that is linear on the parts of divided faces."""
     divided, F = field.divided, sheet.surface.F
     values = sheet.carry(field.at_vertices)
     parts = divided.cut_parts()

@@ -1,7 +1,7 @@
 """Halving: where lines of a family lie too close together, only each second or fourth line remains.
 
-At halving level h, line k remains if k is a multiple of 2^h. A line may end only on a line of the other family.
-So the level is constant in each opening. The second family is halved after the first, between lines of the first."""
+At halving level h, line k remains if k is a multiple of 2^h. A line may end only on a line of the other family, so
+no level changes inside an opening. The second family is halved after the first, between lines of the first."""
 
 from dataclasses import dataclass, replace
 
@@ -15,7 +15,7 @@ from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import link_components
 
 GAIN = 0.45
-"""`halve_lines` uses `uncapped_target` if this lowers log2(P95 / P5) of spacings by more than GAIN. P : percentile.
+"""`halve_lines` uses `uncapped_target` if log2(P95 / P5) of spacings then falls by more than GAIN. P : percentile.
 The additional removal of lines makes structures up to a tenth softer."""
 
 
@@ -23,8 +23,8 @@ The additional removal of lines makes structures up to a tenth softer."""
 class LineHalving:
     """Polygons between the lines that remain after halving, which removes every second line.
 
-    mesh   : the polygons.    level : (c, 2) number of halvings of each family in each polygon.
-    phases : fields of the two families; values near a whole number are moved onto this number.
+    mesh   : the polygons.    level : (c, 2) how often the lines of each family were halved in each polygon.
+    phases : of the two families; values near a whole number are moved onto this number.
     first  : the family that was halved first. Lines of the second family may end on lines of the first family."""
 
     mesh: PolygonMesh
@@ -111,7 +111,7 @@ def _with_lines(
 
 
 def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
-    """Mark inner edges on lines that remain (every `period`-th, the smaller of two periods), or beside blank faces.
+    """Mark inner edges on every `period`-th line (smaller period of two polygons), or beside faces without the field.
     An edge is on a line if the middles of its polygons are in different strips. Rounding errors do not change this."""
     slot_a, slot_b, slot_at_start = mesh.neighbours
     seen, owner = PolygonField.from_field(mesh, field), mesh.cells.owner
@@ -126,7 +126,7 @@ def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
 
 
 def _levels(mesh: PolygonMesh, walls: Bools, target: Floats, uncapped_target: Floats, level_limit: int) -> Ints:
-    """Return the halvings of each polygon: the mean of `target` over its opening, rounded by limits of `split_value`.
+    """Return how often lines are halved in each polygon: the mean of `target` in its opening, rounded (`split_value`).
     Means of `uncapped_target` are used instead if they reduce the spread of spacings by more than `GAIN`."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, open_ = mesh.cells.owner, ~walls

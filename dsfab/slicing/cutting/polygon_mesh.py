@@ -53,22 +53,22 @@ class PolygonMesh:
 
     @classmethod
     def from_sheet(cls, sheet: Sheet) -> Self:
-        """Return the cells of a sheet as polygons, with their lines."""
+        """Return the cells of a sheet as polygons, with the cut lines on their sides."""
         F, V = sheet.surface.F, sheet.surface.V
         return cls.from_cells(F, Cells.triangles(F), V, sheet.weights, sheet.parent, sheet.family).with_lines_of(sheet)
 
     def with_lines_of(self, sheet: Sheet) -> Self:
-        """Return the mesh with the cut lines of a sheet. The sheet's triangles must be the polygons of this mesh."""
+        """Return this mesh with the cut lines of a sheet. Triangle i of the sheet must be polygon i of this mesh."""
         return replace(self, cells=Cells.triangles(sheet.surface.F, sheet.sides_on), lines=sheet.lines)
 
     @classmethod
     def from_cells(cls, F: Ints, cells: Cells, X: Floats, weights: csr_array, parent: Ints, family: Ints) -> Self:
-        """Return a mesh without crossings; parent, family : (c,) of the polygons; X : (n', 3) vertices, metres."""
+        """Return a mesh without crossings (material of two fields). X : (n', 3), metres. Others : see `PolygonMesh`."""
         count = len(family)
         return cls(F, cells, X, weights, parent, family, np.zeros(count, dtype=bool), np.full(count, VOID))
 
     def with_material(self, k: int, material: Bools, blank: Bools) -> Self:
-        """Return the mesh with the material (c,) of field k. New material in faces `blank` (m,) is a crossing."""
+        """Return the mesh with material (c,) of field k. New material in faces `blank` (no field k) is a crossing."""
         new_material = material & self.void
         joint = (material & ~new_material & self.again) | (new_material & blank[self.parent])
         family, also = np.where(new_material, k, self.family), np.where(joint, k, self.also)
@@ -91,11 +91,11 @@ class PolygonMesh:
 
     @cached_property
     def support(self) -> Ints:
-        """(n',) for each vertex, a vertex of the uncut surface: a corner of the edge or face where the vertex lies."""
+        """(n',) one uncut vertex for each vertex: a corner of the uncut edge or face where the vertex lies."""
         return np.asarray(self.weights.indices[self.weights.indptr[:-1]])
 
     def after_split(self, split: Split, lines: Ints | None = None) -> "PolygonMesh":
-        """Return the mesh after a split. lines : (l or 1, c' or 1) row of `CutLines` by level and polygon; None: 0."""
+        """Return the mesh after a split. lines : (l or 1, c' or 1) row of `CutLines` (level, polygon); None: none."""
         weights = weights_after_split(self.weights, split)
         cells = split.cells.with_new_lines(np.zeros((1, 1), dtype=np.int64) if lines is None else lines)
         names, source = ("parent", "family", "again", "also"), split.source
@@ -105,8 +105,8 @@ class PolygonMesh:
     @cached_property
     def neighbours(self) -> tuple[Ints, Ints, Ints]:
         """Slots (indices into `Cells.corner`) of inner edges: three arrays (p,).
-        First and second array: slot of the edge in its first, and in its second polygon. Third array: slot of the
-        second polygon at the vertex of the first array's slot."""
+        Arrays one and two: slot of the edge in its first and in its second polygon. Array three: slot in the second
+        polygon with the same vertex as array one."""
         a, b = self.cells.corner, self.cells.next_values(self.cells.corner)
         order, _, edge = equal_key_groups(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
         pair = np.flatnonzero(np.diff(edge[order]) == 0)
@@ -141,7 +141,7 @@ class PolygonMesh:
 
 
 def _rim(surface: Surface) -> Ints:
-    """(m, 3) `LineKind.RIM` for half-edges on the boundary of a surface."""
+    """Return `LineKind.RIM` for half-edges (m, 3) on the boundary of a surface, and 0 for other half-edges."""
     sides_on = np.zeros(3 * surface.m, dtype=np.int64)
     sides_on[surface.edges.outline] = LineKind.RIM
     return sides_on.reshape(-1, 3)
@@ -154,7 +154,7 @@ def corner_places(F: Ints, vertex: Ints) -> Ints:
 
 
 def weights_after_split(weights: csr_array, split: Split) -> csr_array:
-    """Append barycentric weights (k, n) of a split's new vertices; up to three in a row, at corners of a face."""
+    """Append barycentric weights (k, n) of a split's new vertices; a row has at most three, at corners of a face."""
     new_weights = split.new_weights(weights.shape[0]) @ weights
     data, indices = (
         np.concatenate([getattr(part, name) for part in (weights, new_weights)]) for name in ("data", "indices")
@@ -168,7 +168,7 @@ class Contacts:
     """Stretches (k,) of outline along which two parts (p,) touch.
 
     parts  : (k, 2) both parts; the second is -1 at an edge of the surface or at an anchor.    length : (k,) metres.
-    links  : (l, 2) adjacent stretches around a part. Stretch i is number i for parts[i, 0], and i + k for parts[i, 1].
+    links  : (l, 2) pairs of adjacent stretches on an outline: i for stretch i of parts[i, 0], i + k of parts[i, 1].
     around : (p,) length of each part's outline, metres. Anchor: vertex at which stripes may end."""
 
     parts: Ints
@@ -178,8 +178,8 @@ class Contacts:
 
     @classmethod
     def from_parts(cls, mesh: PolygonMesh, part: Ints, anchor: Bools) -> "Contacts":
-        """Return where parts of the mesh touch. Adjacent sides between the same two parts form one stretch of outline.
-        part : (c,) the part of each polygon.    anchor : (n,) mask of uncut vertices at which stripes may end."""
+        """Return where parts of the mesh touch. Adjacent polygon sides between the same two parts form one stretch.
+        part : (c,) the part of each polygon.    anchor : (n,) mask of uncut vertices where stripes may end."""
         slot_a, slot_b, _ = mesh.neighbours
         owner, cells = mesh.cells.owner, mesh.cells
         f, g = part[owner[slot_a]], part[owner[slot_b]]
@@ -218,7 +218,7 @@ class Contacts:
         return cls(pairs, length, np.unique(np.stack([stretch[i], stretch[j]], axis=1), axis=0), around)
 
     def dead_ends(self, gone: Bools) -> Bools:
-        """Return a mask (p,) of the parts with only one contact, if this contact is shorter than half of the outline.
+        """Return a mask (p,) of the parts with only one contact, if it is shorter than half of the part's outline.
         Adjacent stretches (see `Contacts`) are one contact.    gone : (p,) mask of removed parts."""
         part, _, length, row = self._remaining(gone)
         live = np.zeros(2 * len(self.parts), dtype=bool)
@@ -230,15 +230,15 @@ class Contacts:
         return np.asarray((places == 1) & (np.bincount(part, length, len(gone)) < self.around / 2))
 
     def single_contacts(self, gone: Bools) -> tuple[Ints, Ints]:
-        """Return the parts (k,) that touch a single neighbour, along one stretch, and these neighbours (k,)."""
+        """Return parts (k,) that touch one neighbour only, on one stretch, and the neighbours. gone : removed parts."""
         part, neighbour, _, _ = self._remaining(gone)
         is_single = (np.bincount(part, minlength=len(gone))[part] == 1) & (neighbour >= 0)
         return part[is_single], neighbour[is_single]
 
     def islands(self, before: Bools, gone: Bools, stays: Bools) -> Bools:
-        """Return a mask (p,) of the remaining parts that lose their last connection when further parts are removed.
+        """Return a mask (p,) of parts that are connected without the parts `before`, but not without the parts `gone`.
         A connection leads to an edge of the surface, to an anchor, or to a part in `stays` (p,).
-        before : (p,) mask of the parts removed earlier.    gone : (p,) mask of all removed parts."""
+        before, gone : (p,) masks of removed parts, before and after a removal. The result leaves out `gone`."""
         return self._has_ground(before, stays) & ~self._has_ground(gone, stays) & ~gone
 
     def _has_ground(self, gone: Bools, stays: Bools) -> Bools:

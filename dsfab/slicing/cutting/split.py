@@ -17,9 +17,9 @@ class Split:
 
     cells  : the new polygons. In `sides_on`, -1 - l marks new sides on level l. Old sides keep their line, if any.
     source : (c',) the old polygon that contains each new polygon.
-    strip  : (c',) number of levels below each new polygon; -1 for polygons that were not to be split.
+    strip  : (c',) how many levels lie below each new polygon; -1 for polygons that were not to be split.
     low, high, t : (k,) old vertices `low` and `high`: a new vertex lies at (1 - t) low + t high, 0 < t < 1.
-    side, level  : (k,) for each new vertex, its old side as a slot (see `Cells`), and the field's value there."""
+    side, level  : (k,) slot (see `Cells`) of the old side with each new vertex, and the field's value there."""
 
     cells: Cells
     source: Ints
@@ -52,7 +52,7 @@ class Split:
 
 @dataclass(frozen=True, eq=False)
 class SideValues:
-    """Values (h,) of a field at the start and the end of every side, as the polygon of the side sees them.
+    """Values (h,) of a field at the start and the end of every side, in the polygon to which the side belongs.
     foreign : (k,) sides whose polygon has no value; they take the values of the polygon across the side.
     own     : (h,) the field at the polygon corners."""
 
@@ -63,12 +63,12 @@ class SideValues:
 
     @classmethod
     def from_vertices(cls, cells: Cells, x: Floats) -> "SideValues":
-        """Return the values at the start and the end of each side, of a field with values x (n,) at the vertices."""
+        """Return the values at the start and the end of each side. x : (n,) values of the field at the vertices."""
         return cls.from_slots(cells, x[cells.corner])
 
     @classmethod
     def from_slots(cls, cells: Cells, y: Floats, foreign: Bools | None = None) -> "SideValues":
-        """Return the values at both ends of sides, from a field y (h,) at corners. foreign : (h,) without a value."""
+        """Return values at both ends of sides. y : (h,) field at corners. foreign : (h,) sides without an own value."""
         if foreign is None or not foreign.any():
             return cls(y, cells.next_values(y), np.empty(0, dtype=np.int64), y)
         start, end = y.copy(), cells.next_values(y)
@@ -91,7 +91,7 @@ class SideValues:
         return cls(start, end, which, y)
 
     def places(self, cells: Cells, levels: Floats, only: Ints | None = None) -> tuple[Ints, Ints]:
-        """Return the places (h,) of starts and ends of sides: 2 j above j levels, or 2 j + 1 on the next level.
+        """Return the places (h,) of starts and ends of sides: 2 j with j levels below, or 2 j + 1 if also on a level.
         only : sides (k,) to evaluate, as slots (see `Cells`); all other sides get 0."""
         if only is not None:
             start, end = np.zeros((2, len(self.start)), dtype=np.int64)
@@ -109,9 +109,9 @@ class SideValues:
 @dataclass(frozen=True, eq=False)
 class _Sides:
     """Crossings of polygon sides (h,) with the levels of a field.
-    low   : levels at or below the lower end.    count : levels strictly between the ends; 0 if no polygon here is cut.
+    low, count : levels at or below the lower end, and levels strictly between the ends (0 if no polygon here is cut).
     first : the new vertex nearest to the lower end. Polygons with a common side share its new vertices.
-    up    : True if the side runs from the lower to the higher end.    flat : True if it lies wholly on a level.
+    up    : True if the side runs from the lower to the higher end.    flat : True if the side lies wholly on a level.
     along : True if the numbers of the new vertices increase from the side's start to its end.
 
         lower end o------x-------x----o higher end      low = 2, count = 2, new vertices first + 0, first + 1
@@ -147,10 +147,9 @@ def split_cells(
     live: Bools | None = None,
 ) -> Split:
     """Cut the active polygons by straight chords between the points of their sides where a field has a level value.
-
     Two polygons get the same vertices on their common edge, even if sign or shift of the field differ between them.
 
-    levels : (l,) strictly ascending. A side on a level is in the strip of the side before it.    n : of vertices.
+    levels : (l,) strictly ascending. A side on a level gets the strip of the previous side.    n : number of vertices.
     active : (c,) mask of polygons. Inactive polygons only get new vertices on sides that they share with active ones.
     above  : (l,) True puts a polygon on this level into the strip above; default: into the even strip, which is void.
     live   : (h,) sides that get new vertices even without an active polygon."""
@@ -201,7 +200,7 @@ def _sides(
     places: tuple[Ints, Ints],
     live: Bools | None,
 ) -> tuple[_Sides, _NewVertices]:
-    """Return crossings with levels, and shared new vertices. slots : index of each side in x, `places` and `live`."""
+    """Return crossings of sides with levels, and shared new vertices. slots : index of sides in x, `places`, `live`."""
     a, b = cells.corner, cells.next_values(cells.corner)
     start, end, start_place, end_place = x.start[slots], x.end[slots], places[0][slots], places[1][slots]
     up = start < end
@@ -237,7 +236,7 @@ def _sides(
 
 
 def _with_new_corners(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
-    """Return polygons with new corners, and sides' strips. Flat sides take the strip before; not all may be flat."""
+    """Return polygons with new corners, and sides' strips. Flat sides take the previous strip; not all are flat."""
     count = sides.count + 1
     offset = np.concatenate([[0], np.cumsum(count)])
     side = np.repeat(np.arange(len(count)), count)
@@ -286,7 +285,7 @@ def _with_pieces(
     pieces_of_split: tuple[Cells, Ints, Ints],
     new_vertices: _NewVertices,
 ) -> Split:
-    """Replace the polygons `which` by their pieces. sides_on, strip : of all sides and polygons, before that."""
+    """Replace the polygons `which` by their pieces. sides_on, strip : all sides and polygons before the replacement."""
     pieces, row, label = pieces_of_split
     count = np.ones(len(strip), dtype=np.int64)
     count[which] = np.bincount(row, minlength=len(which))
@@ -326,8 +325,7 @@ def clean_split(
     cells: Cells, X: Floats, x: Floats, levels: Floats, active: Bools, snapping: Snapping, above: Bools | None = None
 ) -> Split:
     """Move values x (n,) at vertices X (n, 3) onto levels nearby, then split polygons, so that no cell has zero area.
-
-    Values never move across a level.    active, above : see `split_cells`."""
+    Values never move across a level.    active, above : see `split_cells`.    snapping : limits of the moves."""
     snap, size, hold = snapping
     if not len(levels) or not active.any():
         return Split.unchanged(cells, active)

@@ -104,8 +104,8 @@ class Walls:
 
     @cached_property
     def turns(self) -> Floats:
-        """(w,) turn to the left at the start of each wall, radians: pi minus the angle of the void cells there.
-        The turn is -inf at the start of a chain with ends. Angles lie in the surface, so a crease causes no turn."""
+        """(w,) turn to the left at the start of each wall, radians: pi minus the sum of angles of void cells there.
+        At the start of an open chain, the turn is -inf. Angles lie in the surface, so a crease causes no turn."""
         F, angle = self.surface.F[self.void], np.zeros(self.surface.n)
         for corner, angles in zip(F.T, face_angles(self.surface.V, F).T, strict=True):
             angle += np.bincount(corner, angles, self.surface.n)
@@ -183,7 +183,7 @@ class Stretches:
         return cls(low, high, np.append(np.arange(len(chain)), over), before)
 
     def covers(self, chain: Ints, place: Floats) -> Bools:
-        """Return a mask (k,) of places on chains that parts cover. place : m along `chain`. Parts must be disjoint."""
+        """Return a mask (k,) of places in these parts of chains. place : m along `chain`. Parts must be disjoint."""
         if not len(self.low):
             return np.zeros(len(place), dtype=bool)
         order = np.argsort(self.low)
@@ -192,7 +192,7 @@ class Stretches:
         return np.asarray((index >= 0) & (x <= self.high[order][np.maximum(index, 0)]))
 
     def overlaps(self, stretches: "Stretches", count: int) -> Bools:
-        """Return a mask (count,) of parts that overlap parts of `stretches`. Parts of `stretches` must be disjoint."""
+        """Return a mask (count,) of these parts of chains that overlap parts of `stretches`, which must be disjoint."""
         if not len(stretches.low):
             return np.zeros(count, dtype=bool)
         order = np.argsort(stretches.low)

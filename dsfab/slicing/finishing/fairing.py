@@ -24,7 +24,7 @@ class Freedom(NamedTuple):
     """Directions in which wall vertices (k,) may move without leaving their uncut edge or face.
 
     along : (k, 2, 3) up to two unit vectors; 0 for a missing direction.
-    share : (k, 2, 3) for a move in each direction, change per metre of weights on the uncut vertices `column` (k, 3).
+    share : (k, 2, 3) change of the weights on uncut vertices `column` (k, 3), per metre of a move in each direction.
     most  : (k,) largest move, metres: a tenth of the mesh edge."""
 
     vertex: Ints
@@ -123,7 +123,7 @@ def _lateral(sheet: Sheet, p: Ints) -> Floats:
 
 
 def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
-    """Return weights of points P (k, order + 1, 3) for a derivative along a line, and lengths (k,) to integrate it."""
+    """Return factors of points P (k, order + 1, 3) in a derivative along a line, and lengths (k,) to integrate it."""
     length = np.maximum(np.linalg.norm(np.diff(P, axis=1), axis=2), least[:, None])
     u = np.concatenate([np.zeros((len(P), 1)), np.cumsum(length, axis=1)], axis=1)
     gap = u[:, :, None] - u[:, None, :] + np.eye(order + 1)
@@ -132,7 +132,7 @@ def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
 
 
 def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array, Floats]:
-    """Return A with (A step)_k = sum over j of value[k, j] . (move of vertex q[k, j]); and `value`. step : moves."""
+    """Return A and `value`. Row k of A x moves is the sum over j of value[k, j] . (move of vertex q[k, j])."""
     k, j = np.nonzero(place[q] >= 0)
     free_vertex = place[q[k, j]]
     data = np.einsum("pi,pci->pc", value[k, j], free.along[free_vertex])

@@ -42,9 +42,9 @@ class DiscStops:
 def rolled_arcs(sheet: Sheet, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
     """Yield corners (p,) where discs of `radius` metres, rolled along walls, touch two walls, and arcs (p,) for them.
 
-    The function yields two sets. In the first, corners are wall vertices near their discs; in the second, the farthest.
+    In the first set, each corner is a wall vertex of the tip, near its disc; in the second set, the farthest vertex.
     On a curved surface, an arc may fit at one of these vertices only.
-    taken : stretches of walls; corners on these stretches are left out."""
+    taken : parts of walls; corners on these parts are left out."""
     flat, walls = flat_openings_of(sheet), sheet.walls
     loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
     if loops:
@@ -104,7 +104,7 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 
 
 def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
-    """Return the discs that stop before narrow tips of openings, and the nearest and farthest wall (p,) in each tip."""
+    """Return discs that stop before narrow tips of openings, and in each tip a near and the farthest wall (p,)."""
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
     chain_start, chain_size = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
@@ -143,8 +143,8 @@ class Fillets:
     wall : (k,) the walls that begin at the corners.    circle : (k, 7) see `CutLines`.
     pair : (p, 2) number of an arc, and of a void cell that the arc fills at least in part.
 
-    Two rays lead from an arc's centre through its ends. Void outside of them stays. Arcs have rays only where they
-    could also fill distant void beyond their chords. Unused planes have a normal of 0."""
+    Two rays lead from an arc's centre through its ends. Void outside of the rays stays. Arcs have rays only where they
+    could otherwise fill void far from the corner. An arc with fewer planes has normals of 0 in place of the rest."""
 
     wall: Ints
     circle: Floats
@@ -164,11 +164,11 @@ class Fillets:
         return np.asarray(self.circle[:, 6])
 
     def beyond_chords(self, arc: Ints, X: Floats) -> Floats:
-        """Return the signed distance (p,), m, of each point X (p, 3) from its arc: largest over the chords' planes."""
+        """Return the signed distance (p,), m, of each point X (p, 3) from its arc: the largest over chords' planes."""
         return np.asarray((np.einsum("pci,pi->pc", self.normal[arc], X) - self.distance[arc]).max(axis=1))
 
     def outside_rays(self, arc: Ints, X: Floats) -> Floats:
-        """Return the signed distance (p,), m, of each point X (p, 3) from its arc's rays: larger of both planes."""
+        """Return the signed distance (p,), m, of points X (p, 3) from their arcs' rays: the larger over both planes."""
         return np.asarray((np.einsum("pci,pi->pc", self.ray[arc], X) - self.ray_distance[arc]).max(axis=1))
 
     def subset(self, chosen: Bools) -> "Fillets":
@@ -219,7 +219,7 @@ def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
 
 
 def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
-    """Return arcs as chords in space, and a mask of free arcs, which touch no other wall and no edge of the surface."""
+    """Return the arcs as chords in space, and a mask of arcs that touch no other wall and no edge of the surface."""
     walls, surface, void_neighbours = corners.walls, corners.walls.surface, corners.walls.void_neighbours
     flat, distance = arcs.chords()
     normal = np.einsum("kcj,kji->kci", flat, corners.frames[corner_rows])
@@ -259,7 +259,7 @@ def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: boo
 
 
 def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
-    """Mark arcs that fill only void near their corner. At a fold, an arc could also fill distant void beyond chords."""
+    """Mark arcs that fill void only near their corner. At a fold, an arc could also fill void far from its corner."""
     surface, (arc, cell) = corners.walls.surface, fillets.pair.T
     reach = 1.1 * np.maximum(arcs.way_a, arcs.way_b)
 
@@ -334,7 +334,7 @@ def _with_fillets(sheet: Sheet, fillets: Fillets) -> Sheet:
 
 
 def _colours(arc: Ints, corner: Ints) -> Ints:
-    """Group arcs so that cells of two arcs in a group have no common vertex. Mixed ranks give few groups."""
+    """Group arcs so that cells of two arcs in a group have no common vertex. A mixed order of arcs gives few groups."""
     vertex, arc = corner.ravel(), np.repeat(arc, 3)
     count = int(arc.max()) + 1
     rank = np.argsort(np.argsort(np.arange(count) * GOLDEN % 1))
@@ -353,7 +353,7 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
 def _filled_corners(
     mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
 ) -> tuple[PolygonMesh, Ints, Bools]:
-    """Cut polygons along chords of their arcs (-1: none). Return the mesh, old polygon numbers, and a mask to fill."""
+    """Cut polygons along chords of `arc` (-1: no arc). Return the mesh, old polygon numbers, and polygons to fill."""
     arc = np.where(mesh.void, arc, -1)
     source, beyond = np.arange(len(arc)), np.zeros(len(arc), dtype=bool)
     planes = [(fillets.ray[:, k], fillets.ray_distance[:, k], True) for k in range(fillets.ray.shape[1])]
@@ -379,7 +379,7 @@ def _filled_corners(
 
 
 def _heights(mesh: PolygonMesh, arc: Ints, active: Bools, normal: Floats, distance: Floats, snap: Floats) -> Floats:
-    """Return metres (n',) by which vertices of polygons `active` lie beyond the plane of their arc; 0 under `snap`."""
+    """Return heights (n',), m, of vertices of polygons `active` beyond the plane of their arc; 0 if below `snap`."""
     slots = mesh.cells.slots(np.flatnonzero(active))
     vertex, arc_of_slot = mesh.cells.corner[slots], arc[mesh.cells.owner[slots]]
     height = np.einsum("ki,ki->k", normal[arc_of_slot], mesh.X[vertex]) - distance[arc_of_slot]

@@ -139,7 +139,7 @@ class FinishedSheet:
     shape: str = ""
 
     def with_cells(self, cells: Sheet, **counts: int) -> "FinishedSheet":
-        """Return this sheet with new cells after a pass. The numbers `counts`, by name of the pass, are added."""
+        """Return this sheet with new cells after a pass. Add `counts` (by name of the pass) to the sheet's counts."""
         return replace(self, cells=cells, counts=self.counts + Counter(counts))
 
 
@@ -237,7 +237,7 @@ def _rounded_once(sheet: FinishedSheet, options: FinishingOptions) -> FinishedSh
 
 
 def _bridged_or_widened(cells: Sheet, rounded: Sheet, options: FinishingOptions) -> tuple[Sheet, int, int]:
-    """Bridge narrow openings of `rounded`; without any bridge, widen narrow members. Return also the counts of both."""
+    """Bridge narrow openings of `rounded`; without any bridge, widen narrow members. Return also numbers of changes."""
     if options.merge == "none":
         return cells, 0, 0
     if options.neck:
@@ -273,9 +273,8 @@ def _with_better_cells(sheet: FinishedSheet, uncut: Surface, tolerance: float) -
 
 @dataclass(frozen=True, eq=False)
 class TrialCut:
-    """A partly finished cut from the search for widths. Slicing with the same options continues from this cut.
-
-    inputs  : fields, levels and `Tidy` rules of the pattern.    cells : before finishing.
+    """A partly finished cut that the search for widths tried. Slicing with the same options continues from this cut.
+    inputs  : fields, levels and `Tidy` rules of the pattern.    cells : sheet before finishing.
     rounded : sheet after the first rounding; None without round corners.    bridged : sheet with added bridges.
     least   : minimum widths of openings and members, metres, and the sheet with these widths."""
 
@@ -314,7 +313,7 @@ class TrialCut:
 
     @property
     def bridged_area(self) -> float:
-        """Area of the bridges that are added after rounding, square metres."""
+        """Area of the bridges that are added after the corners are rounded, square metres."""
         if not (self.bridged and self.rounded):
             return 0.0
         return self.bridged.cells.material_area - self.rounded.cells.material_area

@@ -105,7 +105,7 @@ def _mean_planes(normal: Floats, label: Ints, count: int) -> Floats:
 
 
 LONG, BULKY = 4.0, 0.7
-"""Limits of a long dead end: length > LONG x `radius` of `narrow_parts`; area > BULKY x length x entrance width."""
+"""A dead end is long if its length > LONG x disc radius, and its area > BULKY x its length x width of its entrance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,9 +125,8 @@ class NarrowPart:
 
 
 def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
-    """Yield parts of openings too narrow for a disc of `radius` metres: necks, long dead ends, or a whole opening.
-
-    A dead end's `runs` are the walls beside its entrance. Pointed tips and rings of equal width are left out."""
+    """Yield parts of openings that are too narrow for a disc of `radius` metres: necks, long dead ends, whole openings.
+    For a dead end, `NarrowPart.runs` are walls beside its entrance. Left out: pointed tips, rings of equal width."""
     if not len(flat.wall):
         return
     parts = (flat.shape - offset_shape(flat.room(radius), (1 + 4 * SMOOTH) * radius)).decompose()

@@ -33,7 +33,7 @@ def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, wi
 
 
 def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
-    """Return points (k, 2, 3) on both sides of members under `least` metres and also under `LOCAL` x median width."""
+    """Return points (k, 2, 3) on both sides of members narrower than `least` metres and than `LOCAL` x median width."""
     if not cells.has_openings:
         return NOWHERE
     material = cells.material_part
@@ -57,7 +57,8 @@ def _crossings_from_openings(material: SheetPart, **options: Any) -> Crossings:
 
 
 def members_under(cells: Sheet, least: float, apart: float) -> Floats:
-    """Return points (k, 2, 3) on both sides of members narrower than `least` metres, also at edges of the surface."""
+    """Return pairs of points (k, 2, 3) on both sides of members narrower than `least` metres.
+    A side may be an edge of the surface. The middles of two pairs are at least `apart` metres apart."""
     if not cells.has_openings:
         return NOWHERE
     across = _crossings_from_openings(cells.material_part, reach=least)
@@ -112,8 +113,8 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
 
 def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tuple[Sheet, int]:
     """Add bridges, `width` or `width` / 2 metres wide, where openings of `rounded` are narrower than `least` metres.
-
-    Return also their number. Widths are measured in space, so also at folds, where `bridged_necks` misses necks."""
+    Return also the number of bridges. Widths are measured in space, so necks at folds are found.
+    `bridged_necks` misses these necks."""
     for slim in (1.0 * width, 0.5 * width):  # a narrower bridge may fit where a broad one does not
         better, count = bridged_at(cells, narrow_gaps(rounded, least, 2 * slim), slim)
         if count:
@@ -122,8 +123,7 @@ def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tu
 
 
 def bridged_at(cells: Sheet, places: Floats, width: float, snap: float = OPENINGS_SNAP) -> tuple[Sheet, int]:
-    """Build bridges of `width` metres between pairs of points (k, 2, 3) near two walls; return also their number.
-
+    """Build bridges of `width` metres between the walls nearest to pairs of points (k, 2, 3); return also their count.
     Bridges that would touch an earlier bridge are left out.    snap : see `with_strips`."""
     if not len(places):
         return cells, 0
@@ -163,9 +163,8 @@ def _bridges(cells: Sheet, necks: list[Neck], width: float) -> list[Strip]:
 
 
 def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, int]:
-    """Add strips beside members narrower than `least` metres in the `rounded` sheet; return also the number of places.
-
-    One call adds only strips that do not touch each other."""
+    """Add strips beside members narrower than `least` metres; return also the number of widened places.
+    Widths are measured in the sheet `rounded`. One call adds only strips that do not touch each other."""
     if not len(narrow := narrow_members(rounded, least, 0.8 * least)):
         return cells, 0
     half = np.array([1.04 * least / 2, least / 2])
@@ -193,7 +192,8 @@ SNAP = 0.05  # Vertices at most this far from a strip's side move onto the side;
 
 
 class LeastWidths(NamedTuple):
-    """The cells, and numbers of filled openings, bridges, widening strips, filled slits, and bridges after widening."""
+    """The cells after all changes, and numbers of filled openings, of bridges, and of strips that widen members.
+    merged, necks : slits filled, and bridges built, after members were widened."""
 
     cells: Sheet
     filled: int
@@ -207,10 +207,9 @@ def with_least_widths(
     cells: Sheet, gap: float, member: float, merge: Merging = "none", neck: float = 0.0
 ) -> LeastWidths:
     """Add material where openings are narrower than `gap` metres, or members narrower than `member` metres.
-
-    A limit of 0 has no effect. Members wider than `LOCAL` x `usual_width`, or between two edges of the surface, stay.
-
-    merge : slits to fill after widening, because wider members make openings narrower.
+    A limit of 0 has no effect. Members wider than `LOCAL` x `usual_width`, or between two edges of the surface, are
+    not widened.
+    merge : slits to fill after members are widened. Wider members make openings narrower.
     neck  : metres; openings that are still narrower after widening get bridges."""
     cells, filled = _without_specks(cells, gap)
     member = min(member, LOCAL * usual_width(cells)) if member else 0.0

@@ -34,7 +34,7 @@ class Tidy:
     def divided_again(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
         """Return a mask (c,) of stripes of field k that touch faces in the mask `blank` or in `astray[k]`.
 
-        Finishing may remove these stripes. So later fields also cut the polygons of these stripes.
+        Later fields also divide the polygons of these stripes, because finishing may remove these stripes.
         blank : (m,) faces without values of field k, and the faces beside them."""
         own_polygons = (mesh.family == k) | (mesh.also == k)
         if not self.striped[k] or not own_polygons.any():
@@ -87,7 +87,7 @@ def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]
 
 
 def dependent_polygons(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Bools:
-    """Return a mask (c,) of the nodes in the mask `nodes` (c,), and of stripes that are dead ends without the nodes."""
+    """Return a mask (c,) of the polygons `nodes` (c,), and of stripes that would be dead ends without these nodes."""
     part, gone, stays = _parts(mesh, tidy, nodes)
     gone[part[nodes]] = True
     return _loose_polygons(mesh, tidy.anchor, part, gone, stays)[0] & ~mesh.void
@@ -95,15 +95,14 @@ def dependent_polygons(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Bools:
 
 def between_crossings(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Ints:
     """Return the number (c,) of the stripe part in which each polygon lies; -1 at crossings and outside stripes.
-
-    A part is a piece of a stripe between two crossings or nodes, or a connected piece of the mask `nodes` (c,)."""
+    Crossings and polygons of the mask `nodes` (c,) divide stripes. A connected piece of `nodes` is a part, too."""
     part, _, stays = _parts(mesh, tidy, nodes)
     single_stripe = ~mesh.void & ~stays[part] & ((mesh.also == VOID) | nodes)
     return np.where(single_stripe, part, -1)
 
 
 def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bools]:
-    """Return the polygons' parts, divided at crossings and `nodes`, and masks of void parts and parts that stay."""
+    """Divide polygons into parts at crossings and `nodes`; return also masks of void parts and of parts to keep."""
     striped, material = np.array(tidy.striped), ~mesh.void
     kind = np.where(mesh.void | striped[mesh.family], mesh.family, KEPT)
     kind[mesh.also != VOID] = CROSSING
@@ -118,7 +117,7 @@ def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bo
 
 
 def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, stays: Bools) -> tuple[Bools, Bools]:
-    """Return masks of polygons to remove: `gone` parts and dead ends; islands cut off from supports and surface edges.
+    """Return masks of polygons: (1) `gone` parts and dead ends, (2) islands cut off from supports and surface edges.
     When no dead ends remain, a part with a single neighbour joins this neighbour, and the search repeats."""
     before = gone
     while True:
@@ -134,7 +133,7 @@ def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, s
 
 
 def _astray(mesh: PolygonMesh, tidy: Tidy, part: Ints, count: int) -> Bools:
-    """Return a mask (p,) of parts whose stripes have a wrong direction (`Tidy.astray`) on over 30 % of their area."""
+    """Return a mask (p,) of parts with over 30 % of their area in stripes of a wrong direction (`Tidy.astray`)."""
     area, strays = mesh.cells.areas(mesh.X)[0], np.zeros(len(part), dtype=bool)
     for k, astray in enumerate(tidy.astray):
         if astray is not None:
@@ -167,12 +166,12 @@ def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[Field], levels: Sequen
 
 
 def nodes_of(mesh: PolygonMesh) -> Bools:
-    """Return a mask (c,) of nodes: material polygons that join ends of stripes where the field has no values."""
+    """Return a mask (c,) of nodes. A node is material that joins ends of stripes where their field has no values."""
     return np.asarray((mesh.also == mesh.family) & ~mesh.void)
 
 
 def _old_nodes(mesh: PolygonMesh, corner_fields: dict[int, CornerField]) -> Bools:
-    """Return a mask (c,) of nodes: material faces that the cut left whole, and where their field has no values."""
+    """Return a mask (c,) of nodes: material faces that the cut did not divide, without values of their own field."""
     alone = np.bincount(mesh.parent, minlength=len(mesh.F))[mesh.parent] == 1
     blank = [(mesh.family == k) & field.blank[mesh.parent] for k, field in corner_fields.items()]
     return np.asarray(alone & np.any(blank, axis=0))
@@ -180,7 +179,7 @@ def _old_nodes(mesh: PolygonMesh, corner_fields: dict[int, CornerField]) -> Bool
 
 def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: Floats) -> tuple[Ints, Ints]:
     """Return polygons (q,) of `blank` at which middle lines of stripes of field k end, and the vertex (q,) of each end.
-    An end between two vertices gets a unique negative number. Two polygons can return the same end at a vertex."""
+    An end between two vertices gets a unique negative number. An end at a vertex may be listed for two polygons."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, following, corner = mesh.cells.owner, mesh.cells.following, mesh.cells.corner
     inner, outer = np.concatenate([slot_a, slot_b]), np.concatenate([slot_b, slot_a])
@@ -229,7 +228,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
 
 
 def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:
-    """Cut corners whose sides have no neighbours off a convex polygon X (s, 3). Return the rest, then these corners."""
+    """Cut corners without neighbours at their sides off a convex polygon X (s, 3); return the rest, then corners."""
     count, every = len(X), np.arange(len(X))
     least = 1e-3 * _area(X)  # smaller corners are not cut off
     marked = has_neighbour | np.roll(has_neighbour, 1)

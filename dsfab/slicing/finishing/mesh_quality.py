@@ -65,7 +65,7 @@ class CellMesh:
 
     @classmethod
     def from_sheet(cls, sheet: Sheet, uncut: Surface) -> Self:
-        """Return all cells of a sheet, material and void, that was cut from the surface `uncut`."""
+        """Return the mesh of all cells of `sheet`, material and void. The sheet was cut from the surface `uncut`."""
         least_area = CELL_AREA * float(np.sum(np.ptp(sheet.surface.V, axis=0) ** 2))
         angle = _cell_angles(sheet.surface.V[sheet.surface.F], uncut.normals[sheet.parent], least_area)
         return cls(replace(sheet, sides_on=sheet.lines_of_edges), uncut, np.zeros(sheet.surface.n), angle, least_area)
@@ -114,7 +114,7 @@ class CellMesh:
 
     @cached_property
     def line_ends(self) -> Ints:
-        """(n',) sum of the numbers of a vertex's neighbours along `lines`. With two neighbours u, w: u = sum - w."""
+        """(n',) sum of the vertex numbers of a vertex's neighbours along `lines`. With two, u and w: u = sum - w."""
         total = np.zeros(len(self.surface.V), dtype=np.int64)
         a, b = self.surface.edges.ends[self.lines].T
         np.add.at(total, a, b)
@@ -132,7 +132,7 @@ class CellMesh:
         return equal_key_groups(self.surface.F.ravel())[0] // 3, start
 
     def star_cells(self, vertex: Ints) -> tuple[Ints, Ints]:
-        """Return for all cells at vertices (k,) the index of the vertex in `vertex`, ascending; and the cells."""
+        """Return two arrays for all cells at vertices (k,): index of the cell's vertex in `vertex`, ascending; cell."""
         faces, start = self.stars
         count = start[vertex + 1] - start[vertex]
         row = np.repeat(np.arange(len(vertex)), count)
@@ -169,7 +169,7 @@ def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
 
 
 class CollapseMoves(NamedTuple):
-    """Moves of vertices v (k,) onto neighbours w (k,). strayed : (k,) total move of edges of stripes, metres."""
+    """Moves of vertices v (k,) onto neighbours w (k,). strayed : (k,) metres that stripe edges have moved in total."""
 
     v: Ints
     w: Ints
@@ -221,8 +221,8 @@ def collapse_edges(cut: CellMesh, tolerance: float, zone: Bools) -> Change:
 
 
 def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
-    """Return `sides_on` after `cells` (v, w, x) lost their area, because v moved onto w: sides v-x and w-x coincide.
-    A line of the cut on either of these sides passes to the neighbouring cell across side v-x."""
+    """Return `sides_on` after v moved onto w in `cells` (v, w, x): the cells have no area, sides v-x and w-x coincide.
+    The neighbouring cell across side v-x gets the line of the cut that lies on side v-x or w-x."""
     row, F = np.arange(len(cells)), sheet.surface.F[cells]
     place = (onto[F] != F).argmax(axis=1)
     begins_at_w = F[row, (place + 1) % 3] == onto[F[row, place]]
@@ -234,7 +234,8 @@ def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
 
 
 def _candidates(cut: CellMesh, zone: Bools) -> CollapseMoves:
-    """Return moves of new vertices along edges that touch `zone` (n',), on material triangles under 25 degrees."""
+    """Return moves of new vertices along edges that touch `zone` (n',).
+    The edges belong to material triangles with an angle under 25 degrees."""
     poor = (cut.smallest_angle < 25) & cut.sheet.material
     edge = distinct(cut.surface.edges.of[poor])
     edge = edge[zone[cut.surface.edges.ends[edge]].any(axis=1)]
@@ -254,7 +255,7 @@ def _within_faces(cut: CellMesh, moves: CollapseMoves) -> CollapseMoves:
 def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> CollapseMoves:
     """Select the moves that keep `CellMesh.lines` connected, and that move lines by at most `tolerance` metres.
     A vertex on a line may move along the line, or to a vertex without lines. Boundary vertices stay on the boundary.
-    Two vertices with three lines each may join along an edge between material and void."""
+    An edge between material and void may also collapse if exactly three lines meet at each of its ends."""
     v, w, _ = moves
     count = np.bincount(cut.surface.edges.ends[cut.lines].ravel(), minlength=len(cut.surface.V))
     rim = on_boundary(cut.surface.edges, len(cut.surface.V))
@@ -294,7 +295,7 @@ def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves
 
 def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F: Ints) -> Bools:
     """Return which moves v -> w keep the mesh a surface [Dey et al. 1999], and never merge two lines into one.
-    Only vertices opposite to edge v-w may be neighbours of both. row, F : move, and corners, of each cell around v."""
+    Common neighbours of v and w must lie opposite to edge v-w. row, F : the move and the corners of cells around v."""
     star_vertices = np.repeat(row, 3), F.ravel()
     is_neighbour = (star_vertices[1] != moves.v[star_vertices[0]]) & (star_vertices[1] != moves.w[star_vertices[0]])
     pair = distinct(star_vertices[0][is_neighbour] * len(cut.surface.V) + star_vertices[1][is_neighbour])
@@ -351,7 +352,7 @@ class ImprovedSheet:
 
     sheet         : all cells, material and void.      flips, collapses : numbers of flipped and of collapsed edges.
     before, after : shape of the material's cells before and after the improvement.
-    strayed       : largest move of the edges of stripes, metres."""
+    strayed       : largest distance by which the edge of a stripe moved, metres."""
 
     sheet: Sheet
     flips: int
@@ -362,7 +363,7 @@ class ImprovedSheet:
 
     @property
     def summary(self) -> str:
-        """Return a sentence with the smallest angle, the fraction of needles and the median quality, before / after."""
+        """Return a sentence about the changed edges, and about the cells' shape before and after the improvement."""
         a, b = self.before, self.after
         return (
             f"{self.flips} edges flipped and {self.collapses} collapsed: smallest angle {a.worst_angle:.2g} -> "

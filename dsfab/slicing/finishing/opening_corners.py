@@ -45,17 +45,16 @@ class Arcs:
         return Arcs(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def rays(self) -> tuple[Floats, Floats]:
-        """Return two lines for each arc, from its centre through `foot_a` and through `foot_b`.
-
-        Lines have unit normals (k, 2, 2), which point away from the arc, and distances (k, 2) from the origin."""
+        """Return two lines for each arc, from its centre through its ends `foot_a` and `foot_b`.
+        Lines have unit normals (k, 2, 2), which point out of the arc's sector, and distances (k, 2) from the origin."""
         a, b = (unit_vectors(foot - self.centre) for foot in (self.foot_a, self.foot_b))
         normal = np.stack([np.stack([a[:, 1], -a[:, 0]], axis=1), np.stack([-b[:, 1], b[:, 0]], axis=1)], axis=1)
         return normal, np.einsum("kci,ki->kc", normal, self.centre)
 
     def chords(self) -> tuple[Floats, Floats]:
         """Return outward unit normals (k, c, 2) of each arc's equal chords, and distances (k, c) from the origin.
-
-        Unused rows have normals of 0 and distances of 1, so that every point lies on their inner side."""
+        If an arc has fewer than c chords, the other normals are 0 and the other distances are 1.
+        So every point lies on their inner side."""
         number = np.arange(6)  # six chords are enough for half a circle
         count = np.maximum(np.ceil(self.angle / CHORD), 1)
         step = self.angle / count
@@ -93,7 +92,7 @@ def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | No
 
 
 def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]:
-    """Return centres (k, 2) of circles that touch the walls beside the corners, and a mask of centres in void."""
+    """Return centres (k, 2) of circles that touch the first walls of a and b, and a mask of centres in void."""
     u, v = (unit_vectors(line[:, 1] - line[:, 0]) for line in (a, b))
     left_normal, right_normal = np.stack([u[:, 1], -u[:, 0]], axis=1), np.stack([-v[:, 1], v[:, 0]], axis=1)
     centre, in_void = circle_centres(a[:, 0], left_normal, b[:, 0], right_normal, radius)
@@ -151,12 +150,12 @@ class Corners:
         return replace(self, first=self.first[chosen], turn=self.turn[chosen], place=self.place[chosen])
 
     def stretches(self, arcs: Arcs) -> Stretches:
-        """Return for each corner the stretch of wall that its arc cuts off, between the points of contact."""
+        """Return for each corner the stretch of wall between the points where the corner's arc touches the walls."""
         chain = self.walls.chain[self.first]
         return Stretches.from_chains(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
 
     def with_arc_feet(self, tips: "Corners", arcs: Arcs) -> "Corners":
-        """Return the corners that no arc (p,) at `tips` cuts off. Add both ends of each arc as corners with turn 0."""
+        """Return the corners that no arc (p,) at the corners `tips` cuts off. Arc ends become corners with `turn` 0."""
         walls, chain = self.walls, self.walls.chain[tips.first]
         free = ~tips.stretches(arcs).covers(walls.chain[self.first], self.place)
         feet = np.concatenate([tips.place - arcs.way_a, tips.place + arcs.way_b]) % np.tile(walls.total[chain], 2)
@@ -184,7 +183,7 @@ class Corners:
 
     @cached_property
     def wall_lengths(self) -> tuple[Floats, Floats]:
-        """Lengths (k,), (k,) of wall before and behind each corner, to the next corner or the chain's end, metres."""
+        """Distances (k,), (k,) along walls from each corner to the previous and next corner, or chain end, metres."""
         walls, follow, before = self.walls, self.next_corner, self.previous_corner
         chain = walls.chain[self.first]
         total, place = walls.total[chain], self.place
@@ -195,15 +194,14 @@ class Corners:
 
     @cached_property
     def tangents(self) -> Floats:
-        """(k,) distance from a corner between straight walls to the ends of its arc / radius of the arc.
+        """(k,) distance from a corner between straight walls to the ends of the corner's arc, divided by its radius.
 
         A `turn` over 170 degrees counts as 170 degrees."""
         return np.asarray(np.tan(np.minimum(self.turn, np.radians(170)) / 2))
 
     @cached_property
     def rooms(self) -> tuple[Floats, Floats]:
-        """Lengths (k,), (k,) of wall before and behind each corner on which the corner's arc may lie, metres.
-
+        """Lengths (k,), (k,) of the walls before and after each corner that the corner's arc may use, metres.
         Two neighbouring corners share the wall between them in the ratio of their `tangents`."""
         t, (ahead, behind) = self.tangents, self.wall_lengths
 
@@ -216,7 +214,7 @@ class Corners:
 
     @cached_property
     def frames(self) -> Floats:
-        """(k, 2, 3) two unit vectors in the plane of each corner, perpendicular to the normal of the void there."""
+        """(k, 2, 3) two unit vectors at each corner, perpendicular to `Walls.void_normals` at this corner."""
         normal = self.walls.void_normals[self.walls.start[self.first]]
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         along = self.walls.surface.V[self.walls.end[self.first]] - self.origin
@@ -226,11 +224,11 @@ class Corners:
 
     @cached_property
     def origin(self) -> Floats:
-        """(k, 3) start of the wall `first` of each corner, the origin of its frame, metres."""
+        """(k, 3) start of each corner's wall `first`, metres. The start is the origin of the corner's `frames`."""
         return np.asarray(self.walls.surface.V[self.walls.start[self.first]])
 
     def circles(self, rows: Ints, arcs: Arcs) -> Floats:
-        """Return circles (p, 7) in space of arcs at corners `rows` (p,): centre, unit axis and radius, metres."""
+        """Return the circles (p, 7) of arcs at the corners `rows` (p,) in space: centre, unit axis, radius, metres."""
         frames = self.frames[rows]
         centre = self.origin[rows] + np.einsum("pj,pji->pi", arcs.centre, frames)
         return np.hstack([centre, np.cross(frames[:, 0], frames[:, 1]), arcs.radius[:, None]])
@@ -250,9 +248,9 @@ class Corners:
         return arcs, np.where(arcs.touching, factor, SMALLER)
 
     def wall_line(self, rows: Ints, reach: Floats, back: bool) -> Floats:
-        """Return polylines (p, q, 2) from corners (p,) along the walls, or backwards (`back`), in the `frames`.
-
-        A polyline covers `reach` (p,) metres, but at most 256 walls. Its last point repeats up to q points."""
+        """Return polylines (p, q, 2) along the walls from the corners `rows` (p,), in coordinates of `frames`.
+        back : True to follow the walls backwards.
+        A polyline covers `reach` (p,) metres, but at most 256 walls. Shorter polylines repeat their last point."""
         walls, V, count = self.walls, self.walls.surface.V, 8
         begin, vertex = self.first[rows], walls.start if back else walls.end
         while True:
@@ -268,7 +266,7 @@ class Corners:
         return np.asarray(np.einsum("pqi,pji->pqj", points, self.frames[rows]))
 
     def between_feet(self, rows: Ints, arcs: Arcs, vertex: Ints) -> Bools:
-        """Return a mask (p,) of vertices (p,) on the wall that an arc cuts off, plus 2 % of the radius at both ends."""
+        """Return which vertices (p,) lie on the wall that an arc cuts off, or at most 2 % of the radius beyond it."""
         walls = self.walls
         wall = np.full(walls.surface.n, -1)
         wall[walls.start] = np.arange(len(walls.start))

@@ -20,7 +20,7 @@ Merging = Literal["none", "slits", "crowded"]
 
 NARROWER = 0.9
 """Largest width of a slit, as a fraction of the width of the members beside it.
-Openings with the same width as the members must not become slits by small errors, so the limit is under 1."""
+The limit is under 1, so that small errors do not turn openings as wide as the members into slits."""
 CRUMB, SEVERAL = 0.35, 8
 """A crumb is an opening smaller than CRUMB times the median opening, in a sheet with at least SEVERAL openings."""
 ALIKE = 0.03
@@ -60,10 +60,9 @@ class Openings:
     @cached_property
     def narrowness(self) -> Floats:
         """(o,) width of each opening / width of the narrower member beside it: the median along the opening's walls.
-
         Only walls with an opposite wall count. If they are under 5 % of the walls, as in a triangle, the width is the
-        side of the square of equal area. From 5 to 25 %, the ratio with the median width and the ratio with the square
-        are averaged (weighted harmonic mean). The width is at least 2 area / perimeter. The ratio is infinite without
+        side of the square of equal area. From 5 to 25 %, the result is a weighted harmonic mean of the median ratio
+        and the ratio with the square. The width is at least 2 area / perimeter. The ratio is infinite without
         members, and for openings at the edge of the surface with few opposite walls."""
         across, wall, member = self._crossings, np.flatnonzero(self.void.walls), self._member_widths
         label, has_ratio = self.label[across.face], ~np.isnan(self._width_ratio)
@@ -83,22 +82,21 @@ class Openings:
 
     @cached_property
     def slits(self) -> Bools:
-        """(o,) mask of the slits. Of openings with nearly equal `narrowness`, all or none are slits."""
+        """(o,) mask of the slits. Openings with nearly equal `narrowness` are either all slits or all not slits."""
         return self.narrowness < split_value(self.narrowness, NARROWER, ALIKE)
 
     @cached_property
     def crowded_slits(self) -> Bools:
-        """(o,) mask of slits in places where members are denser than usual.
-
-        A slit is marked if its `narrowness` is under a limit. In a dense pattern (small median of `narrowness`), the
-        limit is smaller (see `CROWDING`), so that not all openings are filled."""
+        """(o,) mask of slits where members are crowded: slits with a `narrowness` under a limit.
+        In a dense pattern (small median of `narrowness`), the limit is smaller than `NARROWER` (see `CROWDING`).
+        So not all openings are filled."""
         area = np.where(np.isfinite(self.narrowness), np.bincount(self.label, self.void.surface.areas, self.count), 0.0)
         usual = float(weighted_medians(self.narrowness, area, np.zeros(self.count, dtype=np.int64), 1)[0])
         least = NARROWER * min(1.0, max(0.0, (1 + usual) / CROWDING - 1))
         return self.slits & (self.narrowness < split_value(self.narrowness, least, ALIKE))
 
     def slits_between(self, family: Bools) -> tuple[int, float]:
-        """Return the number of slits at cells of mask `family` (m',), and the share of these cells' walls at slits."""
+        """Return the number of slits mostly beside cells `family` (m',), and the share of the cells' walls at slits."""
         own_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         own_edges[self.void.cut_surface.edges.of[family]] = True
         wall = self._crossings.walls[:, 0]
@@ -127,7 +125,7 @@ class Openings:
 
     @cached_property
     def _member_widths(self) -> Floats:
-        """Member width at each edge, NaN if no wall; above 2.5 x the median, members meet, and the median counts."""
+        """Member width at each wall, NaN at other edges. Above 2.5 x the median, members meet: the median counts."""
         wall_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         wall_edges[self.void.parent_edges[self.void.walls]] = True
         surface, sheet_edges = self.material.surface, self.material.parent_edges
@@ -176,8 +174,8 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
 
     alike : True to treat nearly equal openings alike near the limit `size`: to fill all of them, or none.
 
-    The size of an opening is its median width along the walls, but at least 2 and at most 4 area / perimeter. The lower
-    limit is for triangular openings, whose widths can be measured only near their corners."""
+    The size of an opening is its median width along the walls. It is never under 2 nor over 4 area / perimeter. The
+    lower limit is for triangular openings, whose widths can be measured only near their corners."""
     openings = openings_of(cells)
     if openings is None or not (may_be_small := openings.hydraulic_diameters < 3 * size).any():
         return cells, 0

@@ -100,7 +100,7 @@ def _links(sheet: Sheet, vertices: Ints) -> Ints:
 
 
 def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
-    """Divide pinches (point contacts at vertices) into groups; no edge joins two pinches of the same group."""
+    """Divide point contacts `pinches` into groups, without edges inside a group. ends : (k, 2) edges between them."""
     groups = []
     while len(pinches):
         later = np.unique(ends[np.isin(ends, pinches).all(axis=1), 1])
@@ -110,7 +110,7 @@ def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
 
 
 def _corner_distance(sheet: Sheet, pinches: Ints, radius: float) -> Floats:
-    """Return a field (n',): 0 at point contacts, `radius` on their edges at a distance of min(radius, 0.4 length)."""
+    """Return a field (n',): 0 at point contacts, and `radius` at min(radius, 0.4 length) along each edge from there."""
     V, ends = sheet.surface.V, sheet.surface.edges.ends
     x = np.full(len(V), radius / 0.4)
     for p, q in (ends.T, ends[:, ::-1].T):

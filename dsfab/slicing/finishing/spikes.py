@@ -18,9 +18,9 @@ from dsfab.slicing.cutting.walls import SHARPEST, Walls
 from dsfab.slicing.finishing.openings import disjoint_groups
 
 SHARP = float(np.radians(60))
-"""Minimum turn of the outline at a tooth's tip, radians. At bends and crossings of members, the turn is smaller."""
+"""Minimum turn of the outline at the tip of a tooth (spike), radians. Bends and crossings of members turn less."""
 LONG, THIN, FAR = 1.5, 0.5, 4.0
-"""Longest outline of a tooth (spike of material), in member widths: `LONG`; or `FAR` for a base under `THIN` widths."""
+"""Longest outline of a tooth (spike), in member widths: `LONG`, but `FAR` if its base is under `THIN` widths."""
 
 
 class Spike(NamedTuple):
@@ -36,15 +36,14 @@ class Spike(NamedTuple):
     snap: float
 
     def heights(self, X: Floats) -> Floats:
-        """Return metres (k,) by which points X (k, 3) lie beyond the tooth's chord. Distances under `snap` become 0."""
+        """Return metres (k,) by which points X (k, 3) lie beyond the tooth's base. Distances under `snap` become 0."""
         height = (X - self.origin) @ self.outward
         return np.asarray(np.where(np.abs(height) < self.snap, 0.0, height))
 
 
 def without_spikes(cells: Sheet) -> tuple[Sheet, int]:
     """Cut teeth (spikes) off the material of a sheet without point contacts; return also the number of teeth.
-
-    A tooth stays if another wall or an edge of the surface lies beyond its chord: the cut could divide the material."""
+    A tooth stays if another wall or surface edge lies beyond its base line. There, a cut could divide the material."""
     count = 0
     for _ in range(4):  # repeat, because a round cuts only spikes that do not touch each other
         all_spikes = _spikes(cells) if cells.has_openings else []
@@ -81,7 +80,7 @@ def _member_width(cells: Sheet) -> float:
 
 
 def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
-    """Return count and length of walls to re-entrant corners before (step -1) or behind (1) the start of wall `tip`."""
+    """Return count and length of walls from the start of `tip` to re-entrant corners before (step -1) or behind (1)."""
     corners, length, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
         (previous_wall, wall), exists = walls.walls_ahead(np.array([tip, tip]), step * np.array([k - 1, k]))
@@ -112,7 +111,7 @@ def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
 
 
 def _cells_beyond_chord(cells: Sheet, spike: Spike) -> Ints | None:
-    """Return material cells (c,) that reach beyond a tooth's chord; None if another wall or surface edge is there."""
+    """Return material cells (c,) that reach beyond a tooth's base; None if another wall or surface edge lies beyond."""
     surface, material, twins = cells.surface, cells.material, cells.surface.edges.twins
     outline_vertices, seen, waiting = set(spike.outline.tolist()), set[int](), set(spike.cells.tolist())
     while waiting:

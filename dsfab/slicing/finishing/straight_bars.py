@@ -145,10 +145,8 @@ LARGER = 2.5  # A bar is replaced only if its area changes by less than this fac
 def with_straight_bars(
     mesh: PolygonMesh, surface: Surface, fields: Sequence[Field], tidy: Tidy
 ) -> tuple[PolygonMesh, int]:
-    """Replace bars through nodes by straight bars, and bars near singular points by evenly bent bars.
-
+    """Make bars through nodes straight, and bend bars near singular points evenly.
     surface, fields : as in `cut`.    Returns the mesh and the number of replaced bars.
-
     The parts of the sheet stay connected."""
     nodes = nodes_of(mesh) | ((mesh.also == CLOSED) & ~mesh.void)
     near_singular, count = _near_singular(mesh, surface, fields), 0
@@ -166,14 +164,14 @@ def with_straight_bars(
 
 
 def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field]) -> Bools:
-    """Return a mask (c,) of material beside singular faces, where the field of the material's family has no values."""
+    """Return a mask (c,) of material near singular points: beside faces where the material's field has no values."""
     blank = [x.blank if isinstance(x, CornerField) else np.zeros(surface.m, dtype=bool) for x in fields]
     near_blank = np.array([adjacent_faces(surface, faces) for faces in blank])
     return np.asarray(near_blank[mesh.family, mesh.parent] & ~mesh.void)
 
 
 def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy) -> list[FairBar]:
-    """Return disjoint bars: each replaces a node, its stripes (and a crossing), or stripes near a singular point."""
+    """Return disjoint new bars, each for a node and its stripes (and a crossing), or stripes near a singular point."""
     bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
     for lumps, seeds in ((with_crossings(mesh, nodes), nodes), (nodes, nodes), (none, near_singular)):
         label = mesh.part_labels(_with_touching_stretches(mesh, lumps | seeds, between_crossings(mesh, tidy, lumps)))
@@ -199,7 +197,8 @@ def _with_touching_stretches(mesh: PolygonMesh, seeds: Bools, part: Ints) -> Boo
 
 
 def _with_fair_bar(mesh: PolygonMesh, bar: Bools, fair_bar: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
-    """Replace polygons `bar`. Return also old polygon numbers; no mesh if the area changes `LARGER` times or more."""
+    """Replace polygons `bar` by `fair_bar`; return the mesh, or None if the area changes `LARGER` times or more.
+    Return also the old number of each polygon."""
     opening = mesh.part_labels(mesh.void | bar)
     inside, source = np.isin(opening, opening[bar]) & (opening >= 0), np.arange(len(bar))
     line = mesh.lines.count + np.arange(2)

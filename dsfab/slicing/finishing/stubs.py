@@ -24,9 +24,9 @@ from dsfab.slicing.finishing.loose_ends import Tidy, dependent_polygons, nodes_o
 from dsfab.surface import link_components
 
 LARGE = 1.6
-"""Stubs are removed only if the opening that forms is smaller than this size. 5 % of openings are larger."""
+"""Stubs are removed only if the new opening is smaller than LARGE x the median size. 5 % of openings are larger."""
 EYELET, LARGER = 0.5, 2.5
-"""An eyelet is an opening smaller than EYELET times a neighbouring opening. There, LARGER is the limit, not `LARGE`."""
+"""An eyelet is an opening smaller than EYELET times a neighbouring opening. For eyelets, LARGER replaces `LARGE`."""
 GOOD = 1.1  # Stubs (ends of stripes) stay if all openings beside them are larger than GOOD x the median size.
 SMALL = 0.6  # Stubs (ends of stripes) stay if the opening without them would be smaller than this size.
 TURN = float(np.radians(110))
@@ -34,8 +34,7 @@ TURN = float(np.radians(110))
 
 
 def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
-    """Remove nodes and the stubs (ends of stripes) at nodes, if the opening that forms has a suitable size.
-
+    """Remove nodes and the stubs (ends of stripes) at nodes, if this gives an opening of suitable size (see `_Bars`).
     Return also the number of removed bars. Parts stay connected, and no new end appears."""
     nodes, count = nodes_of(mesh), 0
     for include_crossings in (False, True):
@@ -51,7 +50,7 @@ def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
 
 
 def with_crossings(mesh: PolygonMesh, nodes: Bools) -> Bools:
-    """Return a mask (c,) of polygons of nodes (`nodes`, (c,)), and of polygons of crossings that touch a node."""
+    """Return a mask (c,) of the polygons `nodes` (c,), and of crossings that touch these polygons."""
     crossing = mesh.part_labels(~mesh.void & ((mesh.also != VOID) | nodes))
     return np.asarray(np.isin(crossing, crossing[nodes]) & (crossing >= 0))
 
@@ -63,7 +62,7 @@ class _Bars:
     area    : (b,) square metres.    wall : (b,) length of contact with other material and surface edges, metres.
     pair    : (k, 2) a bar, and an opening beside this bar.    shared : (k,) length of their common outline, metres.
     opening : (o, 2) area, square metres, and perimeter, metres, of each opening.
-    cut     : (b,) True if the material without the bar stays connected and gets no new end."""
+    cut     : (b,) True if material stays connected without the bar, and no stripe ends where the bar was."""
 
     label: Ints
     area: Floats
@@ -149,8 +148,7 @@ class _Bars:
 
     @cached_property
     def eyelets(self) -> Bools:
-        """(b,) mask of bars between several openings. Without the bar, these openings form one of suitable size.
-
+        """(b,) mask of bars between several openings, which join to an opening of suitable size without the bar.
         If several of these bars touch the same opening, either all of them are marked or none."""
         smallest, limits = self.extremes
         ratio = np.divide(smallest, limits, out=np.full_like(smallest, np.inf), where=limits > 0)
@@ -178,7 +176,7 @@ class _Bars:
 
 
 def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyond: Ints) -> Bools:
-    """Return which bars' neighbours stay connected without the bars. contact_sides : sides (h,) at other material."""
+    """Return which bars' neighbours stay connected without any bars. contact_sides : (h,) sides at other material."""
     rest = mesh.part_labels(~mesh.void & (label < 0))
     touching = np.stack([label[mesh.cells.owner[contact_sides]], rest[beyond[contact_sides]]], axis=1)
     bar = np.unique(touching, axis=0)[:, 0]
@@ -186,7 +184,7 @@ def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyon
 
 
 def _turns(mesh: PolygonMesh, label: Ints, side: Ints) -> Floats:
-    """Return how sharply (b,) the outline turns without each bar, radians. side : sides of bars at other material."""
+    """Return how sharply (b,) the outline turns without each bar, radians. side : bars' sides at other material."""
     cells, count = mesh.cells, len(mesh.X)
     bar, ends = label[cells.owner[side]], np.stack([cells.corner[side], cells.next_values(cells.corner)[side]], axis=1)
     place = link_components(len(side), *adjacent_sides(bar, ends, count))[1]

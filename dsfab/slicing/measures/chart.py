@@ -20,12 +20,12 @@ from dsfab.surface.topology import EdgeTable, edge_table
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """A surface with cuts where phases do not fit together. A phase is a whole number on middle lines of stripes.
+    """A surface with cuts between faces whose phases do not match. Phases are whole numbers on middles of stripes.
 
     surface : the surface with cuts; n' vertices, m' faces.    parent : (m',) face of the uncut surface (n, m).
     weights : (n', n) barycentric weights on the uncut vertices.
     z       : (n', 2) phases of the major and the minor family; no whole numbers on lines that halving removes.
-    scale   : (n', 2) fraction of the lines that remain after halving, such as 1/2 after one halving; 0: no phase."""
+    scale   : (n', 2) fraction of the lines that remain: 1/2 after one halving; 0 without a phase."""
 
     surface: Surface
     parent: Ints
@@ -43,8 +43,7 @@ class Chart:
 
 def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None = None) -> Chart:
     """Return the chart of a surface that `halve_lines` divided.
-
-    phases : fields of the major and the minor family, with whole numbers before halving; default: `halved.phases`."""
+    phases : fields of both families, whole numbers also on lines that halving removes; default: `halved.phases`."""
     mesh, phases = halved.mesh, phases or halved.phases
     surface, cell, _ = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     slot = _corner_slots(mesh, surface.F, cell)
@@ -113,7 +112,8 @@ class StripeChart:
 
     @classmethod
     def from_chart(cls, chart: Chart, d: Floats, kept_values: Floats) -> Self:
-        """Return stripes with chart phases. d : (n, 2) half widths, kept_values : (n,) `kept`; at uncut vertices."""
+        """Return stripes with the phases of the chart.
+        d : (n, 2) half widths, kept_values : (n,) values of `kept`; both at the uncut vertices."""
         has_phase = np.asarray((chart.scale[chart.surface.F] > 0).all(axis=1))
         nearest_whole = np.rint(chart.z)
         z = np.where(np.abs(chart.z - nearest_whole) < ON, nearest_whole, chart.z)
@@ -287,7 +287,7 @@ def _pieces(chart: StripeChart, k: int) -> _Pieces:
 
 
 def _barycentric(z: Floats, slot: Ints) -> Floats:
-    """Return barycentric coordinates (s, 3) of the points with z = 0. z : at the corners. slot : as in `_Pieces`."""
+    """Return barycentric coordinates (s, 3) of points with z = 0 at `slot` (see `_Pieces`). z : (s, 3) at corners."""
     row, corner, on_edge = np.arange(len(z)), slot % 3, slot >= 3
     next_corner = (corner + 1) % 3
     a, b = z[row, corner], z[row, next_corner]

@@ -60,9 +60,8 @@ LEAST = 1e-7  # Shorter parts of a segment are dropped, shorter gaps are closed.
 
 class Spans(NamedTuple):
     """Parts (p,) of segments that lie on a sheet.
-
     segment : (p,) segment of each part.    begin, end : (p,) positions on the segment, 0 to 1.
-    of_pair, cell : (q,) pairs: the number of a part, and a cell of the sheet that this part crosses."""
+    of_pair : (q,) number of a part.        cell : (q,) a cell of the sheet that the part `of_pair` crosses."""
 
     segment: Ints
     begin: Floats
@@ -92,7 +91,7 @@ def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sh
 
 
 def _parent_coordinates(weights: csr_array, F: Ints, parent: Ints, uncut: Ints) -> Floats:
-    """Return the corners (k, 3, 3) of triangles F (k, 3) in barycentric coordinates of uncut faces `parent` (k,)."""
+    """Return the corners of triangles F (k, 3) as barycentric coordinates (k, 3, 3) in uncut faces `parent` (k,)."""
     entries = weights[F.ravel()].tocoo()
     row, column = (index.astype(np.int64) for index in entries.coords)
     coordinates = np.zeros((3 * len(F), 3))
@@ -131,7 +130,7 @@ def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans
 
 
 class Middle(NamedTuple):
-    """A middle line of a member: points (k, 3), metres, and the line number on the largest part of its length."""
+    """A middle line of a member: points (k, 3), metres, and its number (on the largest part of the length)."""
 
     number: int
     points: Floats
@@ -143,7 +142,7 @@ class Chords:
 
     link   : (l, 2) nodes at the ends of the segments.    point : (nodes, 3) metres.
     of     : (v,) the segment of a view.      face  : (v,) the chart's face of a view.
-    number : (v,) number of the line, if lines that halving removed are counted, too.
+    number : (v,) number of the line. Lines that halving removed are counted, too.
     at     : (v, 2, 3) ends of the segment in barycentric coordinates of the face."""
 
     link: Ints
@@ -155,10 +154,10 @@ class Chords:
 
     @classmethod
     def from_chart(cls, chart: Chart, family: int, half_width: Floats) -> "Chords":
-        """Return a family's segments in faces that have a phase, and half widths (n,) above 0 at all corners.
+        """Return a family's segments in faces that have a phase and a positive `half_width` (n,) at all corners.
 
-             |                  A face has a segment of line k if k lies between the phases at its corners.
-        ---o-+-o---  k          A side has a segment, too, if both of its corners have the phase k.
+             |                  Line k has a segment in a face if k lies between the phases at the face's corners.
+        ---o-+-o---  k          A side of a face is a segment, too, if both of its corners have the phase k.
              |"""
         y, scale = (x[:, family][chart.surface.F] for x in (chart.z, chart.scale))
         wide = chart.carry(half_width)[chart.surface.F].min(axis=1) > 0
@@ -190,7 +189,8 @@ class Chords:
 
 
 def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
-    """Return end nodes (v, 2), at a corner or at `share` (0 to 1) of the side that begins there, and all positions."""
+    """Return the end nodes (v, 2) of the views, and the positions of all nodes.
+    An end lies at a corner (`at_corner`), or at `share` (0 to 1) of the side that begins at this corner."""
     V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # joins both sides of each cut
     F = vertex.ravel()[chart.surface.F]
     edges: EdgeTable = edge_table(F)
@@ -233,7 +233,7 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
 
 def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
-    """Return end nodes of segments' parts, and points. Parts share a node only at uncut ends of just two segments."""
+    """Return end nodes of segments' parts, and points. Parts share a node only where just two segments meet, uncut."""
     link = chords.link[spans.segment]
     a, b = (chords.point[link[:, k]] for k in (0, 1))
     crowded = np.bincount(link.ravel(), minlength=len(chords.point))[link] > 2
@@ -343,8 +343,7 @@ def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> 
 def chart_lines(
     sheet: Sheet, uncut: Surface, names: Sequence[str], name: str, chart: Chart, half_width: Floats
 ) -> list[StructureLine]:
-    """Return `centre_lines` of evenly spaced members, each extended to the middle of the member that it meets.
-
+    """Return middle lines of one family's evenly spaced members, each up to the middle of the member that it meets.
     names      : names of all fields of the cut.    name : "major" or "minor", the family to return.
     half_width : (n,) at the uncut vertices: half width of a member / distance between neighbouring members."""
     family = STRIPES.index(name)
@@ -365,7 +364,7 @@ def _structure_lines(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[
 
 
 def _loops(surface: Surface) -> list[tuple[Ints, list[int]]]:
-    """Return boundary loops and the half-edges that begin at their vertices. A two-sided surface lies on the left."""
+    """Return the vertices and half-edges of each boundary loop, in order. Two-sided surfaces lie on the loop's left."""
     half_edge, (start, end) = surface.edges.outline, half_edges(surface.F)
     by_ends = {(int(end[h]), int(start[h])): int(h) for h in half_edge}
     by_ends |= {(int(start[h]), int(end[h])): int(h) for h in half_edge}

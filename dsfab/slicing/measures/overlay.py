@@ -35,7 +35,7 @@ class DrawnBand:
     family : name. Fields of the same family do not cross each other.
     field  : two values at corners of the uncut surface; or values (n', 2) at the vertices of the material sheet.
     levels : (k,) ascending.
-    centre : mean of both values on a stripe's middle line, minus the stripe's level.
+    centre : on a stripe's middle line, the mean of both values is the stripe's level + `centre`.
     hides  : False: all other families may cover this stripe. True: only earlier fields with `hides` = True may."""
 
     family: str
@@ -47,12 +47,12 @@ class DrawnBand:
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """A material sheet that is also divided along hidden edges of stripes, and the stripes of each cell.
+    """A material sheet, also divided along edges of stripes that other stripes cover, and the stripes of each cell.
 
     sheet  : m cells, all of them material. `family` is the field that made each cell.
     source : (m,) the undivided cell that contains each cell.
     part   : (m, f) for each field, the number of the stripe that contains the cell; -1 for none.
-    of     : (count,) number of each stripe's field.    level : (count,) its level, on most of its area.
+    of     : (count,) number of each stripe's field.    level : (count,) the level on the largest part of its area.
     own    : (m,) True if the cell lies in a stripe of the field that made the cell.
     offset : (m, 3, f) field at the corners, minus its value on the stripe's middle line; never 0. Two cells have the
              same offsets at their common edge, up to a sign."""
@@ -81,9 +81,8 @@ class Overlay:
 
 def stripe_overlay(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], snap: float = 0.05) -> Overlay:
     """Divide a material sheet, cut from the surface `uncut`, along the edges of every band.
-
     bands : one for each field of the cut, in order.
-    snap  : snap fraction for hidden edges (see `cut`).
+    snap  : snap fraction (see `cut`) for edges that stripes of other bands cover.
 
     Stripes that finishing removed from the sheet are left out."""
     base = sheet.surface
@@ -116,7 +115,7 @@ def _on_sheet(sheet: Sheet, uncut: Surface, field: CornerField | Floats) -> Corn
 
 
 def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
-    """Return a mask (m,) of cells under which stripes of band k can be hidden. family : (m,) field of each cell."""
+    """Return a mask (m,) of cells whose field may cover stripes of `bands[k]`. family : (m,) field of each cell."""
     covers = np.array([band.family != bands[k].family and (band.hides or not bands[k].hides) for band in bands])
     covers &= ~np.array([bands[k].hides]) | (np.arange(len(bands)) < k)
     return np.asarray(covers[family])
@@ -125,9 +124,10 @@ def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
 @dataclass(frozen=True, eq=False)
 class _BandOnCells:
     """Stripes of a field on triangles. The field has two values, z + d and z - d (see `DrawnBand`).
-    z : (m, 3) mean of both values at the corners, minus `centre`.    d : (m,) half their difference at the centroid.
+    z : (m, 3) mean of both values at the corners, minus `DrawnBand.centre`.
+    d : (m,) half the difference of both values at the centroid.
     number : (m,) the level nearest to the mean at the centroid.    off : (m,) distance of the mean from this level.
-    sign, shift : (m, 3) value at a corner = sign x value at its vertex + shift.
+    sign, shift : (m, 3) The value at a corner is sign x (value at the corner's vertex) + shift.
     blank : (m,) mask of triangles without values."""
 
     F: Ints
@@ -165,10 +165,9 @@ class _BandOnCells:
         return np.asarray(np.abs(self.number[h // 3] - (sign * self.number[g // 3] + shift)) < SAME_PHASE)
 
     def offsets(self, in_stripe: Bools) -> Floats:
-        """Return z minus the nearest level of the field, (m, 3), at the corners of triangles in the mask `in_stripe`.
-
+        """Return `z` minus the nearest level of the field, (m, 3), at the corners of triangles in the mask `in_stripe`.
         Other triangles get NaN. A difference of 0 becomes a tiny number, with the same sign in all triangles at its
-        vertex. So middle lines of stripes miss all vertices."""
+        vertex. So no middle line of a stripe passes exactly through a vertex."""
         offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
         zero = np.abs(offset) < SAME_PHASE
         offset[zero] = 0.0
@@ -214,7 +213,7 @@ def _labelled_overlay(sheet: Sheet, source: Ints, stripes: list[_BandOnCells], b
 
 
 def _value_ranges(z: Floats, source: Ints) -> Floats:
-    """Return the range (m,) of z (m, 3) over all triangles with the same `source` (m,), the cell before division."""
+    """Return the range (m,) of z (m, 3) over all triangles that divide the same cell `source` (m,)."""
     top, bottom = np.full(int(source.max()) + 1, -np.inf), np.full(int(source.max()) + 1, np.inf)
     np.maximum.at(top, source, z.max(axis=1))
     np.minimum.at(bottom, source, z.min(axis=1))

@@ -29,7 +29,7 @@ class Bays:
 
     piece  : (b,) number of each part's piece in `middles`.    at : (b, 3) barycentric coordinates of a part's middle.
     length : (b,) length of each part, metres.    bay : (b,) number of its bay.    count : number of bays.
-    angle  : (c,) angle between members at crossings, degrees; not in material other than stripes."""
+    angle  : (c,) angle between members at crossings, degrees, without crossings in material other than stripes."""
 
     middles: StripeMiddles
     piece: Ints
@@ -41,7 +41,7 @@ class Bays:
 
     @cached_property
     def free(self) -> Floats:
-        """(b,) length of each part, metres; 0 for a part in a member of the other family, a rim, or a kept region."""
+        """(b,) length of each part outside members of the other family, rims and kept regions, metres; 0 for others."""
         chart, face = self.middles.drawn, self.middles.face[self.piece]
         met = chart.inside(1 - self.middles.k, face, self.at) | chart.is_kept(face, self.at)
         return np.where(met, 0.0, self.length)
@@ -63,7 +63,7 @@ class Bays:
 
     @property
     def slit_share(self) -> float:
-        """Fraction of the members' open length at which the opening is narrower than the member beside it."""
+        """Fraction of the members' `free` length at which the opening beside the member is narrower than the member."""
         total = float(self.free.sum())
         return float(self.free @ self.narrow) / total if total > 0 else 0.0
 
@@ -103,7 +103,7 @@ def bays(middles: StripeMiddles) -> Bays:
 def _bay_labels(
     middles: StripeMiddles, piece: Ints, end: Ints, number: Ints, inner: Ints, barrier: Bools
 ) -> tuple[int, Ints]:
-    """Return the number of bays, and the bay of each part. Parts join at a node unless `barrier` (j,) marks it."""
+    """Join parts at ends of pieces to bays, except at nodes `barrier` (j,). Return bay count and each part's bay."""
     parts, links = len(piece), []
     for at_node, side in ((number == 0, end), (number == inner[piece], 1 - end)):
         node = middles.node[piece, side]
@@ -152,7 +152,7 @@ def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confiden
 
 
 def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools:
-    """Return a mask (j,) of nodes where a member turns back between two pieces with a clear direction of the stress."""
+    """Return a mask (j,) of nodes where a member turns back. Both pieces there must have a clear stress direction."""
     pieces = np.flatnonzero(~middles.copy)
     step = middles.points[pieces, 1] - middles.points[pieces, 0]
     ahead = np.where(np.einsum("px,px->p", step, along[pieces]) < 0, -1, 1)  # -1: opposite to `along`
@@ -172,7 +172,7 @@ def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools
 class Arms(NamedTuple):
     """Strips of material that begin at a ball around a point of a sheet and extend outwards.
 
-    direction : (a, 3) unit vectors towards the strips. A strip that surrounds the ball counts as two zero vectors.
+    direction : (a, 3) unit vectors towards the strips. A strip around the whole ball counts as two arms with vectors 0.
     normal    : (a, 3) mean unit normals of the strips.    width : (a,) widths across the strips, metres."""
 
     direction: Floats
@@ -180,13 +180,12 @@ class Arms(NamedTuple):
     width: Floats
 
     def is_tip(self, width: float) -> bool:
-        """Return True if a member of `width` metres ends here: there is no arm, or one arm narrower than 3 widths."""
+        """Return True if a member of `width` metres ends here: no arms, or a single arm narrower than 3 x `width`."""
         return len(self.width) == 0 or (len(self.width) == 1 and float(self.width[0]) < 3 * width)
 
     def is_hairpin(self, width: float) -> bool:
-        """Return True if a member of this width, metres, ends or turns back between these arms.
-
-        Two arms are first unfolded into one plane. So a member across a sharp edge of the surface is straight."""
+        """Return True if a member of `width` metres ends here, or turns back from one arm into another arm.
+        Two arms are first unfolded into one plane, so that a member across a sharp edge of the surface is straight."""
         if len(self.width) != 2 or not self.direction.any():
             return self.is_tip(width)
         unfolded = transported_vectors(self.normal[:1], self.normal[1:], self.direction[1:])[0]
@@ -255,8 +254,8 @@ class FamilyQuality:
 
     spacing    : distance between middle lines, metres: P5, median and P95 over the area with stripes only.
     opening    : clear distance between neighbours, metres: P5, median and P95 over the open area.
-    deviation  : mean angle to the stress, degrees. Weight: area x stress along members x clarity of its direction.
-    off        : fraction of this weight where members deviate by over 30 degrees.
+    deviation  : mean angle to the stress, degrees. Weight: area x stress along members x clarity of stress direction.
+    off        : fraction of the weight of `deviation` where members deviate by over 30 degrees.
     dead_ends  : see `dead_ends`.
     slits      : number of openings (before the cut: bays) that are narrower than the members beside them.
     slit_share : fraction of the members' length beside slits.
@@ -291,8 +290,8 @@ class PatternQuality:
     crossing_angle : the smallest angle between two members that cross, degrees; 90 without crossings.
     symmetry_error : fraction of the surface where material differs from its mirror or rotated image: the largest
                      fraction of all symmetries of the design; None without symmetries.
-    turned         : rotation of the stress directions by the user, degrees. Deviations are from the rotated directions.
-    titles         : names of both families in words."""
+    turned         : angle by which the user rotated the stress directions, degrees. `deviation` is the angle between
+                     members and the rotated directions.    titles : names of both families in words."""
 
     major: FamilyQuality
     minor: FamilyQuality
@@ -345,10 +344,9 @@ def pattern_quality(
     guided: Bools | None = None,
 ) -> PatternQuality:
     """Measure the quality of a pattern.
-
     stress     : (m, 2) principal stresses along the major and the minor members.
     direction  : (m, 2, 3) unit directions of these stresses.    confidence : (m,) clarity of these directions, 0 to 1.
-    guided     : (m,) faces where members follow a guide. There they may turn back. Default: none."""
+    guided     : (m,) faces where members follow a guide. Members may turn back in these faces. Default: none."""
     turning = confidence if guided is None else np.where(guided, 0.0, confidence)
     families = [_family(chart, k, stress[:, k], direction, confidence, turning) for k in (0, 1)]
     angles = np.concatenate([cut.angle for _, cut in families])

@@ -12,9 +12,8 @@ from dsfab.surface import Surface, next_half_edge, pieces
 
 
 class FarEnds(NamedTuple):
-    """Ends of lines (k,) that measure widths. The ends lie on the boundary.
-
-    edge   : half-edge on the boundary, -1 for lines without an end.    place : metres along this half-edge.
+    """Ends of lines (k,) across a sheet. The lines measure widths. The ends lie on the boundary.
+    edge   : half-edge on the boundary, -1 for lines without a known end.    place : metres along this half-edge.
     slope  : cosine between line and half-edge.    length : length of the line, metres."""
 
     edge: Ints
@@ -28,7 +27,7 @@ class FarEnds(NamedTuple):
 
 
 class _Lines(NamedTuple):
-    """Unfinished lines: line number, half-edge of entry into a triangle, metres along it, direction (x, y), length."""
+    """Unfinished lines: number; half-edge of entry into a triangle, metres s along it; direction (x, y); length."""
 
     number: Ints
     edge: Ints
@@ -43,7 +42,7 @@ class _Lines(NamedTuple):
 
 def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
     """Trace lines (k,) from points on the half-edges `start` (k,) to the boundary, perpendicular to the half-edges.
-    place : (k,) metres along each half-edge.    reach : metres; a line longer than `reach` may be without an end."""
+    place : (k,) metres along each half-edge.    reach : metres; the end of a longer line may not be found."""
     frames, twin, start_vertex = _frames(surface), surface.edges.twins, surface.F.ravel()
     against = start_vertex != start_vertex[twin]  # the twin of the half-edge has the opposite direction
     count = len(start)
@@ -67,7 +66,7 @@ def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf
 
 
 def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
-    """Return the lines at the exits from their triangles, relative to the exit's half-edge: x along it, y outwards."""
+    """Return the lines where they leave their triangles. x : along the half-edge of the exit, y : outwards from it."""
     length, ax, ay, bx, by, cx, cy = frame.T
     s, x, y = lines.s, lines.x, lines.y
     # components of the direction (x, y) along the outward normals of the triangle's other two sides
@@ -105,7 +104,7 @@ TAPER = float(np.radians(1.5))  # Smallest angle between two walls that form a t
 
 @dataclass(frozen=True, eq=False)
 class Crossings:
-    """Lines across a sheet from a wall to the opposite wall; not in tips, where the width goes to 0.
+    """Lines across a sheet from a wall to the opposite wall. By default, tips (width near 0) have no lines.
 
     width  : (k,) shortest distance from a line's start to the edge at which the line ends, metres.
     place  : (k, 3) the start, metres.    face : (k,) the triangle at the start.
@@ -174,7 +173,7 @@ def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
 
 def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floats, slope: Floats) -> Bools:
     """Return which lines join walls that converge to a tip. slope : negative if the walls converge along the end edge.
-    Walls at an angle a enclose a tip with about w / tan(a / 2) of outline beyond a line of length w (`wedge`)."""
+    If walls converge at an angle a, the outline of the tip beyond a line of length w measures about w / tan(a / 2)."""
     loop, middle, ahead, total = _loop_positions(surface)
 
     def position(spot: _EdgePoints) -> Floats:
@@ -192,7 +191,7 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
 
 
 def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
-    """Return loop (or -1), metres along it to the middle, and True if along it, of half-edges; and loop lengths."""
+    """Return for half-edges: loop or -1, metres along the loop to the middle, True if forwards; also loop lengths."""
     edge = np.flatnonzero(surface.edges.boundary)
     h = surface.edges.order[surface.edges.start[:-1][edge]]
     label, chain, loops = _loop_chains(surface.edges.ends[edge])
@@ -284,7 +283,7 @@ def below_limit(sizes: float | Floats, limit: float) -> Bools:
 
 
 def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) -> Floats:
-    """Return limits of about `count` equal bins, one at `limit`; above `largest_count`, only the first is narrow."""
+    """Return limits of about `count` equal bins, one at `limit`. For a small `limit`, only the first bin is narrow."""
     if not 0 < limit < end:
         return np.linspace(0, end, count + 1)
     step = limit / max(1, round(limit / end * count))
@@ -296,12 +295,12 @@ def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) ->
 def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = False) -> Features:
     """Measure the smallest sizes of a cut sheet.
 
-    cells : all cells, material and void.    built : (m',) mask of the structure's cells.    names : of the fields.
+    cells : all cells, material and void.    built : (m',) mask of the structure's cells.    names : names of fields.
     tips  : True to measure gaps also in the tips of openings, where walls converge.
 
     Widths and gaps are lengths of the lines in `crossings`. They are exact between straight walls. If walls bend by an
-    angle a from edge to edge, the error is up to 1 - cos a. Walls at an angle over 20 degrees form a corner: between
-    these, no width is measured. Pieces and openings without lines in `crossings` have the size 4 area / perimeter."""
+    angle a from edge to edge, the error is up to 1 - cos a. Walls at an angle over 20 degrees form a corner, which has
+    no width. Pieces and openings without lines in `crossings` have the size 4 area / perimeter."""
     part, mesh = SheetPart.from_cells(cells.surface, built), _mesh_width(cells)
     material, from_material = part.surface, part.cells
     across = crossings(material, material.edges.boundary)

@@ -30,7 +30,7 @@ BASELINES: Mapping[str, Baseline] = {
     "simp": simp,
 }
 """Functions that make the competitors, by name. A competitor has the design's mass, loads, supports, kept regions and
-thickness, with two exceptions: `thinner` is less thick; `simp` has no rim, and other discs at loads and supports."""
+thickness. Exceptions: `thinner` is less thick; `simp` has no rim, and discs of another size at loads and supports."""
 DEFAULT = ("isotropic", "thinner")  # default competitors of a comparison
 
 

@@ -149,7 +149,7 @@ class Structure:
 
     @cached_property
     def material(self) -> Sheet:
-        """The material of all cells, with loose pieces."""
+        """The material of all cells, including pieces that reach no support."""
         return self.cells.subset()
 
     @property
@@ -227,7 +227,7 @@ def area_share(task: ComparisonTask, layers: Sequence[Layer]) -> float:
 def striped_structure(
     task: ComparisonTask, preset: Preset, diffusion: DiffusionResult, even: EvenStripes | None = None
 ) -> Structure:
-    """Return a structure of area `task.area` with the stripes `even`; None for stripes on modes of `diffusion`."""
+    """Return a structure of area `task.area` with the stripes `even`, or by default stripes on modes of `diffusion`."""
     radius = preset.pattern.width.widths(np.sqrt(task.surface.area)).radius
     task = replace(task, diffusion=diffusion)
     return widened_structure(task, preset, drawable_families(preset, task.stressed_surface, radius, even=even))
@@ -256,7 +256,7 @@ PHASES = (0.0, 0.25, 0.5, 0.75)  # phases of stripes that do not follow modes, i
 
 
 class IsotropicStripes(NamedTuple):
-    """Stripes that ignore the stress: preset, pairs (major mode, minor mode), and function that computes modes."""
+    """Stripes that ignore the stress. pairs : (major mode, minor mode) to try. diffusion : computes the modes."""
 
     preset: Preset
     pairs: list[tuple[int, int]]
@@ -264,7 +264,7 @@ class IsotropicStripes(NamedTuple):
 
 
 def isotropic_stripes(task: ComparisonTask) -> IsotropicStripes:
-    """Return stripes of equal width and frequency, with the task's area, on modes of isotropic diffusion (r = 1)."""
+    """Return stripes of equal width and frequency, with the task's area, on modes of isotropic diffusion."""
     isotropy = {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": task.share}}
     blind = with_overrides(task.on_modes, isotropy)
     diffusion = cache(lambda: diffusion_step(blind, task.surface, task.statics, Log(None)))
@@ -281,7 +281,7 @@ def isotropic(task: ComparisonTask) -> list[Variant]:
 
 
 def isotropic_variants(task: ComparisonTask, blind: IsotropicStripes) -> list[Variant]:
-    """Return a variant of the stripes `blind` for each of their pairs of modes, in the order of `blind.pairs`."""
+    """Return a variant for each pair of modes in `blind.pairs`, in order. blind : stripes that ignore the stress."""
     return _pair_variants(task, blind.preset, blind.diffusion, blind.pairs)
 
 

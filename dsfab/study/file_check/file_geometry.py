@@ -196,8 +196,7 @@ def _neighbours(F: Ints, first_faces: Ints, second_faces: Ints) -> Bools:
 
 
 MIXED_UP = {1e-3: "m", 1e-2: "dm", 1e-1: "cm", 25.4: "mm", 1e3: "mm", 1 / 25.4: "in", 1 / 304.8: "ft"}
-"""Probable true unit of a file that was read in millimetres. The key is the size of the file divided by that of the
-design."""
+"""Probable true unit of a file that was read in millimetres, by the file's size divided by the design's size."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
 CANDIDATE, JUMP = 10.0, 5.0
-"""A step snaps if its displacement per load is over `CANDIDATE` x the first step's and `JUMP` x the previous step's."""
+"""Least displacement / load of a snap-through step, divided by that of the first step, and of the previous step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,8 +149,8 @@ def solid_check(
 
 
 def softest_range(path: LoadPath) -> tuple[float, float] | None:
-    """Return the load factors around the step with the largest displacement per load. Return None if the displacement
-    per load is similar in all steps, or if the factors differ by less than 2 %."""
+    """Return the load factors one point before and one point after the step with the largest displacement per load.
+    Return None if the displacement per load is similar in all steps, or if the factors differ by 2 % or less."""
     moves = _relative_moves(path)
     step = int(moves.argmax())
     below, above = float(path.load[max(step - 1, 1)]), float(path.load[min(step + 2, len(path.load) - 1)])
@@ -171,8 +171,8 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
 
 
 def last_point(path: LoadPath) -> int | None:
-    """Return the number of the point at which the solver of a path may stop, or None. It is the point after a snap,
-    or a point from which CalculiX fails even with a step of less than 2.5 % of the load."""
+    """Return the number of the point at which the computation of a path may stop; None if it must continue.
+    It is the point after a failed step (`limit_of`), or a point where a step of 2.5 % of the load or less fails."""
     limit_step, snaps = limit_of(replace(path, whole=True))
     moves = _relative_moves(path)
     for start, increment in path.failed:
@@ -182,7 +182,7 @@ def last_point(path: LoadPath) -> int | None:
 
 
 def _relative_moves(path: LoadPath) -> Floats:
-    """Return (k - 1,) displacements per load in each step, divided by that in the first step."""
+    """Return the displacement per load of each step, (k - 1,), divided by the displacement per load of step 1."""
     load = np.maximum(np.diff(path.load), 1e-12 * path.load[-1])
     moves = np.linalg.norm(np.diff(path.u, axis=0), axis=(1, 2)) / load
     return np.asarray(moves / moves[0])

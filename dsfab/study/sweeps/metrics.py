@@ -62,7 +62,7 @@ def _loose(design: Design) -> float:
 
 
 def _min_width(design: Design) -> float:
-    """Return the width that stripes exceed on 90 % of their area: 2 d / |grad z|, with half a stripe's width d in z."""
+    """Return the width exceeded on 90 % of stripes' area: 2 d / |grad z|, z: frequency x mode, d: half width in z."""
     pattern = design.pattern
     if pattern.even is not None:
         chart_pattern = stripes_on_chart(design)
@@ -234,7 +234,7 @@ ABOUT: Mapping[str, MetricFacts] = {
     "over_isotropic": MetricFacts("", "less", "slicing", "compliance over that of isotropic stripes of the same mass"),
     "ersatz": MetricFacts("J", "less", "slicing", "rough compliance: stiffness of uncut faces x share of material"),
 }
-"""Description of each metric. The cut mesh is not refined, except for `verdict`."""
+"""Description of each metric. Only the metric `verdict` refines the cut mesh."""
 
 
 def metric_value(name: str, design: Design) -> float:

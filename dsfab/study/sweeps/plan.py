@@ -45,7 +45,7 @@ class Range(BaseModel):
         return self
 
     def value_at(self, u: float) -> int | float:
-        """Return the value at position u (0 to 1). Each whole number gets an equal part of the range."""
+        """Return the value at position u (0 to 1) of the range. In a linear range of integers, all get equal parts."""
         if self._whole and not self.log:
             return self.start + min(int(u * (self.to - self.start + 1)), int(self.to - self.start))
         value = self._interpolate(u)
@@ -83,7 +83,7 @@ class Axis:
         return [dict(zip(self.keys, row, strict=True)) for row in rows]
 
     def changes_at(self, u: float) -> dict[str, Any]:
-        """Return values by key at position u (0 to 1) of the axis. Each of `rows` takes an equal part of the axis."""
+        """Return values by key at position u (0 to 1) of the axis. If it has `rows`, each row has an equal part."""
         if self.span is not None:
             return {self.keys[0]: self.span.value_at(u)}
         row = self.rows[min(int(u * len(self.rows)), len(self.rows) - 1)]

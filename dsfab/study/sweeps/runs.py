@@ -57,7 +57,7 @@ def point_on_axes(axes: list[Axis], u: Floats) -> Changes:
 
 
 def trials(plan: Plan) -> list[Changes]:
-    """Return test points that show mistakes in the keys and values of a plan: ends and inner points of each axis."""
+    """Return test points that show mistakes in a plan's keys and values: ends and inner points of each of its axes."""
     middle = np.full(len(plan.axes), 0.5)
     runs = []
     for i, axis in enumerate(plan.axes):
@@ -323,7 +323,7 @@ the number of evaluations. So a search for more evaluations repeats the first ge
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
 """Least cost of a run that misses constraints, of a failed run, and of a run that was not made [Deb 2000]."""
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
-"""Function that carries out those proposed runs that have no result yet, and returns all proposed runs by `digest`."""
+"""Function that carries out the proposed runs without a result. It returns rows of all proposed runs, by `digest`."""
 
 
 def search(plan: Plan, make: Make) -> None:

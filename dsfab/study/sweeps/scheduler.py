@@ -53,11 +53,11 @@ def conduct(
     progress: Progress | None = None,
 ) -> None:
     """Carry out the waiting runs of a store until each is done, failed or killed.
-    runs     : changes of each run by its number.
+    crew     : workers that carry out the runs.    runs : changes of each run by its number.
+    deliver  : function that writes the files of a run and returns their names.
     report   : function that receives the progress, before the first run and after each run.
     progress : progress of the whole sweep; default: counted from the recorded runs.
-    Raises DsfabError if nothing can be written, or if no worker appears. Unfinished runs are then still recorded as
-    running."""
+    Raises DsfabError if nothing can be written, or if no worker appears. Unfinished runs stay recorded as running."""
     _Scheduler(store, crew, runs, deliver, report, progress or current_progress(store)).run()
 
 
@@ -79,7 +79,7 @@ class Rows:
         return len(self._free) + sum(len(row) for row in self._rows.values())
 
     def take(self, worker: str) -> int | None:
-        """Return a worker's next run, or None. An empty queue gets all free runs, or half of the longest queue."""
+        """Return a worker's next run, or None. An empty queue gets all free runs, or else half of the longest queue."""
         row = self._rows.setdefault(worker, [])
         if not row:
             self._rows[worker] = row = self._take_share()

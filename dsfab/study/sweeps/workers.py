@@ -348,7 +348,7 @@ class DaskWorkers:
         return ""
 
     def learn(self, outcome: Outcome) -> None:
-        """Do nothing, because the cluster manages the memory."""
+        """Ignore the run's peak memory, because the cluster manages the memory."""
 
     def close(self) -> None:
         self._client.close()

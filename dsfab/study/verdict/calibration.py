@@ -64,12 +64,12 @@ class TrialRow:
 
     @property
     def levels(self) -> int:
-        """Number of meshes in the verdict on the design: two, or three if the error bound of two is too large."""
+        """Number of meshes for the verdict on the design: two, or three if two give too large an error bound."""
         return 2 if self._estimate_after(2).bound <= CONVERGED else 3
 
     @property
     def estimate(self) -> estimates.ComplianceEstimate:
-        """Value and bound of the design's verdict."""
+        """Compliance (J) in the verdict on the design, and its error bound."""
         return self._estimate_after(self.levels)
 
     @property
@@ -79,7 +79,7 @@ class TrialRow:
 
     @property
     def error(self) -> float:
-        """Signed relative error of the verdict's value."""
+        """Signed relative error of the compliance in the verdict."""
         return self.estimate.value / self.truth - 1
 
     @property
@@ -88,12 +88,12 @@ class TrialRow:
 
     @property
     def is_tested(self) -> bool:
-        """True if `truth` is independent of the verdict, because a finer mesh was solved."""
+        """True if `truth` is independent of the verdict on the design, because it includes a finer mesh."""
         return len(self.compliance) > self.levels
 
     @property
     def is_inside(self) -> bool:
-        """True if the error of the verdict's value is within the verdict's bound."""
+        """True if the error of the compliance in the verdict is within the error bound of the verdict."""
         compliance_estimate = self.estimate
         return abs(self.truth - compliance_estimate.value) <= compliance_estimate.bound * compliance_estimate.value
 
@@ -104,11 +104,10 @@ class TrialRow:
 
 @dataclass(frozen=True)
 class Summary:
-    """Statistics of the tested designs of a table.
-    designs      : number of designs.     converged : number of converged designs.
+    """Statistics of the tested designs of a table. The errors are relative errors of the compliance.
+    designs, converged : number of designs, and of converged designs.    largest_error : largest error of the verdict.
     inside       : share of designs whose error is within the bound.     median_bound : median of all bounds.
-    largest_error : largest error of the verdict.
-    quick_median, quick_most : median and 90 % quantile of the errors of `quick`."""
+    quick_median, quick_most : median and 90 % quantile of the errors of one solve (`quick`)."""
 
     designs: int
     inside: float
@@ -232,8 +231,8 @@ def random_design(kind: str, seed: int) -> Design:
 
 
 def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
-    """Return the results of a random design on up to `count` meshes. A large design gets no fourth mesh if its verdict
-    needs only two meshes. Raises DsfabError if the design cannot be built or does not carry its loads."""
+    """Return the results of a random design on up to `count` meshes. A large design gets a fourth mesh only if its
+    verdict needs three. Raises DsfabError if the design cannot be built or does not carry its loads."""
     design = random_design(kind, seed)
     setting = LoadedSurface.from_design(design)
     sheet, _, loads = attached_material(setting, design.slicing.cells.subset())

@@ -45,7 +45,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
 
 
 def limit_at_own_rate(values: Sequence[float]) -> float:
-    """Extrapolate by the ratio of the last steps, within `STEP_RATIOS`; by `EXTRAPOLATION_DIVISOR` for a ratio <= 0."""
+    """Extrapolate by the ratio of the last two steps, limited to `STEP_RATIOS`; if <= 0, by `EXTRAPOLATION_DIVISOR`."""
     step, before = values[-1] - values[-2], values[-2] - values[-3] if len(values) > 2 else 0.0
     if before * step <= 0:
         return values[-1] + step / EXTRAPOLATION_DIVISOR
@@ -54,8 +54,8 @@ def limit_at_own_rate(values: Sequence[float]) -> float:
 
 WIDEST_MODE_BOUND = 0.05  # largest relative bound of buckling and frequency for which two meshes suffice
 STEP_RATIOS = (1.5, 4.0)
-"""Limits for the ratio of a step to the next, in extrapolations. A step is the difference of values on two meshes.
-Below the smaller limit, the steps do not decrease clearly."""
+"""Smallest and largest ratio of a step to the next step in extrapolations. A step is the difference of values on two
+meshes. Below the smallest ratio, the steps do not clearly decrease."""
 
 
 @dataclass(frozen=True)
@@ -75,13 +75,12 @@ class ModeEstimate:
 
 
 def mode_estimate(values: Sequence[float]) -> ModeEstimate:
-    """Return value and bound from the lowest eigenvalue on one to three meshes. Each mesh has four times the triangles
-    of the previous mesh. A step is the difference of the values on two successive meshes.
-
+    """Estimate the lowest eigenvalue and its error bound from values on one to three meshes. Each mesh has four times
+    the triangles of the previous mesh. A step is the difference of the values on two successive meshes.
     Two meshes: half of the step is added to the last value, and the bound is the whole step. Three meshes: the value is
-    extrapolated by the ratio of the steps, and the bound is the extrapolated part. In two cases, the value is that of
-    the finest mesh. If the steps do not clearly decrease, the bound is twice the larger step. If they clearly decrease
-    but have opposite signs, the bound is twice the last step. The bound covers only errors of the mesh."""
+    extrapolated by the ratio of the steps, and the bound is the extrapolated part. If the steps do not clearly decrease
+    or have opposite signs, the value is that of the finest mesh. The bound is then twice the last step if the steps
+    clearly decrease, else twice the larger step. The bound covers only errors of the mesh."""
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
     finest, step = values[-1], values[-1] - values[-2]
@@ -113,7 +112,7 @@ class Extreme:
 
     @property
     def settled(self) -> float:
-        """The value `away`, which leaves out corners; `value` if `away` is None."""
+        """The largest value far from corners (`away`); if `away` is None, the largest value everywhere (`value`)."""
         return self.value if self.away is None else self.away
 
 

@@ -37,7 +37,7 @@ from dsfab.surface import LoadCase, Surface
 class Shares(NamedTuple):
     """Forces of a load on a cut sheet, newtons, by vertex and face of the uncut surface; the same for every cut mesh.
     vertices : (n, 3) forces on the material around each vertex of the uncut surface.
-    faces    : (p, 3) forces on the material in each uncut face, up to the last face with material (p - 1)."""
+    faces    : (p, 3) forces on the material in each uncut face. Face p - 1 is the last face with material."""
 
     vertices: Floats
     faces: Floats
@@ -83,10 +83,10 @@ PARABOLIC_SHEAR = 6 / 5  # energy factor of a parabola of shear stress over the 
 
 class RibSoftening(NamedTuple):
     """Effects that make a solid softer than a thin sheet. Each value is divided by the compliance of the thin sheet.
-    torsion : increase of the compliance if ribs twist as bars; inf if the second solve fails.
+    torsion : increase of the compliance if ribs twist as bars; inf if the solve with these ribs fails.
     shear   : compliance by transverse shear, 6 q^2 / (5 G h) per square metre. q: shear force, averaged over faces
               within half a thickness. G: shear modulus. h: thickness.
-    bending : compliance by bending, multiplied by the square root of thickness / mean rib width."""
+    bending : product of the compliance by bending and the square root of thickness / mean rib width."""
 
     torsion: float
     shear: float
@@ -134,7 +134,7 @@ def _means_within(surface: Surface, reach: float) -> csr_array:
 
 def theory_share(soft: RibSoftening) -> float:
     """Return the largest expected value of the solid's compliance divided by that of the thin sheet, minus 1.
-    The factors 1.2 and 0.1 are large enough for 70 designs that CalculiX solved as quadratic wedges (`solids.csv`)."""
+    The factors (1.2; bending: 0.1) suffice for 70 designs that CalculiX solved as quadratic wedges (`solids.csv`)."""
     return 1.2 * (soft.torsion + soft.shear) + 0.1 * soft.bending
 
 

@@ -65,7 +65,7 @@ class ModeIntervals:
 
     @property
     def local(self) -> Mapping[str, str]:
-        """Clauses about local buckling modes on the finest mesh, by case."""
+        """Remarks on local buckling modes on the finest mesh, by case."""
         return self.levels[-1].local if self.levels else {}
 
 
@@ -114,7 +114,8 @@ def mode_level(
     request: ResultRequest,
     carried: Floats | None = None,
 ) -> ModeLevel:
-    """Return the lowest buckling factors and frequency on one mesh. Raises StaticsError if a solve fails."""
+    """Return the lowest buckling factors of `cases` and the lowest frequency on one mesh, as in `request`.
+    spreads : spread loads.  standing : supports.  carried : masses of loads.  Raises StaticsError if a solve fails."""
     sheet, factor_cache = material.model_for(surface), FactorCache(2)
     K = sheet_stiffness(sheet, MODE_ELEMENTS)
     supports = standing.load

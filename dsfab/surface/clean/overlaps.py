@@ -26,7 +26,7 @@ from dsfab.surface.topology import EdgeTable, corners_of, edge_table, link_compo
 
 
 def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
-    """Mark pairs (p, 2) of vertices at one place: the pairs on a line where two sheets of faces F (m, 3) cross.
+    """Mark pairs (p, 2) of vertices at one place that lie on a line where two sheets of faces F (m, 3) cross.
     Each of the two vertices lies inside its sheet. At the ends of the line, a vertex may also lie on a border."""
     edges = edge_table(F)
     n = int(max(F.max(), pairs.max())) + 1
@@ -43,7 +43,7 @@ def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
 
 
 def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
-    """Mark vertices of faces that coincide once vertex k is `became[k]`, also quads cut along different diagonals."""
+    """Mark vertices of faces or quads that coincide when vertex k becomes `became[k]`. Quad diagonals may differ."""
     faces = became[F]
     _, group, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
     edges, is_twice = edge_table(faces), (count > 1)[group.ravel()]
@@ -56,7 +56,7 @@ def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
 
 
 def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
-    """Mark the pairs (p,) next to crossing pairs: edges (e, 2) lead from their two vertices to a crossing pair."""
+    """Mark the pairs (p,) whose two vertices are neighbours, by `edges` (e, 2), of the vertices of a crossing pair."""
     neighbours: dict[int, set[int]] = {}
     for a, b in edges[np.isin(edges, pairs[is_crossing]).any(axis=1)].tolist():
         neighbours.setdefault(a, set()).add(b)
@@ -121,7 +121,7 @@ def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
 
 
 def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> Ints:
-    """Return face, sample (a row of `SAMPLES`), and a face that covers it in the same plane. V : scaled to size 1."""
+    """Return face, sample (row of `SAMPLES`), and each face in its plane covering the sample. V : scaled to size 1."""
     P = V[F]
     normal = unit_vectors(area_vectors(V, F))
     reach = np.maximum(SAG * lengths(P - np.roll(P, 1, axis=1)).max(axis=1), WELD)[faces]
@@ -185,7 +185,7 @@ def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
 
 
 def _tied_faces(edges: EdgeTable, covers: Ints, faces: Ints) -> Bools:
-    """Mark connected groups of `faces` whose removal would open an edge of a neighbour that does not overlap them."""
+    """Mark connected groups of `faces` whose removal opens an edge between two faces that do not overlap each other."""
     m, remaining = len(edges.of), np.full(len(edges.ends), -1)
     remaining_faces = np.delete(np.arange(m), faces)
     remaining[edges.of[remaining_faces]] = remaining_faces[:, None]
@@ -243,7 +243,7 @@ class ParallelParts:
 
 
 def parallel_parts(V: Floats, F: Ints) -> tuple[ParallelParts, ...]:
-    """Return the parallel parts of the mesh V (n, 3), F (m, 3), in any unit."""
+    """Return the pairs of parts of a mesh V (n, 3), F (m, 3), in any unit, that are parallel to each other."""
     if not len(F):
         return ()
     edges = edge_table(F)
@@ -295,7 +295,7 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
 
 
 def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) -> Floats:
-    """Return the translation (3,), or empty (0,), of a part onto the second, of area side^2 [Chen and Medioni 1992]."""
+    """Return the translation (3,) from one part to the second (area: side^2), or empty (0,) [Chen and Medioni 1992]."""
     P, n = V[first_part].mean(axis=1), area_vectors(V, first_part)
     area = lengths(n)
     n /= np.maximum(area, 1e-300)[:, None]
@@ -346,7 +346,7 @@ def _candidate_pairs(V: Floats, F: Ints, part: Ints, area: Floats) -> Iterator[t
 
 
 def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool = False) -> float | None:
-    """Return the median distance of two parts, None unless parallel; `even` also requires nearly constant distances."""
+    """Return the median distance of two parallel parts, else None. even : True to require nearly equal distances."""
     ways = ((first_part, second_part), (second_part, first_part))
     gaps = np.concatenate([nearest_places(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])
@@ -358,7 +358,7 @@ def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool
 
 
 def parallel_remarks(V: Floats, F: Ints) -> Iterator[str]:
-    """Yield a sentence for each pair of parallel sheets of V (n, 3), metres, F (m, 3); then for overlapping faces."""
+    """Yield sentences on pairs of parallel sheets of V (n, 3), metres, F (m, 3), then on overlapping faces."""
     pairs = parallel_parts(V, F)
     for pair in pairs:
         yield _REMARKS[pair.kind].format(length(pair.gap))

@@ -49,7 +49,7 @@ class MendedMesh:
     repairs: tuple[str, ...] = ()
 
     def with_faces(self, keep: Ints, repair: str) -> "MendedMesh":
-        """Return the mesh with only the faces `keep` (k,). `repair` is a sentence with {} for their number."""
+        """Return the mesh with only the faces `keep` (k,). repair : sentence with {} for the number of lost faces."""
         lost = len(self.F) - len(keep)
         if not lost:
             return self
@@ -93,7 +93,7 @@ def sound_faces(V: Floats, F: Ints) -> MendedMesh:
 
 
 def single_sheet(mesh: MendedMesh, metres: float) -> MendedMesh:
-    """Return the mesh with each sheet once. A slab becomes its middle surface. metres : unit of V in metres."""
+    """Return the mesh with one copy of each sheet. A slab becomes its middle surface. metres : the mesh's unit in m."""
     V, F, texts = single_sheets(mesh.V, mesh.F, metres)
     return _compact(MendedMesh(V, F, (*mesh.repairs, *texts))) if texts else mesh
 
@@ -134,7 +134,7 @@ def _join_at_points(mesh: MendedMesh) -> MendedMesh:
 
 
 def _single_faces(V: Floats, F: Ints) -> Ints:
-    """Keep one of each set of overlapping faces, but no equal faces at whose edge two others meet (cushion corner)."""
+    """Keep one of each set of overlapping faces, but none of equal faces with an edge where two other faces meet."""
     once = complement(overlapping_faces(V, F).whole, len(F))
     if len(once) == len(F):
         return once

@@ -62,7 +62,7 @@ def merged_vertices(
 
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
-    """Return `targets`, but within `reach` in wider groups: long chains of near vertices must not shrink to a point."""
+    """Return `targets` (vertices onto which others merge), but within `reach`: long chains must not become points."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
         return targets
@@ -87,8 +87,8 @@ def coincident(V: Floats) -> int:
 
 
 SAG = 1 / 15
-"""Largest width of a seam divided by the length of a boundary edge beside it. The seam's two sides have common ends.
-The value is that of an arc of 30 degrees over its chord: height divided by chord."""
+"""Largest width of a seam, divided by the length of a boundary edge beside it. The two sides of the seam have the same
+end points. The value is height / chord of an arc of 30 degrees."""
 
 
 def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
@@ -129,7 +129,7 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
 
 def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     """Return pairs (k,), (k,): a boundary edge (row of `ends` (b, 2)) and a boundary vertex near it.
-    Limit: `within`; if a boundary is no closed loop, the larger of `within` and `SAG` x the edge's length."""
+    Largest distance: `within`. If any boundary is not a closed loop, also `SAG` x the edge's length, if it is more."""
     a, b = V[ends].transpose(1, 0, 2)
     border, loops = np.unique(ends), (np.bincount(ends.ravel())[ends] == 2).all()
     long = lengths(b - a)
@@ -175,7 +175,7 @@ def _distinct_pairs(pairs: Ints, n: int) -> tuple[Ints, Ints]:
 
 
 def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
-    """Return which pairs of a border edge and a vertex are on opposite sides of a seam: two chains with equal ends."""
+    """Mark pairs of border edge and vertex on opposite sides of a seam: two chains of border edges with equal ends."""
     degree = np.bincount(ends.ravel())
     order = np.argsort(ends.ravel(), kind="stable")
     pairs = order[np.flatnonzero(degree[ends.ravel()[order]] == 2)].reshape(-1, 2) // 2
@@ -193,7 +193,7 @@ def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
 
 
 def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
-    """Insert vertices on one half-edge of a face at most. The face becomes a fan; its first part keeps its number."""
+    """Insert vertices on half-edges, at most one of each face. Faces become fans; the first part keeps the number."""
     start, end, across = (F.ravel()[next_half_edge(half, k)] for k in range(3))
     order = np.lexsort((positions_on_segments(V[vertex], V[start], V[end]), half))
     half, vertex, end, across = half[order], vertex[order], end[order], across[order]
@@ -234,7 +234,7 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
 
 
 def _gusset(V: Floats, v: int, away: Ints, fan: Ints) -> list[int] | None:
-    """Return the triangle in the smallest angle between boundary edges v-`away` of two fans; None above 150 degrees."""
+    """Return a triangle at v in the smallest angle between boundary edges of two face fans; None above 150 degrees."""
     along = V[away] - V[v]
     along /= lengths(along)[:, None]
     if not len(away):  # closed parts have no boundary edges

@@ -68,7 +68,7 @@ def read_ifc(path: Path, only: Sequence[str] = ()) -> TriangleFile:
 
 
 def _visible_elements(model: Any, counts: Counter[Content]) -> Iterator[tuple[list[str], Any]]:
-    """Yield the names and the entity of each visible element with a shape; count all other products with a shape."""
+    """Yield names and IFC entity of each visible element with a shape. Count other elements and shapes in `counts`."""
     from ifcopenshell.util.element import get_layers, get_parent
 
     for product in model.by_type("IfcProduct"):
@@ -90,7 +90,7 @@ def _visible_elements(model: Any, counts: Counter[Content]) -> Iterator[tuple[li
 
 
 def _is_body(identifier: str, element: Any) -> bool:
-    """Return True if `identifier` names an element's shape: `Body`, or without a `Body` any name not in `NO_BODIES`."""
+    """Return True if `identifier` is an element's shape: its `Body`, or if it has none, any name not in `NO_BODIES`."""
     identifiers = {shape.RepresentationIdentifier for shape in element.Representation.Representations}
     return identifier == "Body" if "Body" in identifiers else identifier not in NO_BODIES
 

@@ -94,7 +94,7 @@ _Group = tuple[int, tuple[str, ...], tuple[str, ...]]
 
 
 def _named_faces(mesh: Polygons, groups: list[_Group], only: Sequence[str], counts: Counter[Content]) -> Polygons:
-    """Return the faces in the groups that the user names. Add the groups and the unselected parts to `counts`."""
+    """Return the faces in the groups that the user names, or all. Count the groups and unselected parts in `counts`."""
     ends = (*(start for start, _, _ in groups[1:]), len(mesh.sizes))
     runs = [(*group, end) for group, end in zip(groups, ends, strict=True) if group[0] < end]
     if only:
@@ -105,7 +105,7 @@ def _named_faces(mesh: Polygons, groups: list[_Group], only: Sequence[str], coun
 
 
 def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
-    """Return True if a file's last face may be incomplete: corners fewer than `largest`, or an incomplete last one."""
+    """Return True if a file's last face may be incomplete: fewer corners than `largest`, or an incomplete corner."""
     *other_corners, last_corner = (word.split("/") for word in face or [""])
     if len(face) < max(largest, 3) or len(last_corner) < len(other_corners[0]):
         return True
@@ -115,7 +115,7 @@ def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
 
 
 def _join_lines(text: str) -> str:
-    """Join lines at backslashes, except comments. Raises MalformedFileError without a space there: programs differ."""
+    """Join lines at backslashes, except comments. Raises MalformedFileError for a backslash with no space beside it."""
     text = _COMMENT.sub(r"\1 ", text)
     if cut := _DIVIDED.search(text):
         number = text.count("\n", 0, cut.end() - 1) + 1

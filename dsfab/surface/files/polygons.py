@@ -13,8 +13,8 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 FLAT, WARPED = (float(np.cos(np.radians(angle))) for angle in (2, 10))
 """Cosine between the normals of a quad's triangles: above `FLAT` the quad is flat, below `WARPED` it may be folded."""
 ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
-"""A quad is cut along its second diagonal if the edges to its flat neighbours then bend much less: the largest
-difference of unit normals is below `ON` (10 degrees), and below `BETTER` times that for the first diagonal."""
+"""A quad is cut along its second diagonal if the edges to its flat neighbours then bend much less. The largest
+difference of unit normals must be below `ON` (10 degrees), and below `BETTER` x the value for the first diagonal."""
 
 
 def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
@@ -64,7 +64,7 @@ def _bend(normals: Floats, neighbour_normals: Floats) -> Floats:
 
 
 def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, starts: Ints) -> Floats:
-    """Return normals beside quads (first corners: `starts`), (r, 4, 3); 0 beside none, several, or a `bent` face."""
+    """Return normals (r, 4, 3) beside quads that begin at `starts`; 0 at sides with no, several or bent neighbours."""
     owner, h = np.repeat(np.arange(len(sizes)), sizes), np.arange(len(corners))
     start = np.cumsum(sizes) - sizes
     onward = np.where(h + 1 < (start + sizes)[owner], h + 1, start[owner])
@@ -190,7 +190,7 @@ def _twice_areas(flat: Floats, F: Ints) -> Floats:
 
 
 def _corner_turns(flat: Floats) -> tuple[Floats, Bools]:
-    """Return each corner's offset from its neighbours' line, positive to the right; True for turns below 90 degrees."""
+    """Return each corner's distance from its neighbours' line (right: positive), True for turns below 90 degrees."""
     incoming, outgoing = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
     cut = np.linalg.norm(incoming + outgoing, axis=1)
     twice = incoming[:, 0] * outgoing[:, 1] - incoming[:, 1] * outgoing[:, 0]

@@ -81,7 +81,7 @@ def surface_in_file(
     repair: bool = False,
     only: Sequence[str] = (),
 ) -> SurfaceInFile:
-    """Return the surface in a file with the record of reading and repairs; see `read_surface`."""
+    """Return the surface in a file, and a record of how it was read and repaired; see `read_surface`."""
     raw = raw_mesh(path, max_triangles, unit, only)
     return surface_of_file(path, mended_raw_mesh(raw, repair, unit) if mend or repair else raw, unit, up)
 

@@ -156,8 +156,7 @@ def _mark_layer(word: str) -> str:
 
 
 def contents(counts: Counter[Content]) -> tuple[Content, ...]:
-    """Return the inventory entries with their counts; one entry for objects hidden on many layers, and one for
-    unselected parts with many names."""
+    """Return the inventory entries with counts. Merge entries for many hidden layers, and for many unselected names."""
     shown = {thing: count for thing, count in counts.items() if count}
     for kind, start, plural in (("hidden object", "on layer ", "on {} layers"), (UNSELECTED, "of ", "of {} names")):
         similar = [thing for thing in shown if thing.kind == kind]
@@ -248,7 +247,7 @@ class FileRecord:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Lines for the user: all texts but the first text of `read`, which states the format and the content."""
+        """Lines for the user: all texts except the first text of `read`, which states the format and the content."""
         kinds = ("read", self.read[1:]), ("repaired", self.repaired), ("dropped", self.dropped)
         return tuple(f"{kind}: {text}" for kind, texts in kinds for text in texts)
 
@@ -288,7 +287,7 @@ class TriangleFile:
 
 
 def declared_unit(word: str) -> str | None:
-    """Return the unit that a file names by a word, such as 'Yards'; None for no unit; unknown words in lower case."""
+    """Return the unit that a word such as 'Yards' names; None for "no unit". Return an unknown word in lower case."""
     lower = word.lower()
     return None if lower in ("none", "unset", "unitless") else UNIT_WORDS.get(lower, lower)
 
@@ -346,7 +345,7 @@ class TextFile:
             position = end + 1
 
     def cut_off(self, part: str) -> tuple[str, ...]:
-        """Return a remark if the last line of the file has no end: the file may be cut off within `part`; else ()."""
+        """Return a remark if the last line has no end: the file may be cut off within `part` ("a face"); else ()."""
         return () if self.ended else (f"the last line has no end: the file may be cut off within {part}",)
 
 

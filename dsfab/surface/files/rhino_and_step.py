@@ -138,7 +138,7 @@ _Surface = tuple[Any, list[Any] | None, Floats]
 
 
 def _by_selectable_names(parts: list[tuple[_Groups, _Surface]]) -> Iterator[tuple[tuple[str, ...], _Surface]]:
-    """Yield parts with their selecting names. Only its path selects an inner layer named like an outermost layer."""
+    """Yield parts with the names that select them. An inner layer named like an outermost layer has only its path."""
     outermost = {layer[-1] for groups, _ in parts for layer in groups[::2]}
     for groups, part in parts:
         layers = [(x[0], *(name for name in x[1:-1] if name not in outermost), x[-1]) for x in groups[::2]]
@@ -165,7 +165,7 @@ class _DrawnObjects:
         self.counts = Counter[Content]()
 
     def surfaces(self) -> Iterator[tuple[_Groups, _Surface]]:
-        """Yield the names of each surface or mesh (see `all`), its geometry, meshes and matrix; count other objects."""
+        """Yield names (see `all`), geometry, meshes and matrix (4, 4) of each surface or mesh. Count other objects."""
         for groups, thing, place, _ in self.all():
             meshes, name = _meshes(thing), type(thing).__name__
             if meshes or meshes is None:
@@ -176,8 +176,8 @@ class _DrawnObjects:
 
     def all(self) -> Iterator[tuple[_Groups, Any, Floats, bool]]:
         """Yield each object outside block definitions: names, geometry, matrix (4, 4), and True on a hidden layer.
-        Names in groups: first the names of the object's layer (see `layers`); then the object's name. For each
-        insertion around the object, innermost first: names of its layer; name of the insertion and of its block."""
+        The names form groups: the names of the object's layer (see `layers`); the object's name. Two groups follow for
+        each block insertion around the object, innermost first: names of its layer; names of insertion and block."""
         self.budget.require("entities", len(self.model.Objects))
         objects = (thing for thing in self.model.Objects if not thing.Attributes.IsInstanceDefinitionObject)
         return self.objects(objects, np.eye(4), ())
@@ -185,7 +185,7 @@ class _DrawnObjects:
     def objects(
         self, things: Iterable[Any], place: Floats, blocks: _Groups, hidden: bool = False
     ) -> Iterator[tuple[_Groups, Any, Floats, bool]]:
-        """Yield the objects as `all` does. blocks : two groups of names for each insertion around them, see `all`."""
+        """Yield the objects as `all` does. blocks : names of the block insertions around the objects, see `all`."""
         import rhino3dm
 
         if len(blocks) > 2 * self.budget.depth:  # `blocks` has two groups of names for each level of nested blocks
@@ -354,7 +354,7 @@ def _visible_parts(path: Path, counts: Counter[Content]) -> Iterator[tuple[tuple
 def _parts_in(
     label: Any, place: Any, outer_names: tuple[str, ...], counts: Counter[Content]
 ) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Yield names (own, then outer assemblies') and shape of each visible part. Count hidden parts and assemblies."""
+    """Yield names of each visible part and its outer assemblies, and its shape. Count hidden parts and assemblies."""
     from OCP.TDF import TDF_Label
     from OCP.XCAFDoc import XCAFDoc_ColorTool, XCAFDoc_ShapeTool
 

@@ -98,7 +98,7 @@ def _line_number(text: str, position: int) -> int:
 
 
 _NAMESPACES = "core material production beamlattice slice trianglesets".split()  # noqa: SIM905
-"""Words in the names of those 3MF extensions that dsfab reads, or that it may ignore: they do not change shapes."""
+"""Words in the names of 3MF extensions that dsfab accepts: it reads these extensions, or they do not change shapes."""
 _TAKEN = ("model", "surface")  # Types of objects that belong to the model; other types help only the printing.
 _CURA_AIDS = ("support_mesh", "anti_overhang_mesh", "infill_mesh", "cutting_mesh")  # settings of an object [Cura 5]
 _ROOT = re.compile(r"""<[^<>]*/3dmodel["'][^<>]*>""")  # entry that names the root model, which may have any suffix
@@ -134,8 +134,8 @@ class _Object:
 
 
 class _Plate:
-    """Content of a file's parts. items : object, transformation (4, 4) and part number of each item on the build plate.
-    triangles : number of triangles of each used object, with its components."""
+    """Content of a 3MF file. items : object, transformation (4, 4) and part number of each item on the build plate.
+    triangles : number of triangles of each used object, including the objects inside it."""
 
     def __init__(self, budget: Budget, texts: dict[str, bytes]) -> None:
         self.budget, self.count, self.open = budget, 0, _Object("")  # `open` is the object that is being read
@@ -217,7 +217,7 @@ class _Plate:
         return path.lstrip("/"), values["objectid"]
 
     def require_ends(self, key: Key, depth: int) -> int:
-        """Return the number of triangles of an object. Raises MalformedFileError if it is missing or inside itself."""
+        """Return an object's number of triangles. Raises MalformedFileError if it is missing or contains itself."""
         if depth > 100:
             raise MalformedFileError("an object contains itself, or objects in over 100 nested levels")
         if key not in self.objects:
@@ -262,9 +262,9 @@ _AID = Content("printing aid", "dropped", "that only the slicer uses")
 
 def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int, int]]]:
     """Return the printing aids, such as supports, from the settings of a slicer program.
-    A key (object, component) with an empty list: the whole component is an aid. A key (object, "") with a list: first
-    and last triangle of each aid in the object. Sources: Slic3r_PE_model.config [PrusaSlicer], model_settings.config
-    [Bambu Studio, OrcaSlicer]."""
+    A key (object, component) stands for an aid that is a whole component; its list is empty. A key (object, "") has a
+    list with the first and last triangle of each aid in the object. Sources: Slic3r_PE_model.config [PrusaSlicer],
+    model_settings.config [Bambu Studio, OrcaSlicer]."""
     aids: dict[tuple[str, str], list[tuple[int, int]]] = {}
     for name in ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config"):
         try:

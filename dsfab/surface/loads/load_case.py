@@ -21,12 +21,12 @@ EDGE_ON = 1e-12  # A face with the normal n is parallel to a unit direction d if
 @dataclass(frozen=True)
 class Snow:
     """A load per *plan* area, Pa, along the unit vector d of `direction`: a force s A |n . d| d on a face of area A.
-
     n is the face's unit normal; s is the load with its shape factor [EN 1991-1-3, 5.2]. An open sheet carries snow on
     all faces: pick only the upper part of an overhanging sheet. A closed surface carries snow only on upper faces.
     shape   : "mu1" to multiply `pressure` (s_k on the ground) by `snow_shape_factor`; "" if `pressure` includes it.
     kind    : "imposed" for people and services, as a load per plan area [EN 1991-1-1, 6.3].
-    covered : true if a covering closes the openings: members also carry its snow. Else snow lies only on members."""
+    covered : true if a covering closes the openings: members carry also the snow on the covering. If false, snow lies
+              only on members."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -118,7 +118,7 @@ ROOF_RISE = 0.5  # An open piece is a roof if its mean normal rises by more than
 
 def outward_normals(surface: Surface) -> Floats:
     """Return the normals (m, 3) of the faces to the outside: out of closed pieces, and to the upper side of roofs.
-    Other open pieces, such as walls, keep the side of their faces."""
+    Other open pieces, such as walls, keep the normals of the surface."""
     rise, is_closed, piece = _pieces_in_space(surface)
     volume = signed_volumes(surface.V, surface.F, piece, len(rise))
     inward = (volume.sum() if surface.is_closed else volume) < 0  # a closed surface may have voids
@@ -205,7 +205,7 @@ class LoadParts:
         )
 
     def on_share(self, weight: float | Floats = 1.0, bare: float | Floats = 1.0) -> Self:
-        """Return the loads with the parts `weight` and `bare` multiplied by fractions of material: numbers, or (m,)."""
+        """Return the loads, with parts `weight` and `bare` times the arguments: shares of material, float or (m,)."""
         shares = (np.asarray(share, dtype=np.float64).reshape(-1, 1) for share in (weight, bare))
         scaled = {part: getattr(self, part) * share for part, share in zip(SPREAD_PARTS, shares, strict=False)}
         return replace(self, **scaled)

@@ -48,7 +48,7 @@ class OutlinedSurface:
         return np.where(self.on, 0.0, extent.depth(self.surface.V))
 
     def with_divided_faces(self, faces: Ints, places: Floats, on_line: bool) -> "OutlinedSurface":
-        """Divide each of the faces (k,) into three triangles that meet at the place (k, 3) in it."""
+        """Divide each face (k,) into three triangles that meet at its place (k, 3). on_line : True on the outline."""
         s, count = self.surface, len(faces)
         centre_vertices = s.n + np.arange(count)
         stay = np.delete(s.F, faces, axis=0)
@@ -67,8 +67,8 @@ class EdgeCrossings(NamedTuple):
 
 
 def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
-    """Return the points at which the outline crosses edges, by bisection.
-    Most crossed edges have ends on opposite sides of the outline. Others have one end on it, and run on both sides."""
+    """Return the points at which the outline crosses edges, by bisection. Most crossed edges have ends on opposite
+    sides of the outline. The other crossed edges have one end on the outline, and have points on its two sides."""
     s, depth = outlined.surface, outlined.depth(extent)
     sign = np.sign(depth[s.edges.ends])
     edge = np.flatnonzero(sign.prod(axis=1) < 0)
@@ -93,7 +93,7 @@ def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
 
 
 def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats) -> Floats:
-    """Return the share of each edge, from `end` (on the outline), that is not on its far end's side (`sign`)."""
+    """Return the fraction of each edge from `end` to the last test point on the side of the outline opposite `sign`."""
     a, b = s.V[s.edges.ends[edges, end]], s.V[s.edges.ends[edges, 1 - end]]
     shares = np.zeros(len(edges))
     for t in np.arange(1, TEST_POINTS + 1) / (TEST_POINTS + 1):
@@ -164,8 +164,8 @@ def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[Ou
 
 
 def _may_move(outlined: OutlinedSurface, vertices: Ints, places: Floats, tolerance: float) -> Bools:
-    """Return which vertices may move without a change of shape (sine to a face at most 0.2) or of the boundary.
-    tolerance : distance from a face or boundary that is always allowed, metres."""
+    """Return which vertices may move without a change of the boundary or the shape. The sine of a step to each face may
+    be up to 0.2. tolerance : distance from a face or boundary that is always allowed, metres."""
     s, around = outlined.surface, _FacesAt.from_surface(outlined.surface)
     allowed = ~(outlined.fixed | outlined.on)[vertices]
     for k in np.flatnonzero(allowed):
@@ -213,8 +213,8 @@ def with_touched_vertices(outlined: OutlinedSurface, extent: Extent) -> Outlined
 
 
 def with_outline(surface: Surface, extent: Extent, fixed: Bools) -> OutlinedSurface:
-    """Return the surface with edges along the outline, where the walls of `extent` meet it. Old vertices come first.
-    fixed : (n,) vertices on earlier outlines, which stay in place.
+    """Return the surface with edges along the outline, where the limits of the space `extent` meet the surface.
+    fixed : (n,) vertices on earlier outlines, which stay in place. Old vertices come first in the result.
     Corners of the outline become vertices. Edges follow curves of the outline within `LINE_TOLERANCE`. Raises
     SurfaceError if the extent is so narrow that too many faces are needed."""
     outlined = OutlinedSurface(surface, np.zeros(surface.n, dtype=bool), fixed)
@@ -259,7 +259,7 @@ def _refine(
 
 
 def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Mark the edges (e,) near the outline that are longer than `extent.width`, half the width at narrow places."""
+    """Mark the edges (e,) near the outline that are longer than `extent.width` (half the width at narrow places)."""
     s = outlined.surface
     depth, size, face_edges = np.abs(outlined.depth(extent)), s.edge_lengths, s.edges.of
     is_near = depth[s.F].min(axis=1) <= size[face_edges].max(axis=1)
@@ -307,7 +307,7 @@ def _turns_back(depth: Floats) -> Bools:
 
 
 def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
-    """Return faces (k,) that the outline crosses, and its distances (k,) from the middle of its chord in each face."""
+    """Return faces (k,) that the outline crosses, and how far (k,) the chord's middle in each is from the outline."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     place = np.full((len(s.edges.ends), 3), np.nan)
     place[crossed.edge] = crossed.place
@@ -318,7 +318,7 @@ def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
 
 
 def _divide_flat_faces(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Divide faces whose corners all lie on outlines. A new vertex in a face shows the face's side of the outline."""
+    """Divide faces whose corners all lie on outlines. A new vertex shows on which side of the outline its face lies."""
     s, inner = outlined.surface, ~_outline_edges(outlined, extent)
     flat = np.flatnonzero((outlined.on | outlined.fixed)[s.F].all(axis=1))
     length = np.where(inner, s.edge_lengths, 0.0)[s.edges.of[flat]]

@@ -210,7 +210,7 @@ class ClosedCurves:
 @dataclass(frozen=True)
 class Brush:
     """The space of a brush stroke: within `radius` (metres) of any point, or of the segment to the next point.
-    A segment counts only if the balls around its ends overlap. Otherwise the next point begins a new stroke."""
+    If the balls around two consecutive points do not overlap, no segment joins the points: a new stroke begins."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     points: Annotated[tuple[Vector, ...], MinLen(1)]
@@ -218,7 +218,7 @@ class Brush:
     pick: Literal["brush"] = "brush"
 
     def extent(self, surface: Surface) -> Extent:
-        """Return the balls around the points, and the tubes between consecutive points of a stroke."""
+        """Return the balls around points, and tubes around the segments that join consecutive points of a stroke."""
         points, radius = np.array(self.points, dtype=np.float64), self.radius
         step, dots = lengths(np.diff(points, axis=0)), np.arange(len(points))
         ways = np.stack([dots[:-1], dots[1:]], axis=1)[(step > 0) & (step <= 2 * radius)]
@@ -304,7 +304,7 @@ class _Plane:
         return Extent(prism_depth, foot[:, None] + ends, min(_width(flat) for flat in loops))
 
     def _nearest_part(self, surface: Surface) -> tuple[float, float]:
-        """Return the prism's ends (m off the plane): halfway from the nearest part to the next, or infinite if none."""
+        """Return the prism's ends (m off its plane): halfway from the nearest part to the next; infinite if none."""
         reach, normal = np.abs(self.distances(surface.V)).max() + surface.size, self.axes[2]
         nearest_hits, behind = list[float](), list[float]()
         for p in self._sight_points():

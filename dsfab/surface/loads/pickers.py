@@ -61,7 +61,7 @@ class Extent:
 
     @classmethod
     def below(cls, direction: Floats, height: float, width: float) -> "Extent":
-        """Return the space in which the coordinate along a unit direction (3,) is below `height`, metres."""
+        """Return the space where the coordinate along a unit vector (3,) is below `height`, m. width : see `Extent`."""
         return cls(lambda P: height - P @ direction, np.empty((0, 2, 3)), width)
 
 

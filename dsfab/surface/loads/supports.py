@@ -68,12 +68,10 @@ class SupportError(SurfaceError, ValueError):
 @dataclass(frozen=True)
 class Support:
     """Vertices that may not move: `[[surface.support]]  at = { pick = "side", axis = "z", end = "min" }  hold = "xyz"`.
-
     hold   : fixed directions, along the surface's own axes: by default all, or none if a `spring` is set.
     spring : total stiffness along x, y and z, newtons per metre, shared by the vertices in proportion to their areas.
-    clamp  : true if the edges of the picker (`edges_of`) cannot rotate about their own line either.
+    clamp  : true to prevent also the rotation of the picker's edges (`edges_of`) about their own line.
     name   : text for lists of supports; it does not affect results.
-
     If a face has two boundary edges, `clamp` leaves its inner edge free, because this edge lies inside the sheet.
     Raises SupportError for a support without effect, a negative spring, or a spring along a fixed direction."""
 
@@ -107,7 +105,7 @@ class Support:
         return np.asarray(self.at.vertices(surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
 
     def fixed_edges(self, surface: Surface) -> Bools:
-        """Return the fixed directions (e, 3) of the inner points of edges, where a finer mesh has vertices."""
+        """Return the fixed directions (e, 3) of points inside edges. A finer mesh has vertices at these points."""
         return np.asarray(edges_of(self.at, surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
 
     def springs(self, surface: Surface) -> Floats:

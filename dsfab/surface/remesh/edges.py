@@ -38,11 +38,10 @@ class NetFaces:
 
 @dataclass(frozen=True, eq=False)
 class Net:
-    """Mesh during remeshing: vertices V (n, 3), metres, kind (n,), faces, and the vertices on curves, called nodes.
+    """Mesh during remeshing: vertices V (n, 3), metres, faces, and the vertices on feature curves, called nodes.
+    kind  : (n,) `FREE`, `ON_CURVE` or `FIXED`.    size : (n,) desired edge length at each vertex, metres.
     node  : (k,) the vertices along each curve, curve after curve.
-    at    : (k,) positions of nodes along `FeatureCurves`, metres.
-    curve : (k,) the curve of each node.
-    size  : (n,) wanted edge length, metres."""
+    curve : (k,) the curve of each node.    at : (k,) positions of nodes along `FeatureCurves`, metres."""
 
     V: Floats
     faces: NetFaces
@@ -84,7 +83,7 @@ class Net:
 
     @property
     def links(self) -> Ints:
-        """Indices (l,) of the nodes from which an edge leads to the next node of the same curve."""
+        """Indices (l,) of the nodes that are followed by a node of the same curve."""
         return np.flatnonzero(self.curve[1:] == self.curve[:-1])
 
     @property
@@ -145,7 +144,7 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _leading(net: Net, long: Bools, length: Floats) -> Bools:
-    """Return long edges with at least 70 % of the longest length in both faces; in needles, only the longest counts."""
+    """Return long edges with at least 70 % of the length of each face's longest `long` edge; in needles 100 %."""
     faces = np.flatnonzero(faces_at(net.edges.of, long))
     edge = net.edges.of[faces]
     marked_length = np.where(long, length, -1.0)[edge]
@@ -211,7 +210,7 @@ def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, bat
 
 
 def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -> tuple[_Collapses, Floats]:
-    """Return collapses of short edges, and costs. Free pairs meet halfway, others at a fixed vertex or else a curve."""
+    """Return collapses of short edges, and costs. Free vertices meet halfway; else the vertex of higher kind stays."""
     edges = net.edges
     cost = edge_lengths(net.V, edges.ends) / net.edge_sizes
     chosen = np.flatnonzero(cost < SHORTEST)
@@ -228,7 +227,7 @@ def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -
 
 
 def _keeps_curves(net: Net, curves: FeatureCurves, target: Ints, gone: Ints, edge: float) -> Bools:
-    """Return which `gone` may merge with `target` on their curve: the new curve edge must be near it, short and new."""
+    """Mark `gone` vertices that may merge with `target` on a curve: the new edge is near the curve, short and new."""
     position = np.zeros(net.n, dtype=np.int64)
     position[net.node] = np.arange(len(net.node))
     k = np.clip(position[gone], 1, max(len(net.node) - 2, 1))
@@ -385,8 +384,8 @@ def with_ears_flipped(surface: Surface) -> Surface:
 
 
 LOW = 1 / 8
-"""Height of a border face / its border edge. Normals of lower faces err by more than the turn of a curved surface along
-the border edge."""
+"""Height of a low border face, divided by its border edge. Normals of lower faces have errors larger than the change of
+a curved surface's normal along the border edge."""
 
 
 def without_rim_slivers(surface: Surface, smooth: bool = False) -> Surface:

@@ -42,8 +42,8 @@ def vertices_of_two_edges(V: Floats, ends: Ints) -> SmoothVertices:
 
 def design_features(surface: Surface, edge: float) -> Bools:
     """Return the boundaries, seams and creases (e,), without short, slight creases from slivers or noise.
-    A crease is slight if the mean normals on its two sides differ by less than `DULL`. The means cover a radius of
-    `edge`, metres; in a scan, a radius of two mean edges. A crease is short if its length is below two radii."""
+    A crease is slight if the mean normals on its two sides differ by less than `DULL`. The means cover a radius r:
+    `edge`, metres, or two mean edges in a scan. A crease is short if its length is below 2 r."""
     sharp = sharp_edges(surface)
     marks = border_edges(surface) | sharp
     crease = np.flatnonzero(sharp)

@@ -234,7 +234,7 @@ class Chamber:
 
     @classmethod
     def from_mirrors(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
-        """Return the part to which a weighted sum of all vertices points. Sum and part rotate with the surface."""
+        """Return the part that lies towards a weighted sum of the vertices; this choice rotates with the surface."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
         return cls(surface, mirrors, np.where(mirrors.normals @ mix < 0, -1.0, 1.0)[:, None] * mirrors.normals, edge)
 
@@ -262,8 +262,8 @@ class Chamber:
         return moved
 
     def all_sides(self, V: Floats, F: Ints) -> tuple[Surface, Ints] | None:
-        """Return the whole surface, copied from new vertices V (p, 3) and faces F of this part, and the index (n,) in V
-        of the vertex copied. Return None if the topology or the length of the boundary would change."""
+        """Return the whole surface, made of copies of the vertices V (p, 3) and faces F of this part; and, for each
+        vertex, its index (n,) in V. Return None if the topology or the length of the boundary would change."""
         n, centre = len(V), self.mirrors.centre
         images = [(V - centre) @ R.T + centre for R in self.mirrors.group]
         faces = [F[:, ::-1] if np.linalg.det(R) < 0 else F for R in self.mirrors.group]

@@ -78,7 +78,7 @@ def _smallest_angle(surface: Surface) -> float:
 
 
 def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
-    """Mesh one mirrored part and copy it; None without mirrors, for a small part, or if the topology would change."""
+    """Return copies of one mirrored part's mesh; None without mirrors, for a small part, or for a changed topology."""
     surface = nearest_on.surface
     mirrors = Mirrors.from_surface(nearest_on, edge, smooth)
     chamber = Chamber.from_mirrors(surface, mirrors, edge) if mirrors else None
@@ -105,7 +105,7 @@ def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Se
 
 
 def _places_on_curves(net: Net, nearest_on: NearestOnSurface, edge: float, smooth: bool) -> Floats:
-    """Return places on curves (mirrored vertices may lie beside them), and on facets for the others unless `smooth`."""
+    """Return new vertex places: mirrored curve vertices go back to curves; unless `smooth`, the rest go to facets."""
     surface = nearest_on.surface
     lines = surface.edges.ends[design_features(surface, edge)]
     goal = net.V.copy() if smooth else _places(net.V, nearest_on, smooth)
@@ -162,7 +162,7 @@ def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _shortest_lengths(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
-    """Return the shortest length (k,), metres, of `sizes` at points (k, 3). trees : search trees of their surfaces."""
+    """Return the shortest edge length (k,), metres, of `sizes` at points (k, 3). trees : trees of their surfaces."""
     candidates = []
     for tree in trees:
         if tree_lengths := [field.length for field in sizes if field.surface is tree.surface]:

@@ -26,8 +26,8 @@ class SizeField(NamedTuple):
 
 def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
     """Return edge lengths (n,), metres, from `finest` to `edge`, along which the normal rotates by `TURN_PER_EDGE`.
-    The largest eigenvalue of the curvature tensor counts. The tensor sums the angles between faces around a vertex and
-    its neighbours, without creases [Cohen-Steiner and Morvan 2003]."""
+    The rotation per metre is the largest eigenvalue of a curvature tensor. The tensor sums the angles between faces
+    around a vertex and its neighbours, without creases [Cohen-Steiner and Morvan 2003]."""
     two = surface.edges.count == 2
     shared = np.flatnonzero(two)[~feature_edges(surface)[two]]
     ends = surface.edges.ends[shared]
@@ -39,12 +39,11 @@ def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
 
 
 def change_sizes(surface: Surface, field: Floats, edge: float, finest: float) -> Floats:
-    """Return edge lengths (n,), metres, along which a field changes by `CHANGE_PER_EDGE`.
+    """Return edge lengths (n,), metres, along which a field changes by `CHANGE_PER_EDGE` of its root mean square.
     All lengths lie between `finest` and `edge`.    field : (m, 3, 3) tensors in the planes of the faces.
-
     1. Each vertex gets the mean tensor of its faces [Zienkiewicz and Zhu 1987].
     2. The slope of an edge is the difference of its ends' tensors, rotated into one plane, divided by its length.
-    3. The squared gradient at a vertex is twice the mean squared slope of the edges around it."""
+    3. Edges have all directions, so the squared gradient at a vertex is twice the mean squared slope around it."""
     vertex_tensors, normal, ends = _at_vertices(surface, field), surface.vertex_normals, surface.edges.ends
     a, b = ends.T
     slope = ((_transported_tensors(vertex_tensors[b], normal[b], normal[a]) - vertex_tensors[a]) ** 2).sum(axis=(1, 2))
@@ -65,7 +64,7 @@ def _at_vertices(surface: Surface, field: Floats) -> Floats:
 
 
 def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
-    """Return (n, k): edge values (e, k) summed at a vertex and its neighbours, divided by the vertices' area."""
+    """Return sums (n, k) of values (e, k) of edges at a vertex and its neighbours, divided by these vertices' area."""
     n = surface.n
     around = adjacency(surface.edges, n) + eye_array(n)
     total = np.stack([np.bincount(ends.ravel(), np.repeat(x, 2), minlength=n) for x in values.T], axis=1)
@@ -126,7 +125,8 @@ def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
 
 
 def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
-    """Return vertices, widths (edges or heights between curves, not at faces with two curve edges), growth per m."""
+    """Return vertices at narrow places, the widths (m) there, and the growth of the widths per metre.
+    A width is an edge or a face height between curves, but not at a face with two curve edges."""
     constrained, edges, along = net.kind > FREE, net.edges, net.along_curves
     length = edge_lengths(net.V, edges.ends)
     is_along = along[edges.of]
@@ -151,7 +151,7 @@ def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
 
 
 def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
-    """Return width over distance from the common corner of the curves of `start` and `end`; 0 without such a corner."""
+    """Return `width` over the distance from the common corner of the curves of `start` and `end`; 0 without one."""
     corner, distances = _corners(net)
     slope = np.zeros(len(start))
     for i in range(2):

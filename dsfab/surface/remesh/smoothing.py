@@ -139,7 +139,7 @@ def _even_steps(net: Net, curves: FeatureCurves, edge: float) -> Floats:
 
 def with_vertices_at(net: Net, goal: Floats, positions: Floats) -> Net:
     """Move vertices to goals (n, 3), metres, and curve nodes to positions (k,).
-    Vertices of a face that would rotate by over 60 degrees stay."""
+    The vertices of a face stay if their moves would rotate the face by over 60 degrees."""
     old_areas, V = area_vectors(net.V, net.F), goal.copy()
     face = np.arange(len(net.F))
     retreats = 6  # rounds that move vertices of over-rotated faces back; after these rounds, all vertices move back

@@ -1,5 +1,4 @@
-"""Surfaces by formula: shapes with exact results for tests, and models that resemble those of the paper.
-
+"""Surfaces by formula: shapes with exact results for tests, and models like those of Madan, Jacobson and Levin's paper.
 `SHAPES` lists the shapes by name. All shapes are deterministic, in metres with z up and normals up or outward.
 Triangles are nearly equilateral and about `edge` metres wide. They form no grid, because stripes would follow its
 parallel diagonals."""
@@ -25,7 +24,7 @@ FIGURES: dict[str, Callable[..., Surface]] = {
     shape.__name__: shape
     for shape in (*(camel_head, duck_ring, mouse, climbing_hold, turkey, pirate), *(bridge, twisty_tower, boys_surface))
 }
-"""Shapes that resemble the paper's models. dsfab remeshes each of them in a second or more."""
+"""Shapes like the models in Madan, Jacobson and Levin's paper. dsfab remeshes each of them in a second or more."""
 
 SHAPES: dict[str, Callable[..., Surface]] = {
     **{

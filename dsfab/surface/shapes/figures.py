@@ -1,4 +1,4 @@
-"""Shapes that resemble the models of the paper: figures, bridge, twisty tower and Boy's surface."""
+"""Shapes like the models in Madan, Jacobson and Levin's paper: figures, bridge, twisty tower and Boy's surface."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -310,7 +310,7 @@ class BoyChart:
         return np.asarray(self.height * (P * [1, -1, -1] - [0, 0, LOWEST]) / (HIGHEST - LOWEST))
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """Return disc coordinates (k, 2) of points at X (k, 2) on the disc, moved by `step` (k, 3) on the surface."""
+        """Return disc coordinates (k, 2) of surface points after moves `step` (k, 3); X (k, 2): before the moves."""
         small = 1e-6
         places = self.place(X)
         J = np.stack([(self.place(X + small * e) - places) / small for e in np.eye(2)], axis=2)

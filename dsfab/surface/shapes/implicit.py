@@ -285,7 +285,7 @@ class LevelSet:
 
     field: Field
     reach: float
-    """Twice the largest move of a point in one Newton step, metres."""
+    """Length, metres; a point moves by at most half of `reach` in one Newton step."""
     floor: float | None = None
 
     def place(self, X: Floats) -> Floats:

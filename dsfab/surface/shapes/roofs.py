@@ -140,10 +140,10 @@ def _check(span: float, rise: float, opening: float, feet: int, foot: float) -> 
 
 
 class _Wedge:
-    """Half a foot and half an arch in the stereographic plane, from angle 0 (foot) to angle `half` (middle of an arch).
-                      x top      the arch is a circular arc; if it bends inward, its centre is outside the shell
-                  /    \\
-        crown x----------x ground"""
+    """Half a foot and half an arch of a shell in the stereographic plane, from angle 0 (foot) to `half` (mid-arch).
+                  x top      crown: top of the shell; top: top of the arch; ground: end at the ground.
+              /    \\        The arch is a circular arc; if it bends inward, its centre is outside the shell.
+    crown x----------x ground"""
 
     def __init__(self, half: float, half_foot: float, ground: float, top: float, edge: float) -> None:
         self.half, self.half_foot, self.ground, self.edge = half, half_foot, ground, edge
@@ -158,7 +158,7 @@ class _Wedge:
         self.centre = self.to_centre * np.array([np.cos(half), np.sin(half)])
 
     def rim(self) -> tuple[Floats, Ints, Ints]:
-        """Return the outline (k, 2) of this wedge from the shell's top on, and point indices on each straight side."""
+        """Return this wedge's outline (k, 2), from the crown, and the point indices on each of two straight sides."""
         ray = np.linspace(0, self.ground, 1 + self._count(self.ground))
         back = np.linspace(self.top, 0, 1 + self._count(self.top))[1:-1]
         foot = np.linspace(0, self.half_foot, 1 + self._count(self.ground * self.half_foot))[1:]

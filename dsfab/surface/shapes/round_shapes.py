@@ -95,7 +95,7 @@ def _superellipse(p: float) -> tuple[Floats, Floats, float]:
 def surface_of_revolution(r: Floats, z: Floats, edge: float, outward: bool = False) -> Surface:
     """Return the surface of revolution of a profile of radii r (k,) and heights z (k,), metres, with a ring per point.
     Radius 0 is a pole. Each ring has a multiple of six vertices, about `edge` apart.
-    outward : true to flip the normals; otherwise they point up where the radius grows along the profile."""
+    outward : true to flip the normals. Without a flip, they point up where the radius grows along the profile."""
     counts: Ints = np.array([pieces_of(2 * np.pi * x, edge, multiple=6, least=6) if x else 1 for x in r])
     turns = ring_turns(counts)
     angle = 2 * np.pi * np.concatenate(turns)

@@ -22,8 +22,7 @@ Extra = Feet | Ring | Holes | Trim | SplitBodies
 
 def with_extras(solid: Solid, extras: Sequence[Extra], base: Base) -> Solid:
     """Apply extras to a solid, in order; `notes` of the result counts faces that intersect because of rounding.
-    Raises SolidError for an extra without effect, an extra that removes everything, and a result that is not a solid.
-    """
+    Raises SolidError if an extra has no effect or removes everything, or if the result is not a solid."""
     if not extras:
         return solid
     import manifold3d

@@ -2,12 +2,10 @@
 
 A prism is the solid over a face. A grid of boxes divides the faces. A cylinder contains the prisms of each box; its
 axis is the mean normal of the box's faces. A box and the boxes around it form its block. The prisms of a box meet no
-other prisms under two conditions:
+other prisms if the projections of the prisms along the axis do not overlap. Two conditions ensure this:
 
 1. All skin normals of the block are within 90 degrees of the axis.
-2. The rim of the block's faces runs outside the box's cylinder, and exactly once around it.
-
-Then the projections of the prisms along the axis do not overlap."""
+2. The rim of the block's faces goes exactly once around the box's cylinder, without entering it."""
 
 from dataclasses import dataclass
 
@@ -110,8 +108,8 @@ Three = tuple[Floats, Floats, Floats]
 
 def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Floats, Floats]:
     """Return a mask (m',) of cells whose prisms (thickened cells) may be folded, cosines (k,) and radii (m',), metres.
-    A box's cosine belongs to the largest angle between the box's axis and its skin normals. A radius is the largest
-    distance from a prism's middle to its corners."""
+    A box's cosine is the smallest cosine of the angles between its axis and the skin normals of its prisms. A radius is
+    the largest distance from a prism's middle to its corners."""
     F, m = layer.cells.F, layer.cells.m
     upper = np.ascontiguousarray((layer.cells.V + (layer.shift + 1) * layer.carried).T)
     lower = np.ascontiguousarray((layer.cells.V + (layer.shift - 1) * layer.carried).T)
@@ -130,8 +128,8 @@ def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Float
 
 
 def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
-    """Return prisms that may turn inside out, least cosines of skins to `axis`, and radii; corners (xyz, corner, m).
-    Corner errors e cause errors of at most 3 r^2 e in determinants (length r), and 4 s e in normals (sides s)."""
+    """Return a mask of prisms that may fold, least cosines of skin normals to `axis`, and radii; corners (xyz, 3, m).
+    Corner errors e cause errors up to 3 r^2 e in determinants of lengths r, and up to 4 s e in normals of sides s."""
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]
     reach = np.sqrt(np.maximum((A**2).sum(axis=0), (B**2).sum(axis=0)).max(axis=0)) + error
@@ -173,7 +171,7 @@ def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
 
 
 def boxes_with_simple_rims(layer: OffsetLayer, boxes: Boxes, accepted: Bools, error: float) -> Bools:
-    """Mark the accepted boxes (k,) for which the rim of the surrounding block goes once around the box's cylinder."""
+    """Mark accepted boxes (k,) for which the rim of the box's block of boxes goes once around the box's cylinder."""
     uncut = layer.uncut
     thick = lengths(layer.D) * (1 + abs(layer.shift)) + error
     accepted, turns = accepted.copy(), np.zeros(len(boxes.axis), dtype=np.int64)

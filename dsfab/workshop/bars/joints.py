@@ -45,7 +45,7 @@ class Leg:
 
     @property
     def holes(self) -> tuple[float, ...]:
-        """Distances of the anchors from the fold (m)."""
+        """Distances from the leg's fold to the holes of the anchors (m)."""
         return tuple((self.anchor * np.cumsum(ANCHOR_SPACINGS[:2])).tolist())
 
     @property
@@ -59,7 +59,7 @@ class Footing:
     """Ground contact of a structure.
     supports : (q, 3) supported points, metres.
     up       : (3,) unit vector.
-    reach    : metres; a support belongs to a node within this distance plus 0.75 of its widest member's width.
+    reach    : metres; a node gets a support within `reach` plus 0.75 times the width of the node's widest member.
     anchor   : diameter of the anchors, metres."""
 
     supports: Floats
@@ -77,7 +77,7 @@ class Footing:
         return cls(points, up, float(surface.mean_edge), anchor) if len(points) and anchor else None
 
     def legs(self, points: Floats, normals: Floats, widths: Sequence[float]) -> dict[int, Leg | None]:
-        """Return each node's `Leg` by node number, for nodes (q, 3) near supports; None at slopes under 5 degrees."""
+        """Return the `Leg` of each node (q, 3) near a support, by node number; None at slopes under 5 degrees."""
         away = np.asarray(cKDTree(self.supports).query(points)[0])
         legs: dict[int, Leg | None] = {}
         limits = self.reach + 0.75 * np.asarray(widths)  # largest distance from a node to its support (m)
@@ -94,7 +94,7 @@ class Footing:
 def leg_plates(
     graph: MemberGraph, layering: Layering, footing: Footing, thickness: float
 ) -> tuple[list[FlatPart], list[str]]:
-    """Return plates (thickness in m) with legs under strips at supports, and names of nodes on too level a surface."""
+    """Return plates (thickness in m) with legs under strips at supports, and names of nodes with too little slope."""
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
     members = [[graph.by_id[name] for name in node.members] for node in nodes]
     widths = [max(member.mean_width for member in node_members) for node_members in members]
@@ -129,7 +129,7 @@ def _leg_plate(
 
 
 def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
-    """Return sentences on plates with legs, from their fold angles `folds` (radians), and on nodes without a leg."""
+    """Return sentences on plates with anchored legs, with fold angles `folds` (radians), and on nodes without a leg."""
     angles = [abs(float(np.degrees(fold))) for fold in folds]
     sentences = []
     if angles:
@@ -311,8 +311,8 @@ def _counter_clockwise(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints,
 
 
 def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
-    """Return half the width of a node plate's arms, and the distance of their folds from the node (m).
-    At sharper `gaps` (angles), bars begin farther off, and arms are narrower. lean : extra distances of tilted bars."""
+    """Return half the width of a node plate's arms, and the distance of their folds from the node (m). Sharper `gaps`
+    (angles) put bars farther off, and narrow the arms. lean : extra distances of tilted bars. long : bay lengths."""
     notch = 0.9  # distance of the corner between two arms from the node, divided by the bars' distance from the node
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2

@@ -95,7 +95,7 @@ def member_lattice(graph: MemberGraph, bolt: float) -> Lattice:
 
 
 def _smooth_normal(graph: MemberGraph, node: Node) -> Floats:
-    """Return the mean normal (3,) of the fitted axes at a node. Its error is 0.006 degrees (a face normal: 0.34)."""
+    """Return the mean normal (3,) of the members' axes at a node: error 0.006 degrees; a face normal's is 0.34."""
     members = [(graph.by_id[name].axis, s) for name, s in zip(node.members, node.at, strict=True)]
     normals = [axis.frames_at(np.array([s]))[2][0] for axis, s in members if axis is not None and np.isfinite(s)]
     total = np.sum([n * np.sign(n @ node.normal) for n in normals], axis=0) if normals else node.normal

@@ -53,10 +53,9 @@ def nest_parts(
     stock  : lengths and widths of the sheets, metres.
     grain  : true if parts of members must lie lengthwise on the sheets.
     prices : price of a sheet of each size.
-
-    The cheapest trial wins, or without prices the trial with the least area. A trial prefers one size, or chooses for
-    each sheet the size with the most used area per price. Then each sheet gets the cheapest size that holds its parts.
-    Raises PatternError for a part that fits on no sheet."""
+    Several trials nest all parts. A trial prefers one size, or chooses for each sheet the size with the most used area
+    per price. Then each sheet gets the cheapest size that holds its parts. The cheapest trial wins; without prices, the
+    trial with the least area. Raises PatternError for a part that fits on no sheet."""
     grid, costs = column_grid(stock, gap, grain), _costs(stock, prices)
     box_area = float(sum((part.size[0] + gap) * (part.size[1] + gap) for part in parts))
     cheapest: list[NestedSheet] | None = None
@@ -168,7 +167,7 @@ def _fill_sheets(
 
 
 def least_clearance(outlines: Sequence[Floats], size: tuple[float, float], enough: float) -> float:
-    """Return the smallest distance between closed polygons (k, 2), and from them to the edges of their sheet (m).
+    """Return the smallest distance (m) between closed polygons (k, 2), and between polygons and their sheet's edges.
     The distance is 0 for overlaps, and negative beyond an edge.
     size   : size of the sheet, metres.
     enough : distance between boxes above which a pair is not measured, metres."""

@@ -15,9 +15,9 @@ ROUNDING = 1e-9  # tolerance for rounding errors (m)
 
 @dataclass(frozen=True, eq=False)
 class PartShape:
-    """A rotated part.
+    """A rotated part on a sheet that is divided into columns.
     low, size    : (2,) lowest corner and size of the part's box, metres.
-    lower, upper : (k,) lower and upper edge in k columns, moved outwards by half of the gap, metres.
+    lower, upper : (k,) lower and upper edge in k columns, moved outwards by half of the gap between parts, metres.
     top          : highest value of the upper edge.
     total        : sum of the lower edge over the columns.
     thick        : largest height between the lower and upper edge."""
@@ -35,7 +35,7 @@ class PartShape:
 
 @dataclass(frozen=True)
 class ColumnGrid:
-    """Gap, column width and largest height of a part (m), and whether parts of members must lie lengthwise."""
+    """Gap between parts, column width, largest height of a part (m). grain : true if members' parts lie lengthwise."""
 
     gap: float
     step: float
@@ -77,7 +77,7 @@ def _column_count(size: Floats, grid: ColumnGrid) -> int:
 
 
 def _columns(outline: Floats, size: Floats, grid: ColumnGrid) -> tuple[Floats, Floats]:
-    """Return lowest and highest y per column of a polygon's Minkowski sum with a 16-gon around a circle (half gap)."""
+    """Return lowest and highest y, in each column, of a polygon grown by half the gap (Minkowski sum with a 16-gon)."""
     reach = grid.gap / 2
     count = 16
     angle = np.arange(count) * 2 * np.pi / count
@@ -97,7 +97,7 @@ def _shifted_points(points: Floats, ways: Floats) -> Floats:
 
 
 def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Floats:
-    """Return the lowest or highest y (f) of segments p-q in each column with borders `corner`; p must be left of q."""
+    """Return the lowest (f: `np.minimum`) or highest y of segments p-q per column (borders `corner`); p left of q."""
     extremes = np.full(len(corner) - 1, np.inf if f is np.minimum else -np.inf)
     wide = np.maximum(q[:, 0] - p[:, 0], 1e-15)
     i = np.clip(np.searchsorted(corner, p[:, 0], side="right") - 1, 0, len(extremes) - 1)
@@ -137,7 +137,7 @@ class SheetGap:
 
     @classmethod
     def from_columns(cls, begin: int, floor: Floats, ceiling: Floats, grid: ColumnGrid) -> "list[SheetGap]":
-        """Return a `SheetGap` for each run of neighbouring columns that is high and wide enough for a part."""
+        """Return a `SheetGap` for each run of columns whose gap, floor to ceiling, has room for a part."""
         high, least = ceiling - floor, grid.gap + 0.02  # smallest useful height and width of a gap, metres
         bounds = np.flatnonzero(np.diff(np.concatenate([[0], high > least, [0]])))
         return [

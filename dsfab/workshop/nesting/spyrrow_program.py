@@ -18,7 +18,7 @@ from typing import Any
 
 
 def main(path: str) -> None:
-    """Print the first arrangement of the parts that is not longer than the sheet; equal seeds give equal results."""
+    """Print the first arrangement of the parts that is not longer than the sheet. Equal `seed`s give equal results."""
     import spyrrow
 
     job = json.loads(Path(path).read_text(encoding="utf-8"))

@@ -25,14 +25,14 @@ from dsfab.workshop.strips import is_strip
 
 
 def upright_course(course: StripCourse, depth: float) -> StripCourse:
-    """Return the course of an upright plank, its normal T x N, its left N; T, N : tangent and normal of `course`."""
+    """Return the course of an upright plank. Its normal is T x N, its left is N (T, N: tangent, normal of `course`)."""
     B = np.cross(course.N, course.T)
     half = np.full(len(course.s), depth / 2)
     return replace(course, N=-B, kg=course.kn, kn=-course.kg, left=half, right=half)
 
 
 def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, StripCourse], dict[str, StripCourse]]:
-    """Return the courses of all planks, and those that end early: at another plank, or before a curled end."""
+    """Return the courses of all planks, and those that end early: at another plank, or before a sharply turning end."""
     members = [m for m in graph.members if is_strip(m)]
     extra_length = 2 * (stock.splice_reach + stock.depth + stock.overhang)
     courses = {m.id: member_course(graph, m, stock.overhang, extra_length) for m in members}
@@ -108,7 +108,7 @@ def _reachable_crossings(
 @dataclass(frozen=True, eq=False)
 class PlankPlan:
     """Planks, their stock, and all parts: planks, cover plates, and plates on the planks.
-    limit : strain at the material's strength; 0 if the preset has none."""
+    limit : strain at which the material reaches its strength; 0 if the preset has none."""
 
     planks: slots.PlankParts
     stock: PlankStock

@@ -33,7 +33,7 @@ class PlankStock:
 
     @property
     def layering(self) -> Layering:
-        """Layers of strips, from which cover plates get their lengths and bolts get their places."""
+        """`Layering` that gives cover plates their lengths, and bolts their places."""
         return Layering(self.thickness, 2, self.bolt)
 
     @property
@@ -89,7 +89,7 @@ def _edge_with_slots(layer: Development, span: tuple[float, float], edge: float,
 def plank_marks(
     layer: Development, name: str, span: tuple[float, float], slots: Sequence[Slot], stock: PlankStock
 ) -> tuple[Floats, ...]:
-    """Return strokes of a piece's name in its longest part without slots, and of node names above or below slots."""
+    """Return strokes of a piece's name in the longest part of `span` without slots, and of node names at the slots."""
     stops = np.array([span[0], *(slot.s for slot in slots), span[1]])
     longest = int(np.diff(stops).argmax())
     middle = (stops[longest] + stops[longest + 1]) / 2
@@ -134,7 +134,7 @@ class Plank:
         ground: BasePlane | None,
         parts: PlankParts,
     ) -> None:
-        """Divide the plank into pieces that fit the stock (`room`) and slide onto the lower planks of `crossings`."""
+        """Divide the plank into pieces that fit stock sizes `room` and slide onto lower planks at `crossings`."""
         course, stock = self.course, self.stock
         upper = [crossing for crossing in crossings if self._has_role(crossing, 1)]
         crossing_stations = np.array([crossing.at[1] for crossing in upper])
@@ -182,7 +182,7 @@ class Plank:
         return [self.member.id] if count == 1 else [f"{self.member.id}.{k}" for k in range(1, count + 1)]
 
     def direction_at(self, s: float) -> Floats | None:
-        """Return the direction in which the piece at s slides onto lower planks; None without these, or if stuck."""
+        """Return the slide direction of the piece at s onto lower planks; None without such planks, or if it jams."""
         return next((d for d, (a, b) in zip(self.directions, self.spans, strict=True) if a <= s <= b), None)
 
     def _fits(self, begin: float, end: float, room: list[tuple[float, float]]) -> bool:

@@ -65,7 +65,7 @@ class Crossing:
         lock_floats(self, normal=(3,), ways=(2, 3))
 
     def slot_leans(self, direction: Floats) -> tuple[float, float]:
-        """Return how much the lower and the upper slot widen (`Slot.lean`), for a unit assembly direction (3,)."""
+        """Return `Slot.lean` of the lower and upper plank's slots for assembly along a unit direction (3,)."""
         along_lower, along_upper, up = np.linalg.solve(np.stack([*self.ways, self.normal], axis=1), direction)
         return float(along_lower / up), float(-along_upper / up)
 
@@ -76,7 +76,7 @@ class Slot:
     half  : half width of the slot, metres.
     y     : height of the slot's bottom over the axis, metres.
     above : True if the slot is open above.
-    lean  : widening of the slot along the plank, to one side, for each metre above its bottom."""
+    lean  : by how much the slot becomes wider along the plank, per metre from its bottom; the sign gives the side."""
 
     node: str
     s: float
@@ -138,7 +138,7 @@ def plank_crossings(
 def slot_crossing(
     node: str, names: tuple[str, str], courses: tuple[StripCourse, StripCourse], stations: tuple[float, float]
 ) -> Crossing:
-    """Return the crossing of two planks. Newton steps find points of both axes on a common normal of the surface."""
+    """Return the crossing of two planks. Newton steps find points of their axes that lie on one surface normal."""
     s, t = (course.wrapped_station(x) for course, x in zip(courses, stations, strict=True))
     for _ in range(5):
         (P, T, N), (Q, U, M) = ([x[0] for x in c.frame_at(np.array([x]))] for c, x in zip(courses, (s, t), strict=True))
@@ -158,11 +158,11 @@ class PlankParts:
     crossings    : nodes with and without slots.
     crowded      : slots that would run into a neighbouring slot, "N007 in A02".
     slide_angles : largest angle between the assembly direction and the slots, by piece, radians.
-    stuck        : the same angle, for pieces that cannot slide on lower planks.
-    shortened    : members that stop before another member of their family, or before their own curled end.
+    stuck        : largest angle as in `slide_angles`, only for pieces that cannot slide on lower planks.
+    shortened    : members that stop before another member of their family, or before their own sharply turning end.
     missed_nodes : nodes that shortened members do not reach.
     vanished     : members that would be too short.
-    longer       : elongation of edges by twist, by member, metres.
+    longer       : by how much twist lengthens the edges, by member, metres.
     bends        : bending strain, by member."""
 
     order: tuple[str, ...]

@@ -119,8 +119,8 @@ class StepEntities:
         return self.spline(curve.degree, [self.point(p) for p in poles], knot_text(curve.knots), title)
 
     def spline(self, degree: int, poles: list[int], knots: KnotText, title: str = "", shared: bool = False) -> int:
-        """Add a spline curve through numbered poles. Lines are also splines.
-        ISO 10303-511 (advanced_face) forbids polylines of two points at a spline face."""
+        """Add a spline curve through numbered poles. Lines also become splines, because ISO 10303-511 (advanced_face)
+        forbids polylines of two points on spline faces."""
         return self.add(
             f"B_SPLINE_CURVE_WITH_KNOTS('{title}',{degree},{references(poles)},.UNSPECIFIED.,.F.,.F.,"
             f"{knots[0]},{knots[1]},.UNSPECIFIED.)",
@@ -217,7 +217,7 @@ def _style(entity_list: StepEntities, colour: tuple[float, float, float]) -> int
 
 
 def _solid(entity_list: StepEntities, faces: Ints, shell: Ints, outer: int, voids: list[int]) -> int:
-    """Add a solid with an outer shell and voids. `shell` has the voids facing outwards; STEP needs them reversed."""
+    """Add a solid with an outer shell and voids. Void faces in `shell` point out of the void; STEP reverses them."""
     shells = [entity_list.add(f"CLOSED_SHELL('',{references(faces[shell == i].tolist())})") for i in [outer, *voids]]
     inner = [entity_list.add(f"ORIENTED_CLOSED_SHELL('',*,#{k},.F.)") for k in shells[1:]]
     if not inner:
@@ -266,14 +266,14 @@ GLOBAL_UNIT_ASSIGNED_CONTEXT((#10,#11,#12))REPRESENTATION_CONTEXT('',''));
 
 
 def outward_polyhedron(part: Part) -> tuple[Polyhedron, list[list[int]]]:
-    """Return a part's planar faces, and the shells of each solid; a void's shell faces outwards, as in STEP."""
+    """Return a part's planar faces, and the shells of each solid. Faces of voids point out of the void, as in STEP."""
     shell, solids = solids_of(part)
     inward = np.isin(shell, [i for _, *inner in solids for i in inner])
     return polyhedron(part.V, np.where(inward[:, None], part.F[:, ::-1], part.F), shell), solids
 
 
 def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[str]:
-    """Yield a polyhedron as STEP. solids : outer shell of each solid, then voids; normals point out of the void."""
+    """Yield a polyhedron as STEP. solids : outer shell of each solid, then voids; void normals point out of a void."""
     yield header(name, "solid with planar faces", len(solids))
     texts, faces, free = planar_faces(shape, FIRST_FREE)
     yield from texts
@@ -295,7 +295,7 @@ def _tables(
     shape: Polyhedron, vectors: tuple[Floats, Ints], normals: tuple[Floats, Ints], digits: int, blocks: list[range]
 ) -> Iterator[str]:
     """Yield one kind of entities after another, to save memory. blocks : range of entity numbers for each kind.
-    vectors, normals : different directions, and their index for each edge or face.    digits : decimals of normals."""
+    vectors, normals : distinct directions, and their index by edge or face.    digits : decimals of normals."""
     points, vertices, dirs, units, lines, edges, steps, loops, bounds, axes, placements, planes, faces = blocks
     p, q = shape.edges.T
     outer = np.isin(np.arange(len(bounds)), shape.faces[:-1])
@@ -317,7 +317,7 @@ def _tables(
 
 
 def _ratios(shape: Polyhedron) -> Floats:
-    """Return exact edge directions as smallest whole numbers, equal along an axis; ISO 10303-42 allows any length."""
+    """Return exact edge directions as the smallest whole numbers; ISO 10303-42 allows directions of any length."""
     corners = _corners(shape)
     along = corners[shape.edges[:, 1]] - corners[shape.edges[:, 0]]
     return np.asarray(along / np.maximum(np.gcd.reduce(along, axis=1), 1)[:, None])

@@ -58,7 +58,7 @@ class BudgetError(NotMadeError):
 
     @property
     def excess(self) -> str:
-        """Number of faces, or size in MB, that exceeds its limit: text after "would have"."""
+        """Number of faces, or size in MB, that exceeds its limit. A message has this text after "would have"."""
         if self.by_faces:
             about = "about " if self.way == "simplified" else ""
             return f"{about}{self.faces:,} {'planar ' if self.way not in ('smooth', 'members') else ''}faces"

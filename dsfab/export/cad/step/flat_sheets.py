@@ -127,8 +127,8 @@ def plate(outlines: FlatOutlines, corners: Floats, tolerance: float) -> FlatPlat
 
 def gaps_between(loops: list[Floats], tolerance: float, least: float = 0.0) -> list[float]:
     """Return a lower bound of the distance between each loop and all other loops; inf if all other loops are far away.
-    Distances are measured between points at a spacing along the loops. The bound is the smallest distance minus the
-    spacing. For near loops, the spacing falls to 1/8 of this distance or less. least : least spacing and bound, mm."""
+    The bound is the smallest distance between points along the loops, minus the points' spacing.
+    Near loops get a spacing of at most 1/8 of their distance. least : smallest spacing, and smallest bound, mm."""
     gaps, reach_limit = [np.inf] * len(loops), tolerance / GAP_SHARE
     spacing, remaining = 8 * reach_limit, list(range(len(loops)))
     while remaining and len(loops) > 1 and spacing >= least:

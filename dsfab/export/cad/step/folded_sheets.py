@@ -42,11 +42,11 @@ class Facet:
     axes: Floats
 
     def flat(self, points: Floats) -> Floats:
-        """Return coordinates (k, 4) of points (k, 2, 3): two in the upper plane, then two in the lower plane."""
+        """Return coordinates (k, 4) of points (k, 2, 3): two coordinates in the upper plane, then two in the lower."""
         return np.asarray(np.einsum("ksi,sai->ksa", points - self.origin, self.axes[:, :2]).reshape(-1, 4))
 
     def in_space(self, flat: Floats) -> Floats:
-        """Return points (k, 2, 3) in both planes from coordinates (k, 4): the inverse of `flat`."""
+        """Return points (k, 2, 3) in the upper and lower plane from coordinates (k, 4): the inverse of `flat`."""
         return np.asarray(self.origin + np.einsum("ksa,sai->ksi", flat.reshape(-1, 2, 2), self.axes[:, :2]))
 
 
@@ -158,7 +158,7 @@ def _plane(skins: Floats, F: Ints) -> Facet:
 
 
 def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
-    """Move vertices into planes of facets, except single triangles, which always fit; return points and failures."""
+    """Move vertices into planes of facets with at least two triangles; return points, and True (n,) for failures."""
     exact = 1e-5  # largest distance (mm) of a fold's corners from the planes that meet there
     count = np.bincount(facet)
     planes = {int(k): _plane(skins, F[facet == k]) for k in np.flatnonzero(count > 1)}
@@ -179,7 +179,7 @@ def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools
 
 @dataclass(frozen=True, eq=False)
 class FoldedShape:
-    """Folded sheet, and curves of each part of its outlines at a wall. Poles (p, 4) are in the planes of both skins."""
+    """Folded sheet, and curves along the outline parts at walls. Poles (p, 4) are in the planes of both skins."""
 
     sheet: FoldedSheet
     walls: dict[RunKey, list[Curve]]
@@ -221,7 +221,7 @@ def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
 
 
 def _curve(line: Floats, tolerance: float) -> Curve:
-    """Fit a curve to the polylines of both skins, (k, 4). Points at equal fractions of the two lengths form pairs."""
+    """Fit a curve to two polylines (k, 4) on the skins. Points at equal fractions of their two lengths are pairs."""
     upper, lower = (arc_lengths(line[:, s : s + 2]) for s in (0, 2))
     shares = [np.asarray(length / max(float(length[-1]), 1e-300)) for length in (upper, lower)]
     x = np.union1d(*shares)

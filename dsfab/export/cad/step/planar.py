@@ -14,8 +14,8 @@ def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FL
     """Return the region (m,) of each triangle, and twice the area vector (r, 3) of each region.
     tolerance : largest distance (mm) of a vertex from a neighbour's plane, and from the mean plane of its region.
     Two neighbours join if the third vertex of each lies in the other's plane and their normals are on the same side.
-    A very thin triangle (height below FLATNESS) has no exact plane, so it joins only the neighbour at its longest edge.
-    If a vertex is too far from its region's mean plane, because small angles add up, the region is divided again."""
+    A very thin triangle (height below FLATNESS) joins only the neighbour at its longest edge. Its own plane is inexact.
+    Small angles can add up: a region is divided again if a vertex is too far from the region's mean plane."""
     corners = V[F]
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     units = unit_vectors(vectors)
@@ -121,7 +121,7 @@ def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
 
 
 def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
-    """Return two positions (h,) for each half-edge of a loop: the corner at or before its start, and the next corner.
+    """Return two positions for each half-edge (h,): the corner at its start or before, and the next corner in the loop.
     alive : (h,) True for half-edges that begin at a corner."""
     corner_positions = np.flatnonzero(alive)
     loop = outline.loop
@@ -133,7 +133,7 @@ def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
 
 
 def step_positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
-    """Return the positions (p,) of all steps (edges) of loops (k,), loop after loop, and the loop of each step."""
+    """Return positions (p,) of edges of `loops` (k,), in order, and each edge's loop. start : first edge by loop."""
     length = np.diff(start)[loops]
     loop = np.repeat(np.arange(len(loops)), length)
     return (start[loops] - np.cumsum(length) + length)[loop] + np.arange(len(loop)), loop
@@ -175,8 +175,8 @@ def polyhedron(V: Floats, F: Ints, shell: Ints) -> Polyhedron:
 
 
 def _corners(V: Floats, F: Ints, table: EdgeTable, outline: FaceOutlines) -> Bools:
-    """Mark corners of the outlines; each loop has at least three. A vertex of two edges in line is no corner only if
-    it is also on the line between the next corners on both sides. Fine polygons bend little at a vertex."""
+    """Mark corners of the outlines; each loop has at least three. If a vertex is off the line between the next corners
+    on both sides, all vertices between these corners become corners. Fine polygons bend little at a vertex."""
     a = F.ravel()[outline.h]
     alive = np.bincount(table.ends[np.unique(table.of.ravel()[outline.h])].ravel(), minlength=len(V)) > 2
     before, after = np.roll(a, 1), a[outline.next]
@@ -242,8 +242,8 @@ def _numbered_polyhedron(
 def _long_edges(
     F: Ints, table: EdgeTable, outline: FaceOutlines, alive: Bools
 ) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
-    """Return the first vertex of each step (straight part), the first step of each loop, and the long edges.
-    Two steps are the same long edge if the smallest numbers of their mesh edges are equal."""
+    """Return the first vertex of each step (straight part of a loop), the first step of each loop, and the long edges.
+    Two steps belong to the same long edge if the smallest numbers of their mesh edges are equal."""
     a = F.ravel()[outline.h]
     is_corner = alive[a]
     run, end = ends_of_runs(is_corner, outline)

@@ -98,7 +98,7 @@ def _faces_near(triangles: StepTriangles, faces: Ints, deflection: float) -> Int
 def _redraw(
     sound: Soundness, first_triangles: StepTriangles, faces: Ints, deflection: float, shape: bytes
 ) -> tuple[Soundness, StepTriangles]:
-    """Return `Soundness` and finer triangles of some faces, or of all faces if the topology does not fit the mesh."""
+    """Draw some faces with finer triangles, or all faces if the topology changes; return `Soundness` and triangles."""
     redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"], faces))
     if not np.array_equal(np.unique(redrawn.face), faces) or not _same_topology(first_triangles, redrawn):
         redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"]))
@@ -109,7 +109,7 @@ def _redraw(
 
 
 def _same_topology(coarse: StepTriangles, fine: StepTriangles) -> bool:
-    """Return True for an oriented manifold with the old Euler number, which a missing or loose face changes."""
+    """Return True if `fine` is an oriented manifold with the Euler number of `coarse`: no face is missing or loose."""
     selected = np.isin(coarse.face, fine.face)
     edges = edge_table(fine.F)
     crowded = (edges.count > 2).any() or len(duplicate_faces(fine.F))
@@ -151,7 +151,7 @@ def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffi
 
 
 def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
-    """Return the fault of the halves after OCCT's trial cut, or "", and the solid's box (six numbers, mm, or [])."""
+    """Let OCCT cut a solid into two halves; return their fault, or "", and the solid's box (six numbers, mm, or [])."""
     seconds = 30.0 + 0.03 * faces  # several times the usual duration of a trial cut
     try:
         report = occt_report("sample", str(path), seconds=seconds)
@@ -164,7 +164,7 @@ def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
 
 
 def use_report(text: str, seconds: float) -> dict[str, Any]:
-    """Return the report of OCCT's trials of a file; raises the same errors as `last_line`."""
+    """Return OCCT's report on trials with a file, such as cuts and fillets; raises the errors of `last_line`."""
     with _file(text.encode("ascii")) as path:
         return occt_report("use", str(path), seconds=seconds)
 

@@ -35,7 +35,7 @@ from dsfab.surface.topology import edge_table, half_edges
 ROUTES = ("auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated")
 
 QUICK_FACTOR = 3
-"""Factor for step = 'quick': it multiplies the usual limits of walls and of layouts (divisions into charts).
+"""Factor for step = 'quick' on the usual largest numbers of walls and of layouts (divisions into charts).
 If OCCT refuses the first layout, another layout often succeeds, because its seams lie elsewhere."""
 
 MEMBER_FACES_FACTOR = 2
@@ -96,7 +96,7 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
 
 
 def _worth_members(part: Part) -> bool:
-    """Return True to try step = 'members' unasked: CAD programs can cut its files, but usually fail at smooth files."""
+    """Return True to try 'members' without a request: CAD programs can cut its files, but usually not smooth files."""
     sheet = _striped_sheet(part)
     return sheet is not None and (part.step == "auto" or bool(Surface(sheet.V, sheet.F).edges.boundary.any()))
 
@@ -110,7 +110,7 @@ def _striped_sheet(part: Part) -> Curved | None:
 
 
 def _last_attempts(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
-    """Yield attempts after a refused faceted part. members : None for no slow attempts.    quick : may stop early."""
+    """Yield attempts after refusal of a faceted file. members : None skips slow attempts.    quick : may stop early."""
     far_factor = 2  # with more than twice the allowed faces, further tries do not help
     is_far = False
     if not part.tolerance:
@@ -142,7 +142,7 @@ def simpler(part: Part, tolerance: float) -> Part:
 
 def default_tolerance(part: Part) -> float:
     """Return the default tolerance of a file with lines and splines (`planar`), mm; 0 if the solid is not suitable.
-    Suitable solids are flat, or folded with creases. If the user requests `planar`, the folds need no creases."""
+    Suitable solids are flat, or folded at creases. If the user requests `planar`, every folded sheet is suitable."""
     try:
         return OUTLINE * outlines_of(part).thickness
     except ExportError:
@@ -151,7 +151,7 @@ def default_tolerance(part: Part) -> float:
 
 
 def _may_be_planar(part: Part) -> bool:
-    """Return False for curved sheets, which have no creases; each triangle could become a facet, with slow mitres."""
+    """Return False for curved sheets, which have no creases: each triangle could become a facet with slow mitres."""
     flat = flat_facets(part)
     return flat is None or flat.has_creases or part.step == "planar"
 
@@ -239,13 +239,12 @@ def refusal(refused: Sequence[ExportError]) -> ExportError:
 @dataclass(frozen=True)
 class Estimate:
     """Estimated cost of one strategy.
-
-    way           : planar, members, smooth, faceted, simplified (and then faceted), tessellated.
+    way           : planar, members, smooth, faceted, simplified (fewer triangles, then faceted), tessellated.
     faces         : number of faces of the file, or of triangles for tessellated; 0 if the strategy fails.
     size, memory  : bytes.
     write_seconds : time to write the file and to read it back.
     open_seconds  : time for another program to open the file.
-    note          : distance from the mesh, and warnings.
+    note          : distance of the file from the mesh, and warnings.
     refused       : reason for the refusal; "" if there is none.
     chosen        : True if `write` would use this strategy."""
 

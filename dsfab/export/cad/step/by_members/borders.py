@@ -183,7 +183,7 @@ LONGEST_CHORD = 2.0  # largest chord of a round corner, as a multiple of the thi
 
 
 def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """Move ends of borders between members along round corners, to meet outlines at larger angles; thickness in mm."""
+    """Move ends of member borders along round corners, so that they meet outlines at larger angles; thickness in mm."""
     rounds = 3  # each round moves a border's end along one piece of the outline; a corner may have several pieces
     for _ in range(rounds):
         work = _BorderEnds(net, np.asarray(net.weights @ lifting.skins.points), thickness)
@@ -235,7 +235,7 @@ class _BorderEnds:
         return self.P[[points_before[-2], points_after[0], points_after[1]]]
 
     def _angle_at(self, before: int, after: int, anchor: Floats) -> float:
-        """Angle (degrees) of a border with the mean outline wall; a round wall beside a straight wall is ignored."""
+        """Angle (degrees) of the line to `anchor` and the mean wall; a round wall beside a straight wall is ignored."""
         P = self._points_around(before, after)
         weights = [1.0 - (self._is_round(j) and not self._is_round(k)) for j, k in ((before, after), (after, before))]
         return _angle(P, weights, anchor)

@@ -170,7 +170,7 @@ def _cut_once(part: Part, plan: SolidPlan, draft: MemberDraft, shape: bytes) -> 
 
 
 def _use_sentence(draft: MemberDraft, seconds: float) -> str:
-    """Summarise OCCT's trial cuts and fillets. Raises ExportError if a trial shows that CAD programs would fail."""
+    """Summarise trial cuts and fillets by OCCT. Raises ExportError if a trial shows that CAD programs would fail."""
     try:
         report = use_report(draft.text, seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError) as error:

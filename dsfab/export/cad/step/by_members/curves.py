@@ -31,7 +31,7 @@ class InnerSpline:
 
     @classmethod
     def from_breaks(cls, breaks: Floats) -> "InnerSpline":
-        """Return the splines for `breaks`, the parameters where spans end, from 0 to 1; from a cache."""
+        """Return the cached splines for `breaks`: the parameters, from 0 to 1, where spans of the splines end."""
         return _inner_spline(breaks.tobytes())
 
     @cached_property
@@ -87,7 +87,7 @@ class SampledChain:
         return arc_lengths(self.middle)
 
     def direction(self, from_start: bool, reach: float) -> tuple[Floats, Floats]:
-        """Return the vector from one end to the point `reach` mm farther, and the unit normal at this end."""
+        """Return the vector from a curve's end to the point `reach` mm along it, and the unit normal at this end."""
         if (from_start, reach) not in self._directions:
             x = min(reach / self.lengths[-1], 0.5)
             Q, target = self.Q[0 if from_start else -1], self.point(x if from_start else 1 - x)

@@ -1,4 +1,4 @@
-"""Draft of a file with step = 'members': all steps from regions to STEP entities, before OCCT checks the file."""
+"""Draft of a file with step = 'members': all work from regions of the sheet to STEP entities, before OCCT's checks."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -160,7 +160,7 @@ class ManyFacesError(ExportError):
 
 @dataclass(frozen=True, eq=False)
 class MemberDraft:
-    """STEP file before OCCT's checks: text, numbers of solids, faces and trimmed faces, and the widest gap, mm."""
+    """STEP text before OCCT's checks; counts of solids, faces, trimmed faces; widest gap (mm), trimmed face to edge."""
 
     text: str
     solids: int
@@ -170,8 +170,8 @@ class MemberDraft:
 
 
 def member_draft(part: Part, plan: SolidPlan, fine: bool = False) -> MemberDraft:
-    """Return the STEP file of a part before its checks. Raises ExportError if a step fails, or for too many faces.
-    fine : True for a slower search: it limits distances from the mesh, and divides borders too far from the skins."""
+    """Return the STEP file of a part before its checks. Raises ExportError for a failure, and for too many faces.
+    fine : True for a slower search: it limits distances from the mesh, and halves long curves far from the skins."""
     with one_blas_thread():  # several threads would slow down thousands of small systems
         return _draft(part, plan, fine)
 
@@ -204,7 +204,7 @@ def has_too_many(part: Part) -> bool:
 
 
 def require_few_faces(part: Part, faces: int) -> None:
-    """Raise ManyFacesError for more than `part.hurry * UNASKED` faces. `hurry` = 0 sets no limit."""
+    """Raise ManyFacesError for too many faces: more than `part.hurry * UNASKED`. `hurry` = 0 sets no limit."""
     limit = part.hurry * UNASKED
     if part.hurry and faces > limit:
         _TOO_MANY.add(part)
@@ -306,7 +306,7 @@ def _with_cut_ends(
 
 
 def outline_poles(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, bytes]:
-    """Return a dict: trimmed region -> poles of all curves around it, as bytes."""
+    """Return a dict: number of a trimmed region -> the poles of all curves around the region, converted to bytes."""
     curves = lines.curves(model.trimmed)
     return {
         region: b"".join(curves[k].spans.tobytes() for loop in net.loops[region] for k, _ in loop)

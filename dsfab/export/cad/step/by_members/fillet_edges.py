@@ -36,9 +36,8 @@ def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
 
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
-    """Return patch parameters (2, 2, 2) of the ends of curves (4, 6); None if the curves extend no side of the patch.
-    edge  : (4, 6) poles of the edge that the curves extend.
-    share : (2,) lengths that the curves add at start and end, as fractions of the edge."""
+    """Return patch parameters (2, 2, 2) of the ends of curves `poles` (4, 6); None if the curves do not extend a side.
+    edge : (4, 6) poles of the edge that curves extend.    share : (2,) added lengths at start and end / edge length."""
     P = patch.poles
     for axis in (0, 1):
         for fixed in (0, 1):
@@ -72,33 +71,33 @@ MARGIN = 0.1  # the surface under a seam is extended by (1 + MARGIN) times the e
 
 LARGE_FILLET_SHARE = 1 / 8
 """Radius of the largest fillet at a seam that continues a wall's edge, as a fraction of the thickness.
-OCCT extends the patch at this seam along its tangents. A fillet of larger radius is invalid: its gap is too wide."""
+OCCT extends the patch at this seam along its tangents. A larger fillet is invalid: the gap at its end is too wide."""
 
 TANGENT_GAP = 3e-5
-"""Largest gap (mm) that OCCT may leave at the end of the largest fillet. With a smaller limit, seams leave patches."""
+"""Largest gap (mm) that OCCT may leave at the largest fillet's end. A smaller limit lets seams run beyond patches."""
 
 POLE_OFFSET = 1e-5
-"""Movement (mm) of one pole of a seam that continues a wall's edge, beside a trimmed face.
+"""Movement (mm) of one pole of a seam beside a trimmed face. The seam continues a wall's edge.
 OCCT then gives the seam a tolerance of 4e-5 mm. The seam needs at least 1.4e-5 mm."""
 
 
 @dataclass(frozen=True, eq=False)
 class LongSeam:
-    """Extended seam, or a wall's edge beside a corner where an extended seam ends. poles : (4, 6), mm.
-    on : by face (patches are numbered before trimmed faces), poles (2, k, 2) in parameters of its two surfaces."""
+    """Seam extended for a fillet, or a wall's edge beside a corner where an extended seam ends. poles : (4, 6), mm.
+    on : face -> poles (2, k, 2) in parameters of the face's two surfaces. Patches are numbered before trimmed faces."""
 
     poles: Floats
     on: dict[int, Floats]
 
 
 def curves_beyond(model: NetModel) -> dict[int, Floats]:
-    """Return poles (4, 6) of seams extended for fillets, by edge number; not at ends where several seams meet."""
+    """Return edge number -> poles (4, 6) of a seam extended for fillets. Ends where several seams meet do not move."""
     bent = [corner for corner in filled_corners(model) if corner.straight is None]
     return {e: poles for e, (_, poles) in _extensions(model, bent).items()}
 
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
-    """Return, by edge number: lengths (2,) added at start and end, as fractions of the edge, and new poles (4, 6)."""
+    """Return edge -> lengths (2,) added to a seam at start and end, as fractions of the seam, and new poles (4, 6)."""
     longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
     shares = dict[int, Floats]()
     for corner in corners:
@@ -121,7 +120,7 @@ def _share(poles: Floats, end: int, half: float) -> float:
 
 
 def _share_to_gap(poles: Floats, end: int, half: float) -> float:
-    """Return an extension of a seam / its length. OCCT extends the seam further, with gaps up to `TANGENT_GAP`."""
+    """Return extension / length of a seam. OCCT extends the seam further itself, with gaps up to `TANGENT_GAP`."""
     ahead = poles[::-1] if end else poles
     across = poles[-end, :3] - poles[-end, 3:]
     thick = float(np.linalg.norm(across))
@@ -138,7 +137,7 @@ def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
     """Extend seams and their surfaces, but not a seam that would then run outside one of its two faces.
-    Return the model, the trimmed faces, and `LongSeam`s of seams and of walls' edges beside seams, by edge number."""
+    Return the model, the trimmed faces, and edge -> `LongSeam` for these seams and for the walls' edges beside them."""
     corners = filled_corners(model)
     loops = _edges_around(model, faces, corners)
     seams = _on_both(model, faces, corners, loops)
@@ -185,7 +184,7 @@ def _edges_around(model: NetModel, faces: list[TrimmedFace], corners: list[Fille
 def _beside_straight(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> tuple[dict[int, Floats], dict[int, list[Floats]]]:
-    """For patches at a seam that continues a wall's edge, return wider ranges, and parameters that they must hold."""
+    """For patches at a seam in line with a wall's edge, return wider parameter ranges, and parameters to include."""
     straight = [corner for corner in corners if corner.straight is not None]
     longer, boxes, needed = _extensions(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
     for corner in straight:
@@ -266,8 +265,8 @@ DENSE = np.linspace(0, 1, 129)  # parameters of an edge where its gap to a trimm
 
 def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Put the walls around each outline, and their edges, in the order that OCCT needs for fillets.
-    The first wall begins at the joint with the smallest bend. If there is a corner at this joint, the wall's first edge
-    is reversed. The wall then needs at least two edges, so a single edge is cut in two."""
+    The first wall begins at the joint with the smallest bend. If this joint is a corner, the first edge of the wall is
+    reversed. A wall with a reversed edge needs a second edge, so a single edge is cut in two."""
     work, walls = CutEdges(model), list[NetWall]()
     face_of_edge = {e: face for face in faces for loop in face.loops for e, _ in loop}
     for outline in outlines(model):
@@ -300,8 +299,8 @@ def edge_stops(
     poles: Floats, face: TrimmedFace | None, corners: tuple[float, float], ending: tuple[bool, bool]
 ) -> list[float]:
     """Return where an edge with poles (4, 6) is cut for fillets at its corners, as fractions of its length.
-    Between a corner and its cut, the gap to the trimmed face is nowhere wider than at the corner or at the cut.
-    corners : tangents of half the bend angle at the start and the end; 0 if there is no corner.
+    From a corner to its cut, the gap between edge and trimmed face is widest at the corner or at the cut.
+    corners : tan(bend angle / 2) at the start and the end of the edge; 0 if there is no corner.
     ending  : True at a corner where the directed edge ends; there `LONGEST_SHARE` limits the distance to the cut."""
     exact = 1e-6  # OCCT ignores a gap below this (mm)
     thick, long = (float(np.linalg.norm(v)) for v in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3]))
@@ -333,7 +332,7 @@ class CutEdges:
         self.forwards = dict[int, ChainLoop]()
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
-        """Cut an edge at fractions `stops` of it, from its start (`ahead`) or end. against : reverse the first part."""
+        """Cut an edge at fractions `stops`, from its start (`ahead`) or its end. against : reverse the first part."""
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
         P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()
@@ -350,7 +349,7 @@ class CutEdges:
         self.forwards[e] = along if ahead else backwards(along)
 
     def model(self, walls: Iterable[NetWall]) -> NetModel:
-        """Return the model with the cut edges and the given walls."""
+        """Return the model with the given walls, and with the edges that `cut` divided."""
         return replace(self.given, vertices=self.vertices, edges=self.edges, walls=list(walls)).with_loops(self.loop)
 
     def loop(self, loop: ChainLoop) -> ChainLoop:

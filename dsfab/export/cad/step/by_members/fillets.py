@@ -1,4 +1,4 @@
-"""Round corners of openings: regions inside fillets join neighbouring regions; borders move to the ends of arcs."""
+"""Round corners of openings. Regions inside fillets join their neighbours; member borders move to the ends of arcs."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,7 +13,7 @@ from dsfab.export.splines import arc_lengths, polyline_length
 
 
 def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting: Lifting) -> ChainNet:
-    """Move ends of chains to the points `moves[chain, end]`, with `end` 0 or -1; the points between them follow."""
+    """Move ends of chains to the points `moves[chain, end]`, `end` 0 or -1. Inner points of the chains move, too."""
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     ends = {k: [moves.get((k, i), int(net.chains[k].points[i])) for i in (0, -1)] for k, _ in moves}
     if not ends:
@@ -38,8 +38,8 @@ def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
 
 
 def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> ChainNet:
-    """Remove walls of outlines shorter than `shortest` mm between two borders; the borders then end at one point.
-    OCCT cannot make fillets on most edges beside short walls."""
+    """Remove outline walls that are shorter than `shortest` mm and lie between two borders. The two borders then end at
+    one point. OCCT cannot make fillets on most edges beside short walls."""
     fewest_sides = 3  # a region keeps at least three sides
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     chains, moves, node_ends = dict(net.chains), dict[tuple[int, int], int](), ends_at(net)
@@ -66,7 +66,7 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
 
 
 def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
-    """Return the outline chains before and after a node, and its border's end; None without one outline and border."""
+    """Return the outline's chains before and after a node, and its border's end; None unless there is one of each."""
     outline, borders = outline_through(net, ends), [end for end in ends if net.chains[end[0]].right != VOID]
     return (*outline, borders[0]) if outline and len(borders) == 1 else None
 
@@ -79,7 +79,7 @@ def turn_at(three: Floats) -> float:
 
 
 class _Arcs:
-    """Arcs of round corners. If a border ends at an arc, a short wall behind the border may become part of the arc."""
+    """Arcs of round corners. If a border ends at an arc, the arc may take over a short wall beyond the border."""
 
     def __init__(self, net: ChainNet, P: Floats, arcs: frozenset[int]) -> None:
         self.P, self.chains, self.arcs = P, dict(net.chains), arcs
@@ -119,7 +119,7 @@ class _Arcs:
 
 
 def without_fillets(net: ChainNet, lifting: Lifting) -> ChainNet:
-    """Join the region inside each rounded corner with its neighbours; other regions outside stripes do not change."""
+    """Join the region inside each rounded corner with its neighbours. Leave other regions outside stripes unchanged."""
     work = _Fillets(net, lifting)
     for region in sorted(net.loose & net.loops.keys()):
         work.take_region(region)
@@ -242,7 +242,7 @@ class _Fillets:
         return [k for k in self.at.get(point, []) if k in self.chains]
 
     def _divide_arc(self, inner: ChainLoop, neighbours: list[int], halves: list[Ints]) -> None:
-        """Give the first part of an arc to the first neighbour, the last to the last. halves : points of the parts."""
+        """Give an arc's first part to the first neighbour, its last part to the last. halves : points of each part."""
         for i, ((k, ahead), neighbour) in enumerate(zip(inner, neighbours, strict=True)):
             replacement: ChainLoop = []
             half = halves[0] if i == 0 else halves[-1] if i == len(inner) - 1 and len(halves) > 1 else None

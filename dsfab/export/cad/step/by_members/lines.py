@@ -53,7 +53,7 @@ class ChainLine:
         return self._divide(lambda a, b, P: (float(a), float(b)) not in marked)
 
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
-        """Divide cubics until `may_stay` accepts all: at a chain's end near the middle, or else in the middle."""
+        """Divide cubics until `may_stay` accepts all. Cut at a chain's end near the middle, or else in the middle."""
         shortest = 1 / 16  # shortest span that is divided; otherwise, division may never end
         middle_share = 1 / 4  # a cut at a chain's end is nearer to the cubic's middle than this fraction of the cubic
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
@@ -152,7 +152,7 @@ def with_ends_on_lines(lines: NetLines) -> NetLines:
 
 
 def with_twins(lines: NetLines) -> NetLines:
-    """Use one curve for both sides of a seam: the outer poles of one side are the inner poles of the opposite side.
+    """Use one curve for both sides of a seam of a one-sided sheet; the sides have swapped outer and inner poles.
     Raises ExportError if the chains on the two sides differ."""
     net, result, twins = lines.net, list(lines.lines), dict[int, int]()
     seam = {tuple(net.chains[k].points.tolist()): lines.place[k][0] for k in net.chains if net.on_seam(k)}
@@ -168,7 +168,7 @@ def with_twins(lines: NetLines) -> NetLines:
 
 
 def _points_on(lines: NetLines) -> dict[int, Floats]:
-    """Return the points where two chains of a line join, by node; all together, because other lines may end there."""
+    """Return node -> point where two chains of a line join. Solve for all, because other lines may end at a point."""
     net, inner_nodes = lines.net, list[tuple[int, int, float]]()
     for i, line in enumerate(lines.lines):
         inner_nodes += [(node, i, x) for node, x in zip(lines.nodes(i)[1:-1], line.at[1:-1].tolist(), strict=True)]
@@ -199,7 +199,7 @@ def node_of(net: ChainNet, end: ChainEnd) -> int:
 
 
 def end_of(step: tuple[int, bool]) -> ChainEnd:
-    """Return the end of a chain that a loop reaches last. step : chain, and True if the loop runs along the chain."""
+    """Return the end where a loop leaves a chain. step : chain, and True if the loop runs along the chain."""
     return step[0], -1 if step[1] else 0
 
 
@@ -230,7 +230,7 @@ def with_arcs(
     rounded: Collection[int],
     arcs_on_skins: ArcsOnSkins,
 ) -> NetLines:
-    """Replace lines along round corners by arcs on the skins. tolerances : mm, by chain. rounded : their chains."""
+    """Replace lines along round corners by arcs on the skins. tolerances : mm, by chain. rounded : corners' chains."""
     rounds = 4  # after the removal of an arc, the arcs beside it change, and may be too far from their chains
     corners = _Corners(lines, rounded)
     arcs = dict[int, ChainCurve]()
@@ -287,7 +287,7 @@ class _Corners:
         self.made = dict[int, tuple[Floats | None, Floats | None, ChainCurve | None]]()
 
     def arcs(self) -> dict[int, ChainCurve]:
-        """Return the arcs of round corners, by chain. An end without a known tangent has the direction of its chain."""
+        """Return chain -> arc of a round corner. An arc's end without known tangent has the direction of its chain."""
         result = dict[int, ChainCurve]()
         for k in sorted(self.round):
             arc = self._arc(k, *(self._known_way(int(self.net.chains[k].points[i])) for i in (0, -1)))
@@ -306,7 +306,7 @@ class _Corners:
         return self.made[k][2]
 
     def _known_way(self, node: int) -> Floats | None:
-        """Return the tangent (6,) of an outline at a node; None at a corner, or if a border leaves at a small angle."""
+        """Return an outline's tangent (6,) at a node; None at a corner, or if a border nearly follows the tangent."""
         if node not in self.nodes:
             return None
         before, after = self.nodes[node]
@@ -330,7 +330,7 @@ class _Corners:
         return d if steep else None
 
     def _on_circle(self, before: int, after: int) -> Floats:
-        """Return the tangent (6,), at the joint of two chains, of the circle through the joint and their other ends."""
+        """Return the tangent (6,) at the joint of two chains: to the circle through the joint and their outer ends."""
         spans_before, spans_after = self.curves[before].spans, self.curves[after].spans
         a, b, c = spans_before[0, 0], spans_before[-1, -1], spans_after[-1, -1]
         length_before, length_after = (float(np.linalg.norm(_mean_direction(chord))) for chord in (b - a, c - b))

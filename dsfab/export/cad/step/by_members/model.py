@@ -35,7 +35,7 @@ class NetWall:
 
 @dataclass(frozen=True, eq=False)
 class NetPatch:
-    """Four-sided face on each skin.
+    """Four-sided face on the outer skin, and its counterpart on the inner skin.
     loop  : edges counter-clockwise from outside; each side has one or several edges.
     poles : (4, 4, 6), mm.    within : True if the surface extends beyond the face."""
 
@@ -69,7 +69,7 @@ class NetModel:
         return b"".join(self.poles(step).tobytes() for loop in loops for step in loop)
 
     def poles(self, step: tuple[int, bool]) -> Floats:
-        """(4, 6) poles of an edge in a loop. step : number of the edge, and True if the loop has its direction."""
+        """(4, 6) poles of an edge in a loop. step : number of the edge, and True if the loop runs along the edge."""
         e, ahead = step
         return self.edges[e].poles[:: 1 if ahead else -1]
 
@@ -243,7 +243,7 @@ def corner_tangents(model: NetModel) -> dict[int, float]:
 
 
 def filled_corners(model: NetModel) -> list[FilledCorner]:
-    """Return the corners that a fillet fills with material, and where just one seam ends; [] for one-sided surfaces."""
+    """Return corners that a fillet fills with material and where exactly one seam ends; [] for one-sided surfaces."""
     straight_cosine = np.cos(0.01)  # OCCT 8.0 accepts a bend of 0.01 radians between a seam and its continuation
     if model.seam:
         return []

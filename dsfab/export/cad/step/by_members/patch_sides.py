@@ -1,4 +1,4 @@
-"""Sides of four-sided regions: corners, chains that become one line, and divisions of opposite sides."""
+"""Sides of four-sided regions: their corners, lines along several chains, and points that divide opposite sides."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -85,7 +85,7 @@ class QuadSide:
     at: Floats
 
     def backwards(self) -> "QuadSide":
-        """Return the side in the opposite direction."""
+        """Return this side, reversed in direction."""
         return QuadSide([(i, b, a) for i, a, b in self.parts[::-1]], 1 - self.at[::-1])
 
 
@@ -94,14 +94,14 @@ SideGrid = tuple[list[LinePart], list[LinePart], list[LinePart], list[LinePart]]
 
 
 class SideStations:
-    """Stations: points where two opposite sides of a region are divided. stops : by line, parameters of stations."""
+    """Stations: points where two opposite sides of a region are divided. stops : parameters of stations, by line."""
 
     def __init__(self, lines: NetLines, chains: Mapping[int, SampledChain]) -> None:
         self.lines, self.chains = lines, chains
         self.stops = [{*line.at.tolist(), *line.curve.breaks.tolist()} for line in lines.lines]
 
     def cells(self, quad: Quad) -> int:
-        """Number of patches of a region after its sides are divided at stations (see `SideStations`)."""
+        """Number of patches of the region `quad` after its sides are divided at stations (see `SideStations`)."""
         bottom_side, right_side, top_side, left_side = (self._side(steps) for steps in quad.sides)
         pairs = (bottom_side, top_side.backwards()), (left_side.backwards(), right_side)
         along, up = (1 + len(paired_shares(*(np.array(list(self._breaks(side))) for side in two))[0]) for two in pairs)
@@ -145,7 +145,7 @@ class SideStations:
         return first_parts, self._parts_between(second_side, second_breaks, pairs[1])
 
     def _parts_between(self, side: QuadSide, breaks: Mapping[float, tuple[int, float]], cuts: Floats) -> list[LinePart]:
-        """Divide a side at `cuts`, fractions (k,) of its length. A cut that is not in `breaks` becomes a station."""
+        """Divide a side at `cuts`, fractions (k,) of its length. Cuts that are not in `breaks` become new stations."""
         ends, parts = np.concatenate([[0.0], cuts, [1.0]]), list[LinePart]()
         p, x = 0, side.parts[0][1]
         for before, share, after in zip(ends, ends[1:-1].tolist(), ends[2:], strict=False):
@@ -193,7 +193,7 @@ def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, 
 
 
 CHORD_SHARE = 1 / 8
-"""Fraction of the mesh's chord error that is added to the tolerance of lines. Larger values make tori too inexact."""
+"""Fraction of the mesh's chord error that is added to the tolerance of lines. Larger fractions make tori inexact."""
 
 
 class LineFits:
@@ -211,7 +211,7 @@ class LineFits:
         self.pulled, self.arcs = dict[int, tuple[ChainLine, ChainLine]](), ArcsOnSkins(away)
 
     def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
-        """Fit lines along the chains of a net. A line follows several chains if it then has fewer spans in total."""
+        """Fit lines along the chains of a net. One line follows several chains if this needs fewer spans in total."""
         turns, self.within = partial(chain_turn, chains, reach), chain_tolerances(net, chains, self.distance)
         arced = {k: OUTLINE_SHARE * self.distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
         rounded = round_chains(net, chains, arced)
@@ -266,7 +266,7 @@ class LineFits:
         return [self.pulled[id(line)][1] for line in lines]
 
     def halved_strays(self, lines: list[ChainLine]) -> list[ChainLine]:
-        """Halve long cubics that are too far from the skins even after `on_skins`."""
+        """Halve long cubics that are still too far from the skins after `on_skins` moved them onto the skins."""
         curves = on_skins([line.curve for line in lines], self.away)
         if not curves:
             return lines
@@ -314,7 +314,7 @@ def chain_turn(chains: Mapping[int, SampledChain], reach: float, first_end: Chai
 
 
 def line_links(net: ChainNet, quads: Iterable[Quad], turn: Turn, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
-    """Pair the ends of consecutive chains that one line can follow: on a side of a region, or on a smooth outline.
+    """Pair the ends of consecutive chains if one line can follow them: on a side of a region, or on a smooth outline.
     Chains in `arcs` (round corners) are paired only along outlines, not along sides of regions."""
     smooth = 10.0  # degrees; one line follows two consecutive chains of an outline only if they bend by less
     candidates = list[tuple[int, float, ChainEnd, ChainEnd]]()

@@ -14,7 +14,7 @@ from dsfab.export.splines import bernstein
 
 def places(poles: Floats, axes: Floats, points: Floats) -> Floats:
     """Return the parameters (k, 2) of points (k, 3) on a surface with poles (p + 1, p + 1, 3).
-    Seen along the third axis, the poles are a regular grid in a parallelogram."""
+    The poles must form a regular grid in a parallelogram when seen along the third of the `axes`."""
     (a, b), (c, _) = poles[:: len(poles) - 1, :: len(poles) - 1] @ axes[:2].T
     return np.asarray(np.linalg.solve(np.stack([c - a, b - a], axis=1), (points @ axes[:2].T - a).T).T)
 
@@ -26,7 +26,7 @@ def height_rows(uv: Floats, degree: int) -> Floats:
 
 
 def rows_at(uv: Floats) -> Callable[[int], Floats]:
-    """Return a cached function of the degree. It returns `height_rows` at the parameters uv (k, 2)."""
+    """Return a cached function of a polynomial degree. It returns `height_rows` at the parameters uv (k, 2)."""
     return cache(partial(height_rows, uv))
 
 
@@ -85,7 +85,7 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Return the largest result (mm) of `beyond_mesh` on surfaces inside outlines (., 3); -inf without a function."""
+    """Return the largest value (mm) of `beyond_mesh` on surfaces inside outlines (., 3); -inf without `beyond_mesh`."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]

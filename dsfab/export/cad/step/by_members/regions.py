@@ -62,7 +62,7 @@ class ChainNet:
     twins: dict[int, int] = field(default_factory=dict)
 
     def on_seam(self, k: int) -> bool:
-        """Return True if a chain runs along the seam. Its right region is VOID, but the solid continues across it."""
+        """Return True if chain k lies on the seam: the region to its right is VOID, but the solid continues there."""
         points = self.chains[k].points
         return bool(self.twins) and self.chains[k].right == VOID and all(int(p) in self.twins for p in points)
 
@@ -181,7 +181,7 @@ class _BorderWalk:
         return np.stack([np.append(self.start[side], self.end[side]) for side in (side_a, side_b)])
 
     def _round_ends(self, bent: Bools, void: Bools) -> Bools:
-        """Mark half-edges at ends of an outline's round corners. bent : they end at a bend.    void : on an outline."""
+        """Mark outline half-edges at ends of round corners. bent : half-edges before a bend.   void : on outlines."""
         h, position = self.along, np.full(len(self.border), -1)
         position[h] = np.arange(len(h))
         after = position[self.after[h]]

@@ -1,4 +1,4 @@
-"""Preparation of sharp corners for fillets: trimmed faces move onto their edges, or edges of walls onto the faces."""
+"""Preparation of sharp corners for fillets: move trimmed faces onto their edges, or else edges of walls onto faces."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from dsfab.export.splines import bernstein
 
 @dataclass(frozen=True)
 class MovedRim:
-    """Edges of walls that move onto a face (`pieces`). edges, vertices : changed edges and points (6,), by number."""
+    """Result of moving wall edges `pieces` onto a face. edges, vertices : changed edges and points (6,), by number."""
 
     pieces: list[int]
     edges: dict[int, NetEdge]
@@ -25,7 +25,7 @@ class MovedRim:
 
 class Rims:
     """Edges of walls (rims). At sharp corners of outlines, rims can move onto neighbouring faces.
-    pieces : rims at sharp corners.    ends : by vertex, numbers of the edges that meet there."""
+    pieces : numbers of rims at sharp corners.    ends : for each vertex, the numbers of the edges that meet there."""
 
     def __init__(self, model: NetModel, pieces: Collection[int]) -> None:
         self.model, self.edges, self.vertices = model, list(model.edges), list(model.vertices)
@@ -38,7 +38,7 @@ class Rims:
         self.moved = set[int]()
 
     def pieces_around(self, face: TrimmedFace) -> set[int]:
-        """Return the rims (edges of walls) at sharp corners that lie on the outline of a face."""
+        """Return each rim (edge of a wall) that ends at a sharp corner and lies on the outline of a face."""
         return self.pieces & _edges_of_face(face)
 
     def seams(self, face: TrimmedFace, curves: Mapping[int, Floats]) -> dict[int, Floats]:
@@ -48,7 +48,7 @@ class Rims:
 
     def moved_onto(self, face: TrimmedFace, on_seams: bool) -> MovedRim | None:
         """Return the changes that move rims (edges of walls) at sharp corners onto a face; None if no rim can move.
-        on_seams : True if the face contains all other edges at its corners; then rims that meet these can also move."""
+        on_seams : True if the face contains its seams (other edges) at corners; then rims at seams can also move."""
         nodes, around = np.linspace(0, 1, 4)[:, None], _edges_of_face(face)  # heights at 4 places determine a cubic
         free = {v for v, ends in self.ends.items() if len(ends) == 2 and around & self.rims >= set(ends)}
         ends = {e: (self.edges[e].start, self.edges[e].end) for e in around}
@@ -100,18 +100,17 @@ Edges on the inner skin are shorter at openings, so large fillets do not fit the
 TEST_PLACES = np.linspace(0, 1, 33)  # parameters of the samples along an edge
 
 FLUSH_TOLERANCE = 1e-6
-"""Largest distance (mm) of an edge at a sharp corner from its face. With 5e-7, OCCT makes all fillets of a dome."""
+"""Largest distance (mm) of an edge at a sharp corner from its face. At 5e-7, OCCT makes all fillets of a dome."""
 
 STILL_ROWS = rows_at(np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2))
-"""Basis at a grid of places where a surface must stay. Without them, the surface of a 2 m sphere moved by 1.4 mm."""
+"""Basis at a grid of places where a fit must hardly move a surface. Without the grid, a 2 m sphere moved by 1.4 mm."""
 
 MOVED = 1 / 400  # largest movement of points inside a face, as a fraction of the thickness
 
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Cut edges near sharp corners beside trimmed faces, and fit each face exactly to its edges at the corners.
-    If the fit leaves gaps wider than `SPLIT`, or moves a face by more than `MOVED`, edges of walls move onto the face
-    instead. These edges move by at most `SPLIT`."""
+    If gaps would exceed `SPLIT`, or movements `MOVED`, edges of walls move onto the face instead, up to `SPLIT`."""
     face_edges = {e for face in faces for loop in face.loops for e, _ in loop}
     near_vertices = {v for e in face_edges for v in (model.edges[e].start, model.edges[e].end)}
     corners = {v: half for v, half in corner_tangents(model).items() if v in near_vertices}
@@ -169,7 +168,7 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
-    """Return fractions of an edge at which to cut it, so that fillets fit. halves : fillet lengths / fillet radius."""
+    """Return fractions of an edge where it is cut, so that fillets fit. halves : fillet length / radius at each end."""
     shortest_cut = 0.1  # the part between two cuts, or beyond a single cut, is at least this fraction of the edge
     radius = FILLET_SHARE * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
     line, shares = bernstein(TEST_PLACES) @ poles, list[float]()
@@ -186,7 +185,7 @@ def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
 
 
 def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Floats]) -> TrimmedFace:
-    """Return a face fitted exactly to `held_curves` (by edge, poles (4, 6)), or the old face if no exact fit exists."""
+    """Fit a face exactly to edges `held_curves` ({edge: poles (4, 6)}); return the old face if no exact fit exists."""
     curves = [held_curves[e] for e in sorted({e for loop in face.loops for e, _ in loop} & held_curves.keys())]
     if not curves:
         return face
@@ -206,8 +205,8 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
-    """Return the poles of a surface refitted through points, or None. The surface must contain group 1 of the points.
-    Limits: `FLUSH_TOLERANCE` at group 2 (tests), `SPLIT` at group 3 (edges), a move of `largest_move` at group 4."""
+    """Refit a surface through `points[0]`; return its poles, or None if a limit is exceeded. Limits: distance
+    `FLUSH_TOLERANCE` at `points[1]` (tests), `SPLIT` at `points[2]` (edges); move `largest_move` at `points[3]`."""
     hopeless = 20.0  # the search ends after three polynomial degrees if a residual is over 20 times its limit
     more_degrees = 6  # the degree of a surface rises by at most 6
     exact = 5e-8  # mm; goal of the fit. OCCT ignores gaps up to twice this, but rounding of poles widens gaps
@@ -237,7 +236,7 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
-    """Return movements of pole heights, so that a surface contains the points of group 1 and is near group 3."""
+    """Return movements of pole heights that put a surface onto the points of `rows[0]`, and near those of `rows[2]`."""
     held_weight, move_weight = 1e6, 1e-4  # weights of points that the surface must contain, of small pole movements
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), move_weight * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]

@@ -25,8 +25,8 @@ from dsfab.export.splines import bernstein, polyline_length
 
 @dataclass(frozen=True, eq=False)
 class FaceDomain:
-    """Parallelogram around the edges of a face, in the plane of the first two axes (3, 3).
-    origin : (3,)    sides : (2, 2) directions of the sides.    low, high : (2,) extent along the sides.
+    """Parallelogram around the edges of a face. axes : (3, 3) two axes of its plane, and the plane's normal.
+    origin : (3,)    sides : (2, 2) directions of the sides in the plane.    low, high : (2,) extent along the sides.
     uv, z  : (k, 2) parameters and (k,) heights of points: first inner points, then points of edges.
     inside : number of inner points."""
 
@@ -58,8 +58,8 @@ class FaceDomain:
         return np.asarray(self.origin + np.concatenate([plane, z[..., None]], axis=2) @ self.axes)
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
-        """Choose two right-handed sides among directions `ways` (k, 2) for a parallelogram that leaves `box` least.
-        A quadratic surface that is fitted to all points gives the heights of the parallelogram's corners."""
+        """Choose two of the directions `ways` (k, 2) as right-handed sides of a parallelogram.
+        Its corners, on a quadratic surface fitted to all points, leave `box` as little as possible."""
         least_sine = 1 / 4  # sine of the angle of the sides; at smaller angles, a bent surface would have folds
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
@@ -98,20 +98,20 @@ def _outside(points: Floats, box: Floats) -> Floats:
 
 
 SPLIT = 0.045
-"""Widest gap (mm) between an edge that OCCT may cut and its face, measured at 23 points. A part of the cut edge has its
-own 23 points. There the gap may be wider, but OCCT allows at most 0.05 mm (`BOPAlgo_Builder::PostTreat`)."""
+"""Widest gap (mm) between a face and an edge that OCCT may cut, measured at 23 points of the edge.
+Parts of a cut edge have their own 23 points, where OCCT allows gaps up to 0.05 mm (`BOPAlgo_Builder::PostTreat`)."""
 
 EDGE_WEIGHTS = (100.0, 10.0)
 """Weights of edge points in trial fits of a face; inner points have weight 1. The last trials have the smaller one."""
 
 SMOOTH_WEIGHTS = (1e-1, 1e-2)
 """Weights of smooth pole movements (second differences) in trial fits; the smaller weight is for later trials.
-Poles that are far from all points then hardly move, so that OCCT's bounding box does not grow."""
+With these weights, poles far from all points hardly move, so that OCCT's bounding box does not grow."""
 
 BASE_DEGREE = 2  # degree of the surface to which corrections of higher degree are added
 
 USUAL_TRIALS = tuple((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[0], degree) for degree in (2, 3, 4, 5, 6, 7, 8, 9))
-"""Trial fits of a face: weight of edges, weight of second differences, degree. A fit within all limits ends them."""
+"""Trial fits of a face: weight of edges, weight of second differences, degree. The first fit within limits is used."""
 
 FURTHER_TRIALS = (
     *((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[1], degree) for degree in (7, 9, 11, 13, 15)),
@@ -148,7 +148,7 @@ class TrimmedFace:
 
     @property
     def skins(self) -> tuple[tuple[Floats, Floats, slice], ...]:
-        """For each skin: poles and axes of its surface, and the columns of its points (a slice) in arrays (k, 6)."""
+        """For each skin: poles and axes of its surface, and the columns (a slice) of this skin in points (k, 6)."""
         return (self.outer, self.axes[0], slice(3)), (self.inner, self.axes[1], slice(3, 6))
 
     def gaps(self, points: Floats) -> Floats:
@@ -159,8 +159,8 @@ class TrimmedFace:
 def trimmed_face(
     model: NetModel, loops: list[ChainLoop], points: Floats, limits: FaceLimits, part: bool = False
 ) -> TrimmedFace:
-    """Fit a face on each skin to a region. points : (k, 6) inside. Raises ExportError if a single surface cannot fit.
-    part : True if the points belong to a larger region; then only points inside the edges are used."""
+    """Fit one surface on each skin to a region of the sheet. Raises ExportError if a single surface cannot fit.
+    points : (k, 6) in the region. If `part` is true, in a larger region; points outside of the edges are ignored."""
     lines = [loop_samples(model, loop) for loop in loops]
     edges = np.concatenate(lines)
     if part:
@@ -191,7 +191,7 @@ def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
 
 
 def inside_of(line: Floats) -> Floats:
-    """Return (k, d) test points inside an outline (n, d), to measure how far a fitted surface moves."""
+    """Return (k, d) points inside an outline (n, d), where the movement of a surface by a new fit is measured."""
     shares, middle = np.array([0.3, 0.5, 0.7, 0.85, 0.95]), line.mean(axis=0)  # fractions from middle to outline
     return np.asarray((middle + shares[:, None, None] * (line - middle)).reshape(-1, line.shape[1]))
 
@@ -238,8 +238,8 @@ def height_surface(
     points: Floats, edges: Floats, ways: Floats, axes: Floats, limits: FaceLimits
 ) -> tuple[Floats, Floats, float, float]:
     """Fit a surface to inner points (k, 3) and edges (j, 3); return poles, axes, distance from edges, and from points.
-    The surface covers a rectangle in its mean plane. If poles are outside `limits.box`, a parallelogram is tried: two
-    of the edges' chords `ways` (c, 3) are the directions of its sides."""
+    The surface covers a rectangle in its mean plane. If poles are outside `limits.box`, a parallelogram is tried.
+    The sides of the parallelogram are parallel to two of the edges' chords `ways` (c, 3)."""
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
     over = FaceDomain.from_edges(points, edges, axes, np.eye(2))
     poles, gap, inner_distance = _fit_domain(over, limits)
@@ -266,13 +266,13 @@ def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
 
 
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
-    """Fit a surface to a closed line (k, 6) and inner points (j, 6); return the line's distances (k,) from it, mm.
-    The larger of the distances on both skins counts. All distances are infinite if the region bends too much."""
+    """Fit a surface on each skin to a closed line (k, 6) and inner points (j, 6); return the line's distances (k,), mm.
+    Each is the larger distance of the two skins. All distances are infinite if the region bends too much."""
     return np.maximum(*misfits(points, line, degree))
 
 
 def misfits(points: Floats, line: Floats, degree: int) -> Iterator[Floats]:
-    """Yield the distances (k,) as in `misfit`, first on the outer skin and then on the inner skin."""
+    """Yield the distances (k,) of a line from surfaces (see `misfit`): first on the outer skin, then on the inner."""
     points = points[inside_outlines(points, [line])]
     allowed = np.concatenate([points, line])
     mean = middle_normal(allowed)
@@ -291,7 +291,7 @@ def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
 
 
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
-    """Rotate axes about the last one to shrink a line's rectangle much, so that fewer poles are far from all points."""
+    """Rotate axes in their plane if the rectangle around a line gets much smaller: fewer poles are far from points."""
     least_gain = 3 / 4  # axes rotate only if the area of the new rectangle is below this fraction of the old area
     turned = TURNED @ axes[:2]
     area = np.ptp(line @ turned.transpose(0, 2, 1), axis=1).prod(axis=1)
@@ -324,7 +324,7 @@ def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
 
 
 def _heights(A: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) -> Floats:
-    """Fit pole heights (p + 1, p + 1) to heights z (k,), with a smooth change of `base`. A : basis (k, (p + 1)^2)."""
+    """Return pole heights (p + 1, p + 1) for heights z (k,): `base` plus smooth changes. A : basis (k, (p + 1)^2)."""
     rows = np.concatenate([weight[:, None] * A, smooth * differences(len(base))])
     right = np.zeros(len(rows))
     right[: len(z)] = weight * (z - A @ base.ravel())

@@ -36,7 +36,7 @@ def without_strays(
 ) -> dict[int, TrimmedFace]:
     """Fit faces again, with more points, if they are too far from the skins of the sheet.
     points : (k, 6) that each face was fitted to.    away : function of points; returns the vectors to both skins.
-    If `limits` has a limit for the distance from the mesh, no face changes here; `divided_faces` divides them later."""
+    If `limits` limits the distance from the mesh, return the same faces; `divided_faces` divides far faces later."""
     rounds = 2  # after a correction in one place, a face may be too far from the skins in another place
     result, todo, fit_points = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
     for _ in range(rounds):
@@ -58,7 +58,7 @@ def without_strays(
 def _skins_beside(
     model: NetModel, faces: Sequence[TrimmedFace], away: Callable[[Floats], Floats], tolerance: float
 ) -> list[Floats]:
-    """Return points (k, 6) on both skins near samples of each face; none for a face within `tolerance` of them."""
+    """Return, for each face, points (k, 6) on both skins near samples; none if the skins are within `tolerance`."""
     samples = [_places(model, face) for face in faces]
     ways = away(np.concatenate(samples))
     result = list[Floats]()
@@ -79,7 +79,7 @@ SLOPE_STEP = 1e-3  # distance (mm) of two points that determine the slope of a s
 
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
-    """Change faces so that OCCT's measured points include the widest gap along each seam that ends at a wall.
+    """Change faces so that the widest gap along each seam that ends at a wall lies where OCCT measures gaps.
     A face does not change if its gap, or the movement of its inner points, would be larger than `SPLIT`."""
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
@@ -90,7 +90,7 @@ def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[Trimme
 def _with_peaks(
     face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int], exact_poles: Mapping[int, Floats]
 ) -> TrimmedFace:
-    """Return a face with the widest gaps of seams at OCCT's samples. exact_poles : by edge, curves of an exact face."""
+    """Move widest gaps at a face's seams to where OCCT measures. exact_poles : by edge, curves of an exact face."""
     fine = 5e-4  # mm; if an edge has a smaller gap, the poles of its face are written with all digits
     face_edges = sorted({e for loop in face.loops for e, _ in loop})
     seams = [e for e in face_edges if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
@@ -111,8 +111,8 @@ def _with_peaks(
 
 @dataclass(frozen=True, eq=False)
 class _PeakSurface:
-    """Surface of a face on one skin: poles (p + 1, p + 1, 3), axes (3, 3), and points in mm.
-    seams : (e, k, 3) along seams.  edges : (j, 3) along all edges.  held : (h, 6, 3) on edges, to keep exact edges."""
+    """Surface of a face on one skin: poles (p + 1, p + 1, 3), axes (3, 3), and points on edges, mm.
+    seams : (e, k, 3) on seams.  edges : (j, 3) on all edges.  held : (h, 6, 3) on each edge, to keep edges exact."""
 
     poles: Floats
     axes: Floats
@@ -121,8 +121,8 @@ class _PeakSurface:
     edges: Floats
 
     def with_peaks_at_samples(self, exact: bool) -> Floats:
-        """Return poles of a surface, so that OCCT's samples include the widest gap of as many seams as possible.
-        Low degrees are preferred. exact : True if exact edges must stay exact."""
+        """Return poles that put the widest gap of as many seams as possible where OCCT measures gaps.
+        Low degrees are preferred. exact : True if edges that lie exactly on the surface must stay on it."""
         more_degrees = 2  # the degree of a surface may rise by 2
         exact_gap = 1e-6  # an edge with at most this gap (mm) is exact and stays exact
         local, count = self.poles @ self.axes.T, len(self.poles)
@@ -140,7 +140,7 @@ class _PeakSurface:
         return float(np.abs(self._gaps_and_cosines(poles @ self.axes.T)[0]).max(axis=1).min())
 
     def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
-        """Move poles in rounds; return for each: pole heights, number of seams with the widest gap between samples."""
+        """Move poles in rounds. Return each round's pole heights, and number of seams whose widest gap OCCT misses."""
         rounds = 6  # largest number of times that all poles move
         peak, smooth, still = 1e4, 1e-2, 1e-4  # weights: gaps at samples, smooth pole movements, small pole movements
         degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
@@ -182,7 +182,7 @@ class _PeakSurface:
         return rows_at(self._places(self.seams + ways[:, None, None]))
 
     def _seam_rows(self, degree: int) -> Floats:
-        """(3, e, k, poles) basis at points of seams: in place, and moved by `SLOPE_STEP` along axis 0 and axis 1."""
+        """(3, e, k, poles) basis at points of seams, and `SLOPE_STEP` beside these points along axis 0 and axis 1."""
         return self._step_rows(degree).reshape(3, *self.seams.shape[:2], -1)
 
     def _gaps_and_cosines(self, local: Floats) -> tuple[Floats, Floats]:
@@ -208,14 +208,14 @@ def _summits(gaps: Floats) -> Floats:
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
-    """Return the index of OCCT's sample nearest to the widest of gaps (k,), and the gap wanted there; 0 for any gap."""
+    """Return the index of OCCT's sample nearest to the widest of gaps (k,), and the gap to set there; 0 to set none."""
     higher = 1.003  # in later rounds, the wanted gap is this factor times the widest gap of the previous round
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
-    """Return linear equations that make gaps widest at samples `pinned`; inside a seam, a gap's slope is 0 there."""
+    """Return linear equations for widest gaps at samples. pinned : (sample, gap) by seam. Inner samples get slope 0."""
     slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # derivative of a gap from five points in a row
     pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():

@@ -60,8 +60,8 @@ class HalvedOutline:
 
     def chords(self, worst: Ints, times: int = 1) -> Iterator[tuple[int, int]]:
         """Yield pairs (i, j) of places, i < j, whose chord lies well inside the outline.
-        Chords that end at the `worst` places (k,), with the widest gaps, are the first group, all others the second.
-        Each group has at most `times * TRIED / 2` chords, sorted by length / area of the smaller part of the region."""
+        Chords that end at a place in `worst` (k,), where gaps are widest, are the first group, all others the second.
+        Each group has at most `times * TRIED / 2` chords, sorted by length / area of the region's smaller part."""
         least_width = 1 / 20  # smallest width of a part / thickness; OCCT fails on narrower parts
         axes = axes_of(middle_normal(self.line))
         line, place_points = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
@@ -93,15 +93,15 @@ def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
 TRIAL_DEGREE = 6  # degree of the surfaces that are fitted to compare possible seams
 
 TIMES = 3
-"""Largest multiple of the usual number of seams. More seams are tried if parts still exceed a limit."""
+"""Largest factor on the usual number of tried seams. The factor rises if parts of a divided face exceed a limit."""
 
 OUT, OFF = 1 / 150, 2.0
 """A face beyond these limits is divided. OUT : distance of poles from `limits.box`, as a fraction of its diagonal.
 OFF : distance of the face from the inner points of its region, as a multiple of `limits.off`."""
 
 CUBIC_COUNTS, STRAY_SHARE = (1, 2, 4), 1 / 2
-"""CUBIC_COUNTS : tried numbers of cubics in a seam. STRAY_SHARE : largest distance from the skins / `limits.off`.
-If the distance from the mesh is limited, a seam is a single cubic. OCCT would fail beside a seam of several cubics."""
+"""CUBIC_COUNTS : tried numbers of cubics in a seam. STRAY_SHARE : largest distance of seams from skins / `limits.off`.
+If the distance from the mesh is limited, a seam is a single cubic: OCCT would fail beside a seam of several cubics."""
 
 
 def divided_faces(
@@ -131,8 +131,8 @@ def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
 
 
 class FaceDivision:
-    """Division of several regions of a model. away, limits : see `divided_faces`.
-    halves : the two new edges of each halved edge.    times : factor on the number of seams that are tried."""
+    """Division of several regions of a model. away, limits : as in `divided_faces`.
+    halves : the two new edges of each halved edge.    times : multiple of the usual number of tried seams."""
 
     def __init__(self, model: NetModel, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
         self.model, self.away, self.limits = model, away, limits
@@ -140,7 +140,7 @@ class FaceDivision:
         self.times = 1
 
     def parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face with inner points (k, 6). More seams are tried if the distance from the mesh has a limit."""
+        """Divide a face with inner points (k, 6). If the distance from the mesh is limited, more seams may be tried."""
         edges, vertices, halves = len(self.model.edges), len(self.model.vertices), dict(self.halves)
         for times in range(1, TIMES + 1 if self.limits.beyond_mesh else 2):
             del self.model.edges[edges:], self.model.vertices[vertices:]
@@ -170,7 +170,7 @@ class FaceDivision:
         return steps
 
     def two_parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face by a seam that improves both parts: the first such seam (`times` = 1), or else the best."""
+        """Divide a face by a seam that improves both parts: the first such seam if `times` is 1, else the best."""
         less = 0.9  # each part must have an `allowance_used` below this fraction of that of the undivided face
         loop, model = self.over_halves(face.loops[0]), self.model  # divisions of other faces may have halved edges
         best_seam: tuple[int, int, Floats] | None = None
@@ -190,7 +190,7 @@ class FaceDivision:
         return self.part_faces(self.seam_loops(loop, *best_seam), points) if best_seam else []
 
     def part_faces(self, loops: Iterable[ChainLoop], points: Floats) -> list[TrimmedFace]:
-        """Fit a face to each part of a region. points : (k, 6) inside the region. Returns [] if a fit fails."""
+        """Fit a face inside each loop. points : (k, 6) on both skins of the region. Returns [] if a fit fails."""
         try:
             two = {i: trimmed_face(self.model, [loop], points, self.limits, True) for i, loop in enumerate(loops)}
         except ExportError:
@@ -265,7 +265,7 @@ class FaceDivision:
         edges += [NetEdge(edge.start, middle, first_poles), NetEdge(middle, edge.end, second_poles)]
 
     def finish(self, faces: list[TrimmedFace]) -> list[TrimmedFace]:
-        """Remove the edges that `halve` divided from the model; return the faces with the new edge numbers."""
+        """Remove the edges that `halve` replaced by two new edges; return the faces with the new edge numbers."""
         model = self.model
         remaining = [e for e in range(len(model.edges)) if e not in self.halves]
         number = {e: i for i, e in enumerate(remaining)}

@@ -1,1 +1,1 @@
-"""Plan of a curved solid, its outlines, and both skins with tolerances, for step = 'smooth' and step = 'members'."""
+"""Preparation of curved solids for step = 'smooth' and step = 'members': outlines, and both skins with tolerances."""

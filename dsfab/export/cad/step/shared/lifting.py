@@ -46,7 +46,7 @@ def crease_edges(surface: Surface) -> Bools:
 
 
 def _extended_creases(surface: Surface, bend: Floats, inner: Bools, crease: Bools) -> Bools:
-    """Extend creases straight. An added edge bends far more than at least one other edge of each of its two faces."""
+    """Extend creases straight. In each of the two faces of an added edge, at least one other edge bends far less."""
     edges = surface.edges
     around = np.zeros(len(bend))
     np.maximum.at(around, edges.of, np.where(inner, bend, 0.0)[edges.of[:, OTHER_EDGES]].min(axis=2))
@@ -68,10 +68,10 @@ ZERO_WEIGHT = 1e-9  # barycentric weights below this count as zero
 
 @dataclass(frozen=True, eq=False)
 class CreaseSides:
-    """Columns (s,) of weight matrices: all n vertices, then a copy of each crease vertex for each of its sides.
+    """Columns (s,) of weight matrices: all n vertices, then copies of crease vertices, one for each side of a crease.
     creases : (k, 2) edges, sorted, the smaller vertex number first.
     vertex  : (s,) vertex of each column.    corner : (m, 3) column of each face's corners.
-    normals : (s, 3) normal of each column.  half   : (s,) half the thickness, as in `DenseSurface`.
+    normals : (s, 3) at vertices and copies. half   : (s,) half the thickness, as in `DenseSurface`.
     mitre   : (s, 3) vector, m; half * normal + mitre leads to the point where the skins of all sides meet."""
 
     surface: Surface
@@ -104,7 +104,7 @@ class CreaseSides:
         return cls(surface, creases, vertex, corner, N, half, mitre)
 
     def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
-        """Convert weights (k, n) to two matrices (k, s); s counts columns. On a crease, each matrix is for one side."""
+        """Return weights (k, n) as two matrices (k, s), see class. On a crease, each matrix is for a different side."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         columns = np.tile(weights.indices, (2, 1)).astype(np.int64)
@@ -120,7 +120,7 @@ class CreaseSides:
         return first_rows, second_rows
 
     def between_faces(self, weights: csr_array) -> Ints:
-        """Return indices (j,) of points, with weights (k, n) at a crease vertex, whose vertices are not in one face."""
+        """Return indices (j,) of rows of weights (k, n) with a crease vertex, if no face has all vertices of a row."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         faces = self._faces(weights.indices[is_beside].astype(np.int64), row[is_beside], weights.shape[0])
@@ -135,7 +135,7 @@ class CreaseSides:
         return row, np.isin(row, row[split[weights.indices] & real]) & real
 
     def _faces(self, vertices: Ints, row: Ints, count: int) -> Ints:
-        """Return faces (count, 2) with all vertices of each row: two faces of an edge, or a face twice; -1 if none."""
+        """Return two faces (count, 2) with all vertices of a row: both faces at an edge, or equal faces; -1 if none."""
         row_faces = np.full((count, 2), -1)
         order = np.lexsort([vertices, row])
         vertices, row = vertices[order], row[order]
@@ -174,7 +174,7 @@ class CreaseSides:
 
 
 def ends_of_rows(weights: csr_array) -> tuple[Ints, Ints]:
-    """(k,) smaller and larger vertex of the edge on which each point (a row of `weights`) lies; -1 inside a face."""
+    """Return (k,) smaller and (k,) larger vertex of the edge that has a point (row of `weights`); -1 inside a face."""
     row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
     real = np.abs(weights.data) > ZERO_WEIGHT
     row, vertex = row[real], weights.indices[real].astype(np.int64)
@@ -245,7 +245,7 @@ class Lifting:
         return np.asarray((self._points(left_weights) + self._points(right_weights)) / 2)
 
     def _in_faces(self, weights: csr_array) -> csr_array:
-        """Move the points that `between_faces` returns to the nearest face, which is on one side of the crease."""
+        """Move each point that `between_faces` selects onto the nearest face, which is on one side of the crease."""
         between = self.sides.between_faces(weights)
         if not len(between):
             return weights

@@ -99,7 +99,7 @@ class PieceJudge:
 
     @cached_property
     def excess_volumes(self) -> Floats:
-        """(p,) fraction by which each piece may have more volume than the mesh, whose edges are chords of a curve."""
+        """(p,) fraction by which a piece may have more volume than the mesh, because edges of the mesh are chords."""
         sheet = self.sheet
         upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # a search from points on a skin is twice as fast
         return np.maximum(self._sum(self.limits.rounder[self.limits.nearest(upper)]) / self.volumes, 0.0)
@@ -135,7 +135,7 @@ class PieceJudge:
 
 
 class SolidPlan:
-    """Plan for a part's curved solid; raises ExportError if its sheet is unknown."""
+    """Data for a part's curved solid; raises ExportError if only the solid is known, and not its sheet."""
 
     def __init__(self, part: Part) -> None:
         if part.curved is None:
@@ -151,5 +151,5 @@ class SolidPlan:
 
     @cached_property
     def gate(self) -> PieceJudge:
-        """Comparison of the pieces of the sheet with the solids of the part."""
+        """Comparison of the sheet, before its division into charts, with the solids of the part."""
         return PieceJudge(self.solids, self.whole, self.limits)

@@ -20,7 +20,7 @@ WALL = -1  # number of the neighbouring chart where the sheet ends at a wall
 class OutlineRun:
     """Part of the outline of a chart (a part of the sheet).
     vertices : (k,) in order, with the material on their left.    beyond : chart on their right, or `WALL`.
-    width    : width of its whole loop, mm: the width of a slit, or the radius of a circle, see `loop_width`."""
+    width    : mm, of the whole loop: width of a slit, or radius of a circular loop, see `loop_width`."""
 
     vertices: Ints
     beyond: int
@@ -146,7 +146,7 @@ def loop_width(line: Floats, length: float) -> float:
 
 
 def _run_starts(V: Floats, loop: Ints, starts: Ints) -> Ints:
-    """Return at least two positions where parts of a loop begin. A chart beyond the loop gets the same points."""
+    """Return at least two positions where parts of a loop begin. Charts on both sides get the same points."""
     if len(starts) > 1:
         return starts
     start = int(starts[0]) if len(starts) else int(np.argmin(loop))

@@ -41,7 +41,7 @@ class DenseSurface:
 
     @cached_property
     def half_vectors(self) -> Floats:
-        """(n, 3) vectors from `middle` to the upper skin, along `normals`. Other means of normals give uneven skins."""
+        """(n, 3) vectors from `middle` to the upper skin, along `normals`. Other weights of faces give uneven skins."""
         return np.asarray(MM_PER_M * self.half[:, None] * self.normals)
 
     @cached_property
@@ -79,8 +79,8 @@ def dense_surface(surface: Surface, curved: Curved) -> DenseSurface:
 
 
 def cubic_midpoints(P: Floats, d: Floats, ends: Ints) -> Floats:
-    """Return the midpoints (e, 3) of cubics along edges (e, 2) of P (n, 3).
-    The cubics are perpendicular to d (n, 3) at their ends. Fits through these midpoints have no waves."""
+    """Return the midpoints (e, 3) of cubic curves along edges. ends : (e, 2) numbers of points P (n, 3).
+    The cubics are perpendicular to d (n, 3) at their ends. Surfaces fitted to these midpoints have no waves."""
     N, chord = unit_vectors(d), P[ends[:, 1]] - P[ends[:, 0]]
     slopes = [chord - N[e] * np.einsum("ki,ki->k", chord, N[e])[:, None] for e in ends.T]
     return np.asarray(end_means(P, ends) + (slopes[0] - slopes[1]) / 8)
@@ -102,7 +102,7 @@ def chord_errors(skins: DenseSurface) -> Floats:
 
 def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
     """Return the (m,) fraction by which the smooth solid of each triangle is larger than the mesh's prism.
-    If each triangle is divided in four, the volume changes by 3/4 of this difference."""
+    The smooth volume is extrapolated: a division of each triangle in four makes 3/4 of the change of volume."""
     coarse, D = prisms(skins.middle, skins.half_vectors, skins.surface.F), MM_PER_M * curved.D
     fine = skins.finer
     parts = np.bincount(fine.parent, prisms(fine.middle, fine.half_vectors, fine.surface.F), skins.surface.m)
@@ -137,7 +137,7 @@ class SmoothLimits:
     """Thickness, and allowed distance between smooth solid and mesh in addition to the mesh's chord error, mm.
     V, F    : (n, 3) and (m, 3) triangles of both skins of the uncut surface.
     chord   : (m,) chord error of these triangles, mm.
-    rounder : (m,) fraction by which the curved volume of each triangle may exceed the volume of the plane triangle."""
+    rounder : (m,) fraction by which the smooth solid may have more volume than the mesh's prism at each triangle."""
 
     thickness: float
     distance: float

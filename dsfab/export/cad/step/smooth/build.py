@@ -1,8 +1,8 @@
 """Smooth STEP of a part: pieces that OCCT checks. Refused pieces are built again, and finally become faceted.
 
-charts, skins -> all pieces -> file -> `findings`  -> `PieceJudge` -> refused pieces: tighter curves
- ^                                                                       |  still refused
- '---------------- another layout of charts, for these only -------------'-> faceted, piece by piece"""
+charts, skins -> all pieces -> file -> `findings`  -> `PieceJudge` -> refused pieces: smaller tolerances of curves
+ ^                                                                       |  refused again
+ '--------- for refused solids: another layout (division into charts) ---'-> no layout left: faceted, piece by piece"""
 
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack
@@ -43,8 +43,8 @@ from dsfab.surface.topology import faces_at
 @dataclass(frozen=True, eq=False)
 class Acceptance:
     """Verdict on a piece. volume : of the piece, mm3.
-    reason : reason of a refusal, or ''.    bad : (k, 3) places where tighter curves may help.
-    there  : largest distance of piece from mesh, mm.    back : largest distance of mesh from piece, mm."""
+    reason : reason of a refusal, or ''.    bad : (k, 3) places where smaller tolerances of curves may help.
+    there  : largest distance from piece to mesh, mm.    back : largest distance from mesh to piece, mm."""
 
     reason: str
     bad: Floats = field(default_factory=lambda: np.zeros((0, 3)))
@@ -70,7 +70,7 @@ def all_verdicts(
 def piece_verdict(
     gate: PieceJudge, k: int, piece: SmoothPiece, finding: OcctFinding | None, away: tuple[MeshDistances, MeshDistances]
 ) -> Acceptance:
-    """Accept or refuse piece k of the sheet (`Acceptance`). away : distances from piece to mesh, from mesh to piece."""
+    """Judge piece k by OCCT's `finding` and by distances `away`: from the piece to the mesh, and from mesh to piece."""
     if piece.refused or finding is None:
         return Acceptance(piece.refused or "OCCT did not read a smooth piece of the sheet within the time limit")
     mesh_volume, gap, widest = gate.volumes[k], max(piece.gap, finding.gap), GAP_SHARE * gate.limits.thickness
@@ -122,7 +122,7 @@ MOST_WALLS = 1500  # largest number of walls without a request for a smooth file
 
 @dataclass(frozen=True, eq=False)
 class SmoothSolid:
-    """Pieces of the sheet for one division into charts. gate : judges pieces.    asked : numbers of pieces to build."""
+    """Pieces of a sheet divided into charts. gate : compares pieces with the part.    asked : pieces to build."""
 
     gate: PieceJudge
     builder: PieceBuilder
@@ -131,7 +131,7 @@ class SmoothSolid:
 
 
 class SmoothPlan(SolidPlan):
-    """Data for a smooth STEP file. Raises ExportError if the sheet is unknown or, with `hurry`, has too many walls."""
+    """Data for a smooth STEP file. Raises ExportError if the part has only a solid or, with `hurry`, too many walls."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
@@ -150,7 +150,7 @@ class SmoothPlan(SolidPlan):
 
     def layouts(self) -> Iterator[Floats]:
         """Yield the fields (n, c) of different divisions into charts: chart k is the part where field k is largest.
-        The first division is for open sheets only, because its charts become too steep on a closed surface."""
+        The first division is for open sheets only. On a closed surface, its charts would lean too far from planes."""
         if len(self.curved.twins):
             raise ExportError("the surface has one side only, so it has no two skins")
         outlines = 40  # outlines per chart (part of the sheet); OCCT's time grows with the square of their number
@@ -194,7 +194,7 @@ class SmoothPlan(SolidPlan):
         return SmoothSolid(gate, builder, model, requested)
 
     def unfinished_vertices(self, finished: Collection[int]) -> Ints:
-        """Return the surface vertices (k,) at solids that are not in `finished`, and neighbours of these vertices."""
+        """Return the surface vertices (k,) nearest to unfinished solids, and the neighbours of these vertices."""
         is_unfinished = np.isin(self.whole.piece, _unfinished_pieces(self.gate, finished))
         points = self.whole.V[np.unique(self.whole.F[is_unfinished])]
         marks = np.zeros(self.surface.n, dtype=bool)
@@ -243,7 +243,7 @@ class _SmoothSearch:
         self.last, self.text = list[tuple[SmoothModel, int]](), ""
 
     def search(self) -> SmoothPieceFile:
-        """Try divisions into charts in turn. Accept a solid if a division gives no refused piece of this solid."""
+        """Try divisions of the sheet into charts in turn. Accept a solid when none of its pieces is refused."""
         for turn, fields in enumerate(self.plan.layouts(), 1):
             try:
                 with ExitStack() as programs:
@@ -319,7 +319,7 @@ class _SmoothSearch:
 
 
 def raise_levels(model: SmoothModel, k: int, level: dict[RunKey, int], bad: Floats) -> bool:
-    """Reduce the tolerance of the outline curves nearest to `bad` points (k, 3), mm; return False if none can fall."""
+    """Reduce the tolerances of curves nearest to `bad` points (k, 3), mm; return False if all are at their minimum."""
     piece = model.pieces[k]
     x = np.linspace(0, 1, 9)
     tree = cKDTree(np.concatenate([curve(x) for edge in piece.edges for curve in (edge.upper, edge.lower)]))

@@ -38,7 +38,7 @@ def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0)
 
 
 def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
-    """Return (m,) the cluster of each face; normals are, if possible, within `cone` of the mean. See `chart_fields`."""
+    """Return the cluster (m,) of each face. If possible, a cluster's normals are within `cone` of their mean."""
     rounds = 30  # largest number of rounds that add clusters of faces
     graph = _dual(surface)
     count, piece = connected_components(graph, directed=False)
@@ -101,7 +101,7 @@ def _cosines(surface: Surface, label: Ints) -> Floats:
 
 
 def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
-    """Repeat: straighten the borders of charts; divide charts with normals beyond `least` or several parts."""
+    """Straighten chart borders; divide charts that have several parts or a normal's cosine below `least`. Repeat."""
     f, g = (surface.edges.pairs // 3).T
     for turn in range(5):
         fields = diffused_fields(surface, label, 1.0 if turn == 0 else 0.7)

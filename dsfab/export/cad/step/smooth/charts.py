@@ -147,7 +147,7 @@ def patch_through(
 
 @dataclass(frozen=True, eq=False)
 class _Cells:
-    """Points sorted by cell of the knot grid. The same 16 poles influence all points of a cell: one product gives sums.
+    """Points sorted by cell of the knot grid. The same 16 poles influence all points of a cell (one matrix product).
     order : (k,) points, cell after cell.    start : first index of each cell in `order`.
     poles : (c, 16) poles of each cell.      hats  : (k, 16) values of the basis functions at the points of `order`."""
 
@@ -180,7 +180,7 @@ class _Cells:
         return band.reshape(3 * q + 4, p * q), np.stack(right, axis=1)
 
     def sums(self, poles: Floats) -> Floats:
-        """Return the points (k, d) of the surface with p x q poles, given as an array (p q, d)."""
+        """Return the surface points (k, d) in the order of the input points. poles : (p q, d) for p x q poles."""
         points = np.empty((len(self.order), poles.shape[1]))
         for part, cell_poles in zip(self.parts, self.poles, strict=True):
             points[self.order[part]] = self.hats[part] @ poles[cell_poles]
@@ -208,7 +208,7 @@ def _diagonal(table: Floats, below: int) -> Floats:
 
 
 OUTSIDE, BOUNDARY = 0.2, 0.5
-"""Weights in a chart's fit: OUTSIDE for points of next charts, to meet their skins; BOUNDARY for the sheet's boundary.
+"""Weights in a chart's fit: OUTSIDE for points of neighbour charts, so that skins meet; BOUNDARY at sheet boundaries.
 Boundary points have inexact normals. The tolerance does not apply to points outside a chart or on the boundary."""
 
 FOLDED = 0.01
@@ -293,7 +293,7 @@ class SkinChart:
     origin, axes : (3,) point of the plane, and (3, 3) axes: two axes in the plane, and its normal.
     upper, lower, middle : surfaces of both skins, and the surface half way between them.
     tolerance    : tolerance of the fit; larger on a coarse mesh.
-    steepest     : cosine of the angle between face and plane that only 1 % of the faces exceed.
+    steepest     : cosine of the angle between face and plane; only 1 % of the faces are steeper.
     off          : largest distance of the skins from the inner points to which they were fitted."""
 
     origin: Floats
@@ -361,7 +361,7 @@ class ChartAtlas:
                     return
 
     def _lean_field(self, k: int) -> Floats | None:
-        """Return a field (n,) for halving a chart whose faces lean too far from its plane; None if they do not."""
+        """Return a field (n,) along which to halve a chart; None if its faces do not lean too far from its plane."""
         touched = faces_at(self.surface.F, self._best[0] == k)
         N = self.surface.normals[touched]
         mean = self.surface.areas[touched] @ N

@@ -73,7 +73,7 @@ class SmoothEdge:
     start, end   : vertices of the sheet.    wall : True where the sheet ends at a wall; False where two charts meet.
     upper, lower : cubics with equal knots, or lines.
     flat         : curve in the plane of each chart, by the number of the chart.
-    gap          : largest distance between the curves in space and the curves on the skins, mm."""
+    gap          : largest distance of `upper` and `lower` from the curves `flat` on the skins, mm."""
 
     start: int
     end: int
@@ -85,7 +85,7 @@ class SmoothEdge:
 
     @cached_property
     def spans(self) -> int:
-        """Smallest factor 2^k that turns all knots into whole numbers, because these are short in the file."""
+        """Smallest factor 2^k that makes all knots whole numbers, because whole numbers are short in the file."""
         knots = np.concatenate([self.upper.knots, *(curve.knots for curve in self.flat.values())])
         return next(1 << k for k in range(30) if not np.any((1 << k) * knots % 1))
 
@@ -99,19 +99,19 @@ class EdgeTolerances:
     chord: float
 
     def outline(self, run: OutlineRun, steep: float, level: int) -> float:
-        """Tolerance of the curve along an outline part, in the plane of its chart, after `level` refusals of curves."""
+        """Tolerance of an outline part's curve in the plane of its chart. level : how often the curve was refused."""
         of_chord = 0.5  # fraction of the mesh's chord error that is added to the tolerance of an outline
         limit = min(OUTLINE_SHARE * self.distance + of_chord * self.chord, LOOP_SHARE * run.width)
         return LEVEL_FACTORS[level] * limit / steep
 
     def in_space(self, run: OutlineRun, level: int) -> float:
-        """Tolerance of the curves along an outline part on the two skins, after `level` refusals of such curves."""
+        """Tolerance of an outline part's curves on the two skins. level : how often these curves were refused."""
         share = 1 / 50  # largest tolerance / thickness
         return LEVEL_FACTORS[level] * min(share * self.thickness, LOOP_SHARE * run.width)
 
 
 class RunRequest(NamedTuple):
-    """Request for curves along `run`, a part of a chart's outline. level : how often its curves were refused."""
+    """Request for curves along `run`, a part of a chart's outline. level : how often curves for `run` were refused."""
 
     run: OutlineRun
     chart: int
@@ -119,14 +119,14 @@ class RunRequest(NamedTuple):
 
 
 class RunPart(NamedTuple):
-    """Part of a chart's outline, and its curve in the plane of the chart. asked : request with the outline part."""
+    """Part of a chart's outline, and its curve in the plane of the chart. asked : request that contains this part."""
 
     asked: RunRequest
     flat: Spline
 
 
 def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTolerances) -> list[list[SmoothEdge]]:
-    """Fit the curves along outline parts at walls, all at once; return a list of edges for each request."""
+    """Fit curves along outline parts at walls, all at once; return the edges of each request. nodes : end points."""
     run_parts = flat_parts(requests, nodes, allowed)
     parts = [part for group in run_parts for part in group]
     nodes.add(np.unique([v for part in parts for v in part.asked.run.vertices[[0, -1]]]))
@@ -207,7 +207,7 @@ def _parameters(knots: bytes, finer: int) -> Floats:
 def edge_on_nodes(
     run: OutlineRun, space: Spline, flat: dict[int, Spline], distance: float, nodes: OutlineNodes, wall: bool
 ) -> SmoothEdge:
-    """Return the edge along `run`, a part of an outline. Its curves end exactly at the points that `nodes` contains."""
+    """Return the edge along outline part `run`. Curves `space` on both skins get end points from `nodes`."""
     start, end = int(run.vertices[0]), int(run.vertices[-1])
     poles = space.poles.copy()
     node_points = np.concatenate([nodes.at[start].reshape(1, 6), nodes.at[end].reshape(1, 6)])

@@ -53,7 +53,7 @@ class SmoothSkin:
 
 @dataclass(eq=False)
 class SmoothPiece:
-    """Piece of the sheet: edges, the outline part of each edge (by its key), skins, and the widest gap, mm.
+    """Piece of the sheet, with edges and skins. keys : outline part of each edge.    gap : widest gap of an edge, mm.
     traced  : True if the file also contains the curves of edges on skins and walls.
     refused : reason why the piece is not a single closed shell, or ''."""
 
@@ -95,7 +95,7 @@ class PieceBuilder:
         self._make(sheet.regions, {})
 
     def piece(self, number: int, level: dict[RunKey, int], traced: bool = False) -> SmoothPiece:
-        """Build a piece. level : number of refusals of each outline part, by its key; traced : see `SmoothPiece`."""
+        """Build a piece. level : how often curves of an outline part were refused; traced : see `SmoothPiece`."""
         result, seams = SmoothPiece(traced=traced), dict[RunKey, int]()
         regions = [region for region in self.sheet.regions if region.piece == number]
         self._make(regions, level)
@@ -152,7 +152,7 @@ ROUNDED = 1e-9  # a point counts as on a chord if its distance is below this fra
 
 
 def crossings(piece: SmoothPiece) -> Floats:
-    """(k, 3) places on the upper side where curves of a region's outline cross, seen along the normal of its plane."""
+    """(k, 3) places on the upper skin where curves of a region's outline cross in the plane of the chart."""
     return np.concatenate([np.zeros((0, 3)), *(_in_skin(piece, skin) for skin in piece.skins)])
 
 
@@ -169,7 +169,7 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
 
 
 def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
-    """Return ends (2 k, 2 k + 1 for edge k) at sharp corners where edges cross: start and middle on different sides."""
+    """Return ends (2 k, 2 k + 1 of edge k) at sharp corners where edges cross: tangents and middles turn oppositely."""
     least_cosine = 0.5  # the sides of a sharp corner enclose at most 60 degrees
     forwards = np.array([forwards for loop in skin.loops for _, forwards in loop])
     number = np.split(np.arange(len(forwards)), np.cumsum([len(loop) for loop in skin.loops])[:-1])

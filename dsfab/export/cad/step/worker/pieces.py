@@ -92,9 +92,9 @@ REPAIRS = (
 
 
 def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies: bool = False) -> list[dict[str, Any]]:
-    """Return the findings for each solid of a file with one solid per product; [] if OCCT cannot read the file.
+    """Return OCCT's findings about each solid of a file with one solid per product; [] if OCCT cannot read the file.
     deflection : largest distance (mm) of triangles from the solid. Triangles become `0.stl`, `1.stl` ... in the folder.
-    copies     : True if forks do a part of the work. Do not fork after OCCT has made triangles: the fork would hang."""
+    copies     : True to share work with forked processes. A fork after OCCT has made triangles would hang."""
     reader = _reader(path)
     if reader is None:
         return []

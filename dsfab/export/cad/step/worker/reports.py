@@ -101,7 +101,7 @@ class OcctFinding:
 
 
 def occt() -> PreparedProgram:
-    """Start the program for `findings` in advance, because it takes most of a second to load OCCT."""
+    """Start the OCCT program that `findings` needs, in advance: OCCT takes most of a second to load."""
     return PreparedProgram(occt_program.__file__)
 
 

@@ -29,14 +29,13 @@ SMOOTH = cos(radians(1.0))  # cosine of the largest angle at which one edge cont
 
 def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, Any]:
     """Return the findings about a file.
-
     solids, faces : numbers.    valid : OCCT finds no fault.    seconds : processor time of all trials.
     volume, plain : by the Gauss-Kronrod rule, and by OCCT's default integration rule, mm3.
     box           : OCCT's bounding box of the solids, six numbers, mm.
     sound         : number of half-space cuts with two valid halves and volume errors below both limits. Trials end
                     with the first failure, unless `every_cut` is set.
-    worst, alone  : largest `together` and largest `alone` of the valid cuts, see `VolumeErrors`.
-    missed        : relative volume error of each unsound cut; 1 for an invalid half, 0 for a sound cut.
+    worst, alone  : largest volume errors of the valid cuts: `together` and `alone` in `VolumeErrors`.
+    missed        : for each cut: 0 if it is sound, 1 if a half is invalid, otherwise the relative volume error.
     boxed         : True if a cut with a box gives two sound parts.    box_missed : as `missed`, for this cut.
     closed        : True if the curves in which a plane cuts the solid have no open ends.
     again         : True if OCCT's copy of the file is valid and has the same faces and volume.
@@ -104,7 +103,7 @@ class VolumeErrors(NamedTuple):
 
     @property
     def fault(self) -> float:
-        """The error `together` if it is too large, otherwise 0."""
+        """The error `together` if it is above `TOGETHER_LIMIT`, otherwise 0."""
         return self.together if self.together > TOGETHER_LIMIT else 0.0
 
 
@@ -234,8 +233,8 @@ def fillet_counts(shape: Any) -> tuple[int, int]:
 
 
 def thickness_edges(shape: Any) -> list[tuple[Any, float]]:
-    """Return sharp straight edges with lengths: the edges between the skins, of about the most frequent length.
-    Edges that smoothly continue other edges are excluded, because they lie between skin and wall."""
+    """Return sharp straight edges between the skins, with lengths: only edges near the most frequent length.
+    Edges between skin and wall are excluded, because they smoothly continue other edges."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve
     from OCP.collections import IndexedDataMap_TopoDS_Shape_List_TopoDS_Shape_TopTools_ShapeMapHasher as Faces

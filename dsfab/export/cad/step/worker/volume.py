@@ -14,7 +14,7 @@ MANY_EDGES = 16  # faces with at least this many edges are integrated by Green's
 
 
 class PlaneSpline(NamedTuple):
-    """Curve in a surface's parameters. knots : with multiplicity.    way : 1 if the face's edge follows it, else -1."""
+    """Curve in a surface's parameters. knots : with repetitions.    way : 1 if the face's edge follows it, else -1."""
 
     degree: int
     knots: list[float]
@@ -24,7 +24,7 @@ class PlaneSpline(NamedTuple):
 
 def volume(solid: Any) -> float:
     """Return the volume (mm3): the sum of cones from one point over all faces.
-    The point is the mean of the vertices, as in OCCT. From this point, gaps at edges change the volume least."""
+    The point is the mean of the vertices, as in OCCT. With this point, gaps between faces change the sum least."""
     from OCP.BRep import BRep_Tool
     from OCP.gp import gp_Pnt
     from OCP.TopoDS import TopoDS
@@ -128,7 +128,7 @@ def _local(knots: list[float], t: Any) -> tuple[Any, Any]:
 
 
 def _outline_points(outline: Sequence[PlaneSpline]) -> tuple[Any, Any]:
-    """Gauss points (k, 2) between the knots of an outline's curves, and weights (k,) of an integral over v."""
+    """Gauss points (k, 2) between knots of an outline's curves, and weights (k,) of integrals over axis 1 (v)."""
     points = 4  # Gauss points in a span, as in OCCT
     places, weights = [], []
     for degree in sorted({curve.degree for curve in outline}):
@@ -143,7 +143,7 @@ def _outline_points(outline: Sequence[PlaneSpline]) -> tuple[Any, Any]:
 
 
 def _spans(curve: PlaneSpline) -> tuple[Any, Any, Any]:
-    """Spans of a curve of degree d: the 2 d knots around each span (k, 2 d), poles (k, d + 1, 2), `way` (k,)."""
+    """Return, for each span of a curve of degree d: d knots on each side (k, 2 d), poles (k, d + 1, 2), `way` (k,)."""
     d = curve.degree
     K = sliding_window_view(np.array(curve.knots[1:-1]), 2 * d)
     poles = sliding_window_view(np.array(curve.poles), d + 1, axis=0).swapaxes(1, 2)
