@@ -254,7 +254,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved.reshape(self.seen.values.shape)))
 
     def with_turned_edges(self, side: int) -> "StripeCut":
-        """On edges where the field changes sign, add vertices where its values in the first polygon equal levels."""
+        """Add vertices to edges where the field changes sign, where its values in the first polygon equal levels."""
         leading, second = self.seen.turned_edges()
         owner = self.seen.mesh.cells.owner
         if not self.active[owner[leading | second]].any():
