@@ -219,6 +219,16 @@ def test_a_low_hip_roof_is_no_error_of_its_border(rise):
     assert without_rim_slivers(Surface(V, F), smooth=True).m == 6
 
 
+def test_corners_of_a_polygonal_border_do_not_explain_a_low_face():
+    """A tent over a hexagon whose corners lie high and low in turn: its border is straight between them."""
+    angle = 0.1 + np.arange(6) * np.pi / 3
+    rim = np.stack([3 * np.cos(angle), 3 * np.sin(angle), np.where(np.arange(6) % 2, 0.3, 0.0)], axis=1)
+    tip = 0.96 * (rim[0] + rim[1]) / 2 + (0, 0, 0.1)
+    faces = [[k, (k + 1) % 6, 6] for k in range(1, 6)] + [[0, 1, 7], [1, 6, 7], [6, 0, 7]]
+    tent = Surface(np.concatenate([rim, [[0.0, 0, 1.0], tip]]), np.array(faces))
+    assert without_rim_slivers(tent, smooth=True).m == tent.m
+
+
 def test_low_triangles_in_a_row_at_a_curved_border_all_go():
     n = 60
     x = np.linspace(0, 6, n + 1)

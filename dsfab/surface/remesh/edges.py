@@ -19,7 +19,7 @@ from dsfab.surface.edge_changes import (
     with_other_diagonals,
 )
 from dsfab.surface.mesh import Surface
-from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
+from dsfab.surface.remesh.features import CORNER, TOLERANCE, FeatureCurves
 from dsfab.surface.topology import EdgeTable, edge_table, faces_at, next_half_edge, on_boundary
 
 FREE, ON_CURVE, FIXED = 0, 1, 2  # Kinds of vertices: free on the surface, on a boundary or crease, fixed.
@@ -420,8 +420,8 @@ def _low_border_faces(surface: Surface, ratio: float) -> tuple[Ints, Ints, Ints,
 def _collapsed_tips(surface: Surface) -> Ints | None:
     """Return the vertex (n,) onto which each vertex moves: the third corners of low border faces move to the nearer end
     of the border edge. Return None without such faces.
-    A corner moves only if the curve of the border explains its height over the border edge, if no crease passes there,
-    if it is not at a side of the bounding box, and if no face turns over or becomes as low."""
+    A corner moves only if the curve of the border explains its height over the border edge. It stays at a crease and at
+    a side of the bounding box. It also stays if a face would become as low, or turn by more than the border does."""
     V, F, edges, n = surface.V, surface.F, surface.edges, surface.n
     faces, a, b, tip = _low_border_faces(surface, LOW)
     to_a, to_b = (edge_lengths(V, np.stack([tip, end], axis=1)) for end in (a, b))
@@ -429,7 +429,8 @@ def _collapsed_tips(surface: Surface) -> Ints | None:
     sharp = sharp_edges(surface)
     creased = np.bincount(edges.ends[sharp].ravel(), minlength=n)
     by_tilt = sharp[edges.of.reshape(-1, 3)[faces]].sum(axis=1)  # creases that the low face makes
-    fits = (creased[tip] <= by_tilt) & _explained_by_border(surface, faces, a, b, tip)
+    turn, explained = _border_turns(surface, faces, a, b, tip)
+    fits = (creased[tip] <= by_tilt) & explained
     fits &= ((V[tip] > V.min(axis=0)) & (V[tip] < V.max(axis=0))).all(axis=1) | (np.ptp(V, axis=0) == 0).any()
     keys = np.sort(np.stack([tip, end], axis=1)) @ (n, 1)
     fits &= meets_link_condition(edges, np.searchsorted(edges.ends @ (n, 1), keys), n)
@@ -442,17 +443,19 @@ def _collapsed_tips(surface: Surface) -> Ints | None:
         triangles[:, corner] = end[number]
         stays = has_three_corners(triangles)
         triangles, number, normals = triangles[stays], number[stays], surface.normals[changed[stays]]
-        height = np.einsum("mi,mi->m", area_vectors(V, triangles), normals)
-        fits[number[height < LOW * _longest(V, triangles) ** 2]] = False
+        area = area_vectors(V, triangles)
+        height, least_cosine = np.einsum("mi,mi->m", area, normals), np.cos(np.minimum(1.5, turn[number]))
+        fits[number[height < np.maximum(LOW * _longest(V, triangles) ** 2, least_cosine * lengths(area))]] = False
     tip, end = tip[fits], end[fits]
     onto, leads = np.arange(n), independent(np.stack([tip, end], axis=1), np.minimum(to_a, to_b)[fits], n, edges.ends)
     onto[tip[leads]] = end[leads]
     return onto if leads.any() else None
 
 
-def _explained_by_border(surface: Surface, faces: Ints, a: Ints, b: Ints, tip: Ints) -> Bools:
-    """Return whether the curve of the border explains the height of each tip (c,) over the border edge a-b of its face:
-    the height is at most twice that of an arc over a-b that turns as the border turns at a and b."""
+def _border_turns(surface: Surface, faces: Ints, a: Ints, b: Ints, tip: Ints) -> tuple[Floats, Bools]:
+    """Return by how much the border turns out of the surface along the border edges a-b of low faces, radians (c,), and
+    whether this explains the height of the tip: it is at most twice that of an arc over a-b with this turn.
+    Corners of the border explain nothing."""
     V, F, edges = surface.V, surface.F, surface.edges
     weighted = np.zeros((surface.n, 3))
     rest = np.delete(np.arange(len(F)), faces)
@@ -463,8 +466,9 @@ def _explained_by_border(surface: Surface, faces: Ints, a: Ints, b: Ints, tip: I
     slope = np.zeros((surface.n, 3))  # sum of the directions from a border vertex to its border neighbours
     for start, stop in (edges.ends[edges.boundary].T, edges.ends[edges.boundary].T[::-1]):
         np.add.at(slope, start, unit_vectors(V[stop] - V[start]))
+    slope[lengths(slope) > 2 * np.sin(np.radians(CORNER) / 2) + 1e-6] = 0.0
     turn = np.abs(np.einsum("ci,ci->c", (slope[a] + slope[b]) / 2, normal))
     foot = V[tip] - V[a]
     rise = np.abs(np.einsum("ci,ci->c", foot - np.einsum("ci,ci->c", foot, along)[:, None] * along, normal))
     base = np.linalg.norm(V[b] - V[a], axis=1)
-    return np.asarray(rise <= 2 * base * turn / 8 + 1e-9 * base)
+    return np.asarray(turn), np.asarray(rise <= 2 * base * turn / 8 + 1e-9 * base)
