@@ -77,9 +77,6 @@ def _case_duration(preset: Preset, case: str) -> "Duration":
     return shortest(LOAD_DURATIONS.get(act, "medium") for act in acts or {""})
 
 
-PERMANENT = {"self_weight", "cladding"}  # Kinds of permanent loads.
-
-
 class ActionCase(NamedTuple):
     """Loads of one case that belong to one kind of action, on the uncut surface.
     case : name of the case in the preset.    action : permanent, snow, wind or variable."""
@@ -98,7 +95,9 @@ def action_cases(preset: Preset, surface: Surface, statics: StaticsResult) -> di
         load, kinds = statics.cases[case].load, dict[str, list[Load]]()
         for entry in acting_on(preset, surface).load:
             if entry.case == case:
-                kinds.setdefault(_action_kind(section.actions.get(case)) or _load_action(entry), []).append(entry)
+                kinds.setdefault(
+                    _action_kind(section.actions.get(case)) or ACTION_OF_LOAD.get(entry.kind, "variable"), []
+                ).append(entry)
         if len(kinds) == 1:
             action_by_name[case] = ActionCase(case, next(iter(kinds)), load)
             continue
@@ -107,12 +106,6 @@ def action_cases(preset: Preset, surface: Surface, statics: StaticsResult) -> di
                 case, action, load.with_loads(surface, loads, preset.statics.area_weight)
             )
     return action_by_name
-
-
-def _load_action(load: Load) -> str:
-    if load.kind in PERMANENT:
-        return "permanent"
-    return load.kind if load.kind in ("snow", "wind") else "variable"
 
 
 def _action_kind(kind: str | None) -> str:
