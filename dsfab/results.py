@@ -71,7 +71,7 @@ class DiffusionResult:
 class StripeSteering:
     """Changes of the stripes' directions by the preset's guide curves or symmetry.
     along  : (m,) squared cosine of the angle between the major stripes and the first principal stress.
-    guided : (m,) weight of guide curves; at weight 1, they count as much as a clear direction of stress.
+    guided : (m,) weight of guide curves. Weight 1 equals the weight of a principal direction with confidence 1.
     over   : (m,) True if major stripes follow the second principal stress.
     told   : sentence for the user on these directions, or ''."""
 
@@ -86,7 +86,7 @@ class EvenStripes:
     """Lines of evenly spaced stripes, major and minor, of any width. An unused family has no phase.
 
     phases  : phases of each family's finest lines, before halving (removal of each second line).
-    wanted  : (m,) share of each face where a halving removes no lines; for each family and halving, finest lines first.
+    wanted  : wanted[i][k], (m,), is the share of each face where lines of family i are halved at most k times.
     slope   : (n, 2) finest lines per metre.    density : (n, 2) lines per metre after halving.
     first   : number of the family, 0 or 1, whose finer lines are added first.
     chart   : surface divided at ends of lines, with both phases, for pictures and measures.
@@ -188,15 +188,15 @@ class PatternResult:
     """Stage 4: named fields, linear on faces, and the values at which each field is cut (`dsfab.slicing.cutting.cut`).
 
     fields      : (n,) values at vertices, or (n, 2) for stripes of varying width; a `CornerField` for evenly spaced
-                  stripes; a `DividedField` for kept regions. A point has material if an odd number of levels
-                  lie below the field value there. A family may have several fields: widely spaced lines come first.
+                  stripes; a `DividedField` for kept regions. If a family has several, widely spaced lines come first.
+    levels      : values at which to cut each field. A point is material if an odd number of levels lie below its value.
     half_widths : (n,) d for each field: a family has material where |z - k| < d for an integer k. For stripes on modes,
                   z is frequency x + phase. For even stripes, z is an integer on lines left by halving. Others: d = inf.
     factor      : factor on the widths, which gives pattern.width.solid_fraction; 1 without this key.
     frequency   : frequencies of the major and of the minor stripes, from `spacing` if the preset has it.
     mode, phase : modes and phases of both families; for `auto` the results.
     even        : lines of evenly spaced stripes; None for stripes that follow diffusion modes.
-    asked       : section [pattern] of the preset, with a value in place of each `auto`; None without `auto`.
+    asked       : the preset's section [pattern] with results in place of `auto`; None if no value is `auto`.
     choice      : trials for `auto`, or None.    tidy : rules by which finishing removes stripes, or None.
     attempts    : trials for the method `auto`, best first; empty for another method.
     trial       : last cut of the search for widths, for use by slicing; not pickled."""
@@ -225,7 +225,7 @@ class PatternResult:
         return self.fields, self.levels, self.tidy
 
     def with_trial(self, trial: TrialCut | None) -> "PatternResult":
-        """Return this pattern with the cut `trial` if fields, levels and `tidy` are the same; else this pattern."""
+        """Return this pattern with `trial`, if `trial` is a cut of its fields, levels and `tidy`; else this pattern."""
         return replace(self, trial=trial) if trial and trial.is_cut_of(self.cut_inputs) else self
 
     def half_width(self, family: str) -> Floats:

@@ -68,7 +68,7 @@ def measure(triangles: int) -> dict[str, Any]:
         for kind, shader in shaders.items()
     }
     try:
-        scenes["plain"].frame(view, *PIXELS)  # the first frame determines the name of the renderer
+        scenes["plain"].frame(view, *PIXELS)  # `renderer` is known only after the first frame
         renderer = scenes["plain"].renderer
         frame_times = _frames(scenes, shaders, view)
     finally:

@@ -53,7 +53,7 @@ class BuildPage:
             self._count += 1 + line.count("\n")
 
     def announcements(self, design: "Design", reporter: Reporter, picture: bool) -> "Announcements":
-        """Return two functions: to print the verdict, and to print the picture's path before slow files are written."""
+        """Return two functions: one prints the verdict, one the picture's path (before slow files are written)."""
         from dsfab.report.design.save import Announcements
 
         def print_verdict(judged: "Carrying") -> None:

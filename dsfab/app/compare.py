@@ -203,7 +203,7 @@ class CompareTask:
 
 def compare_one(preset: "Preset", task: CompareTask, folder: Path, name: str, quiet: bool, as_json: bool) -> int:
     """Compare a design, write all files, print the result; return 1 if the design does not carry its loads, else 0.
-    name : name of the preset on the command line. If it is a built folder, its pattern is not drawn again."""
+    name : name of the preset on the command line. If `name` is a built folder, the pattern in the folder is used."""
     from dsfab.design import draft
 
     reporter, questions, command = Reporter(quiet or as_json), task.questions, task.command(name)
@@ -249,7 +249,7 @@ def _comparisons(design: "Design", questions: Questions, reporter: Reporter) -> 
         if not shares:
             raise
         reporter.print_line(f"compare     the design's own share of material cannot be compared: {error}")
-    # `whole` checks uncut sheets fully, because a coarse mesh would make them a quarter too soft
+    # `whole` solves uncut sheets on several meshes: on a coarse mesh alone, they would be a quarter too soft
     judge = checks.judge(questions.level or "whole")
     for share in shares:
 

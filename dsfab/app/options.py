@@ -140,7 +140,7 @@ class Source(MeshFlags):
     ) -> "Preset":
         """Return the preset of a name or file, or the proposed preset of a mesh file, with these options applied.
         proposal  : proposal for the mesh, if the caller has it.
-        thickness : for the thickness `auto`: "sized" computes a value, "guessed" guesses it, "open" leaves `auto`.
+        thickness : for `auto`: "sized" computes the thickness, "guessed" takes a first guess, "open" leaves `auto`.
         Raises PresetError for an unknown or invalid preset, and for a preset without its mesh."""
         from dsfab.preset.file import load_preset, require_mesh, with_overrides
 

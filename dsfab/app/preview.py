@@ -88,7 +88,7 @@ class PictureOptions:
     ] = None
 
     def page(self, preset: "Preset", folder: Path = Path()) -> PreviewPage:
-        """Return a preset's page; its file is in `folder` without --output. Raises DsfabError for a wrong option."""
+        """Return a preset's page. Without --output, its file goes to `folder`. Raises DsfabError for a wrong option."""
         from dsfab.render.drawing import check_ground
 
         names = (self.show.strip(),) if self.show.strip() in FINISHED_PICTURES else picture_names(self.show, preset)
@@ -239,7 +239,7 @@ def _draw_structure(
     reporter: Reporter,
     first_picture: FirstPicture | None,
 ) -> bool:
-    """Draw the sheet as built, after cutting and thickening; return False without even stripes or if cutting fails."""
+    """Draw the sheet after cutting and thickening; return False if stripes are not evenly spaced, or cutting fails."""
     from dsfab.render.design_picture import structure_drawing
     from dsfab.render.opengl import require_rendering
     from dsfab.render.picture import write_png

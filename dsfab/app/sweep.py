@@ -86,7 +86,7 @@ class Work:
         return ("killed", "failed") if self.retry == "all" else (self.retry,)
 
     def folder(self, what: str, varied: bool) -> Path | None:
-        """Return `what` if it is a sweep's folder, else -o or None. Raises DsfabError if -o differs from it."""
+        """Return `what` if it is a sweep's folder; otherwise -o or None. Raises DsfabError if -o is another folder."""
         if _is_sweep_folder(what, varied):
             if self.output is not None and self.output.resolve() != Path(what).resolve():
                 raise DsfabError(f"{what} is a sweep's folder, and the sweep continues in it; leave out -o")

@@ -83,7 +83,7 @@ class SweepProgress:
 
 
 def list_or_build_run(path: Path, best_count: int | None, by: str | None, number: int | None, quiet: bool) -> int:
-    """List the best runs, or build one run. Raises DsfabError for a folder without a sweep, and for an unknown run."""
+    """List the best runs by the metric `by`, or build run `number`. Raises DsfabError for a missing sweep or run."""
     sweep = SweepFolder.from_folder(path)
     if number is None:
         print_result(_best_runs_table(sweep, best_count or 0, by))

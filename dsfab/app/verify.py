@@ -84,7 +84,7 @@ TEST_HEAD = (
     *("test", "mesh", "elements", "cells", "unknowns", "value", "reference"),
     *("ratio", "of limit", "rate", "target", "verdict"),
 )
-"""Head of the table. `of limit` is the value / the limit of thin sheets; empty if that limit is the reference."""
+"""Head of the table. `of limit`: the value divided by the limit for thin sheets; empty if `reference` is that limit."""
 
 PAGE = Path("outputs/verification")  # Default folder of the page.
 
@@ -149,7 +149,6 @@ def _cells(row: "VerificationRow") -> tuple[str, ...]:
 
 
 def _remarks(tests: Sequence["Test"], rows: Sequence["VerificationRow"]) -> list[str]:
-    """Return lines below the table: known shortfalls, targets, spread between mesh patterns, and published values."""
     from dsfab.statics import elements_of
     from dsfab.study.verdict.calibration import shipped_table
     from dsfab.verification import failures, pattern_spread, shortfalls, standings

@@ -32,7 +32,7 @@ FACETS = 0.2
 """Largest L^2 / (R h) of a mesh without a warning: edge length L, radius of curvature R, thickness h.
 At 0.2, flat facets change the compliance of a curved sheet by 1 %, and its largest stress by up to 20 %."""
 SLIT = 0.25  # Half width of members, in periods, at which members and openings have the same width.
-CROWDING = 1.25  # Largest width of members where stripes are dense, divided by the median width; both in periods.
+CROWDING = 1.25  # Where stripes are dense, members get at most this multiple of the median width, in periods.
 FILM = 0.05  # Smallest thickness of a solid, divided by the sheet's thickness; a thinner place is a film.
 OUTLINE = 1 / 40  # Default tolerance of lines and planar outlines, divided by the thickness.
 OFF_SURFACE = 1 / 20

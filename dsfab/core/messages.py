@@ -21,7 +21,7 @@ def names_and_count(names: Sequence[str], shown: int = 5) -> str:
 
 
 def count_phrase(number: int, thing: str, verb: str = "") -> str:
-    """Return a count with its noun, and a verb that is given in the plural: '2 vertices', '1 edge has'."""
+    """Return a count with its noun and verb: '2 vertices', '1 edge has'. verb : the plural form, such as 'have'."""
     if number == 1:
         return f"1 {thing} {'has' if verb == 'have' else verb + 's'}" if verb else f"1 {thing}"
     plural = {"vertex": "vertices"}.get(thing, thing + ("es" if thing.endswith("sh") else "s"))

@@ -61,7 +61,7 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
             f"modes are symmetric ({', '.join(options.symmetry)}, {symmetry.order} images), with a relative error of "
             f"{asymmetry:.1g} on this mesh",
         )
-    # errors are below 10 % if the surface is at least 3.2 sqrt(r) mesh edges wide; r is the anisotropy
+    # errors are below 10 % if the surface is at least 3.2 sqrt(r) edges wide; r is the anisotropy of the diffusion
     edge = np.sqrt(surface.area) / (3.2 * np.sqrt(options.r))
     if surface.mean_edge > edge:
         log.note(
@@ -118,7 +118,7 @@ class Steering:
         return replace(self, guidance=(*self.guidance, *around), loops=())
 
     def confidence(self, surface: Surface, stress: Floats) -> Floats:
-        """Return how clear the stripe direction is on each face (m,), 0 to 1. stress : (m,) the same without guides."""
+        """Return the clarity of the stripe direction per face (m,), 0 to 1. stress : (m,) clarity without guides."""
         return np.minimum(stress + self.guide_weights(surface), 1.0) if self.guidance else stress
 
     def guide_weights(self, surface: Surface) -> Floats:

@@ -79,7 +79,7 @@ class StripeDirections:
 
     @classmethod
     def from_statics(cls, preset: Preset, surface: Surface, statics: StaticsResult, spacings: list[float]) -> Self:
-        """Return the directions of a preset. spacings : metres, one for each family that [pattern] requests."""
+        """Return the stripe directions of a preset. spacings : metres, one for each family that [pattern] requests."""
         symmetry = _symmetry(preset, surface, statics)
         sigma = followed_stress(preset, surface, statics)
         stress = StressDirections(*principal_stresses(surface, symmetry.mean_stress(sigma) if symmetry else sigma))
@@ -88,7 +88,7 @@ class StripeDirections:
         steer = replace(steering(preset.pattern, frames, symmetry, min(spacings)), loops=loops)
         symmetry = steer.symmetry
         images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.identity(surface.n)
-        length = max(float(np.mean(spacings)), surface.mean_edge)  # members cannot turn over shorter lengths
+        length = max(float(np.mean(spacings)), surface.mean_edge)  # a member needs this length to change direction
         along, over = stripe_directions(preset.pattern, frames, stress, steer, images, length)
         steer = steer.with_loops(frames, stress)
         confidence = steer.confidence(surface, stress.confidence(surface.areas))
@@ -167,7 +167,7 @@ def _exchanged_on(directions: StressDirections, faces: Bools) -> StressDirection
 
 
 def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
-    """Return a mask (n,) where major and minor swap names; all False with guides or `rotate`, or if asymmetric."""
+    """Return a mask (n,) where major and minor swap names; all False with guides or `rotate`, or for uneven masks."""
     crossed = family_crossings(frames, along)
     symmetric = np.abs(images.mean(crossed.astype(float)) - crossed).max() < 0.5
     return crossed if symmetric and not options.is_steered else np.zeros_like(crossed)
@@ -188,7 +188,7 @@ class FamilyCourse:
 
     @classmethod
     def for_family(cls, directions: StripeDirections, name: str, halve: bool) -> Self:
-        """Return directions and density of family `name`. `start` is (stress / largest stress) ** 4 at each vertex."""
+        """Return directions and density of family `name`, with weights `start` (stress / largest stress) ** 4."""
         g = directions.gradients[FAMILIES.index(name)]
         surface = directions.frames.surface
         size = vertex_means(surface, np.abs(directions.given.stress).max(axis=1))
@@ -233,7 +233,7 @@ def _movement(preset: Preset, surface: Surface, statics: StaticsResult) -> Float
 
 
 def no_lines(surface: Surface, spacing: float) -> FamilyLines:
-    """Return a family without lines. All of its faces are singular, so they have no phase. `slope` is 1 / `spacing`."""
+    """Return a family without lines. All faces are singular (they have no phase). `slope` is 1 / `spacing`."""
     sides = (surface.m, 3)
     phase = CornerPhase(np.zeros(surface.n), np.ones(sides), np.zeros(sides), np.ones(surface.m, dtype=bool))
     return FamilyLines(phase, 0, np.zeros(surface.m), np.zeros(surface.m), np.full(surface.n, 1 / spacing), 1.0)
@@ -247,7 +247,7 @@ def _symmetry(preset: Preset, surface: Surface, statics: StaticsResult) -> Symme
 
 
 def _slope(surface: Surface, size: Floats, singular: Bools, wanted_density: Floats) -> Floats:
-    """Return lines per metre (n,) at each vertex, near `wanted_density` (n,). size : (m,) length of phase gradients."""
+    """Return lines per metre (n,): mean length `size` (m,) of regular faces' phase gradients, near `wanted_density`."""
     regular = (~singular).astype(float)
     mean, regular_share = vertex_means(surface, np.stack([size * regular, regular], axis=1)).T
     slope = np.divide(mean, regular_share, out=wanted_density.copy(), where=regular_share > 0)
@@ -282,7 +282,7 @@ FINEST = 0.5  # Smallest spacing of stripes, divided by the mean edge length.
 
 def same_stripes(earlier: Pattern, current: Pattern) -> bool:
     """Return True if two [pattern] sections give the same centre lines. The sections may differ in widths, kept regions
-    and keys for modes. If `current.rounds` > 0, the stripes depend on their own weight, so all keys must be equal."""
+    and keys for modes. If `current.rounds` > 0, the cut sheet's weight changes stripes, so all keys must be equal."""
     if current.rounds:
         return earlier == current
 
@@ -320,7 +320,7 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
 def _redrawn_lines(
     directions: StripeDirections, courses: dict[int, FamilyCourse], families: list[FamilyLines], spacings: list[float]
 ) -> "_DividedFamilies":
-    """Draw families again if their mean spacing is off by over 5 %; if still over 30 %, draw them without halving."""
+    """Draw a family again if its mean spacing is over 5 % wrong; without halving if it is still over 30 % wrong."""
     surface, result = directions.frames.surface, _DividedFamilies.from_lines(directions, *families)
     tries = [result]
     for limit, halve in ((0.05, True), (0.3, False)):
@@ -328,7 +328,7 @@ def _redrawn_lines(
         redo = [k for k, lines in enumerate(families) if lines.most > 0 and abs(deviations[k]) > limit]
         if not redo:
             break
-        for k in redo:  # halving ends some lines early, so the mean spacing is not known before
+        for k in redo:  # halving ends some lines early, which changes the mean spacing
             wider = spacings[k] * float(np.exp(deviations[k]))
             families[k] = courses[k].lines(wider) if halve else courses[k].without_halving.lines(spacings[k])
         tries.append(_DividedFamilies.from_lines(directions, *families))
@@ -373,7 +373,7 @@ def _digits(length: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _DividedFamilies:
-    """Families after halving of their lines. density : (n, 2) lines per metre that remain, mean of symmetric images."""
+    """Families after halving. density : (n, 2) remaining lines per metre, averaged over symmetric images."""
 
     both: tuple[FamilyLines, FamilyLines]
     halved: LineHalving

@@ -123,8 +123,8 @@ def beam_model(
     cases: Mapping[str, ActionCase],
     loads: Mapping[str, LoadCase],
 ) -> "Frame":
-    """Return the beam model of a cut sheet with its members, under the loads of these cases. If a case has parts for
-    kinds of action (such as snow), a combination adds all parts. Raises StaticsError if no member has an axis."""
+    """Return the beam model of a cut sheet with its members, under the loads of these cases. If a case is divided into
+    kinds of action (such as snow), a combination adds its parts. Raises StaticsError if no member has an axis."""
     from dsfab.members.frame import BeamMaterial, frame_of
 
     section = preset.statics

@@ -1,4 +1,4 @@
-"""Search for the best pattern method. It compares modes with even stripes, and tries width rules, forces, spacings."""
+"""Search for the best pattern method: modes or even stripes, with different width rules, forces and spacings."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -107,7 +107,7 @@ def respaced_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
     """Yield the best evenly spaced stripes with larger and smaller spacings, with and without `pattern.halve`.
-    Yield nothing if there is no solid fraction, or if the preset sets the spacings."""
+    Yield nothing without pattern.width.solid_fraction, or if the preset sets the spacings."""
     stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
     if not stiffest or not preset.pattern.width.solid_fraction:
         return
@@ -129,7 +129,7 @@ def respaced_candidates(
 
 
 def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple[dict[str, Family], str]:
-    """Return the families whose spacing the preset does not set, with `factor` times this spacing; and a text with the
+    """Return the families that have no spacing in the preset, with `factor` times their default spacing; and a text of
     new spacings. Spacings under two mesh edges are left out: a member needs one edge, an opening another edge."""
     families, distances = dict[str, Family](), list[str]()
     for name in preset.pattern.family_names:
@@ -142,7 +142,7 @@ def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple
 
 
 def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) -> MethodCandidate:
-    """Return a candidate, cut as in a build with default [slicing] options, and solved with the elements of trials."""
+    """Cut the candidate as in a build with default [slicing], solve it with the elements of trials, and return it."""
     preset = candidate.preset.model_copy(update={"slicing": Slicing()})
     trial, log = Trial(preset, analysis, candidate.even), Log(None)
     try:
@@ -162,8 +162,8 @@ def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) ->
 def uncrowded_candidate(
     candidate: MethodCandidate, analysis: StressedSurface, draw: Callable[[Preset], MethodCandidate], progress: Progress
 ) -> MethodCandidate:
-    """Return a candidate for the pattern. If dsfab would fill neighbouring openings of it, so that they form a solid
-    plate, try other values of [pattern], and return the best candidate (see `uncrowded_changes`).
+    """Return `candidate` if its filled openings form no solid plate. Otherwise try other values of [pattern], and
+    return the best candidate (see `uncrowded_changes`).
     draw : function that returns the stripes of a preset, without widths."""
     surface, options, pattern = analysis.surface, candidate.preset.pattern, candidate.drawn
     trial = pattern and (pattern.trial or trial_cut(candidate.preset, surface, pattern))
@@ -271,7 +271,7 @@ def _exchangeable(width: Width) -> bool:
 
 
 def _width_variants(width: Width) -> dict[str, Width]:
-    """Return width rules to try, by name. A halved exponent `q` suits structures that mainly carry their own weight."""
+    """Return width rules to try, by name. Half the exponent `width.q` suits designs that mainly carry their weight."""
     if not _exchangeable(width):
         return {width.rule: width}
     gentle = 0.5 * width.q
@@ -280,8 +280,7 @@ def _width_variants(width: Width) -> dict[str, Width]:
 
 
 NEAR_BEST = 0.1
-"""Candidates are built and solved again by accurate elements if their compliance is less than 10 % above the smallest.
-Trials are too inexact to decide between such candidates."""
+"""Candidates with a compliance less than 10 % above the smallest are built and solved again by accurate elements."""
 
 
 def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[MethodCandidate, tuple[Attempt, ...]]:
@@ -310,7 +309,7 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
 
 
 def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return candidates; up to four nearly best are cut as in a build, the best last, so that slicing can continue."""
+    """Return candidates; up to four near the best are cut as in a build. The best is cut last: slicing continues it."""
     *flaws, soft = min(candidate.attempt.rank for candidate in candidates)
     limit = (*flaws, (1 + NEAR_BEST) * soft)
     shares = [other for other in candidates if other.sheet and other.preset.pattern.width.solid_fraction]

@@ -33,7 +33,7 @@ SHARE_TOLERANCE = 2e-3  # Largest error of the solid fraction when the search cu
 
 
 class CarryingSheet(NamedTuple):
-    """The cells of a cut, the supported part of its sheet, and the options to remove loose ends; see `Candidate`."""
+    """Cells of a cut, the supported part (`sheet`), and options to remove loose ends. Other fields: see `Candidate`."""
 
     cells: Sheet
     sheet: Sheet
@@ -136,7 +136,7 @@ LEAST_HALF_WIDTH, MOST_HALF_WIDTH = 0.01, 0.55
 
 
 class WidthStep(NamedTuple):
-    """Trial of the width rule `stressed`. worth : compliance (J) * share of material.    after : next half-widths."""
+    """Trial of the rule `stressed`. worth : compliance (J) * material share, to minimise.    after : next widths."""
 
     worth: float
     grading: Floats
@@ -146,8 +146,8 @@ class WidthStep(NamedTuple):
 def stressed_step(
     preset: Preset, analysis: StressedSurface, log: Log, even: EvenStripes | None = None
 ) -> Floats | None:
-    """Return relative half-widths (n, 2) of major and minor stripes: those with the smallest product of compliance and
-    material, of pattern.width.steps trials. Return None if the first trial does not carry its loads."""
+    """Return the relative half-widths (n, 2) of major and minor stripes with the smallest product of compliance and
+    material, out of pattern.width.steps trials. Return None if the first trial does not carry its loads."""
     steps = _steps(StressedTrial(preset, analysis, even), log)
     if not steps:
         return None
@@ -161,14 +161,14 @@ def stressed_step(
 
 
 def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice: Choice) -> Choice:
-    """Return the choice with a new first candidate: the modes and phases that are stiffest with the rule `stressed`.
-    Only the best three pairs of modes, and the pair with the lowest mode numbers, are tried with this width rule."""
+    """Return the choice with a new first candidate: the stiffest modes and phases with the width rule `stressed`.
+    Only the three best pairs of modes, and the pair with the lowest mode numbers, are tried with `stressed`."""
     leading: dict[tuple[int, int], Candidate] = {}
     for candidate in choice.candidates:
         leading.setdefault(candidate.mode, candidate)
     carry = {mode: candidate for mode, candidate in leading.items() if not candidate.refused}
     finalists = list(carry.values())[:3]
-    finalists = list(dict.fromkeys([*finalists, carry[min(carry)]]))  # the rule may help the lowest modes most
+    finalists = list(dict.fromkeys([*finalists, carry[min(carry)]]))  # `stressed` may help the lowest modes most
     if len(finalists) < 2:
         return choice
 
@@ -221,7 +221,7 @@ class StressedTrial(Trial):
         carrying = self.carrying(layers)
         options = self.preset.pattern
         requested = options.width.solid_fraction
-        if options.forces == "optimal":  # `_share` counts ends that are removed later, so correct the request
+        if options.forces == "optimal":  # `added` corrects `_share`, which counts ends that are removed later
             self.added = float(np.clip(self.added + carrying.kept - requested, -0.1, 0.1))
         names = np.array([layer.name for layer in layers])
         K = self.stiffness(carrying.sheet.surface, self.loads_on(carrying.sheet))
@@ -248,24 +248,23 @@ class StressedTrial(Trial):
 
 
 START = (0.25, 0.0, 0.5, 0.75)
-"""Phases of the first round if the search chooses the modes of both families, which then have the same phase. All four
-phases are tried if a family has mode 1. Otherwise only the first is tried: higher modes hardly depend on the phase."""
+"""Phases that the search tries first if it chooses the modes of both families. Both families get the same phase.
+Pairs with mode 1 are tried with all four phases, other pairs only with the first: the phase hardly matters for them."""
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
-"""Phases of the first round, in all combinations. First list: the preset sets both modes. Second list: it sets one."""
-TOGETHER = ((1, 1), (-1, -1))  # Equal changes of the phases of both families, in steps of `ROUNDS`.
-AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Changes of the phases of major and minor stripes.
+"""Phases that the search tries first, in all combinations: first list if the preset sets both modes, second if one."""
+TOGETHER = ((1, 1), (-1, -1))  # Equal changes of both phases, in units of the step in `ROUNDS`.
+AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Changes of major and minor phase, in the same unit.
 ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))
-"""Later rounds of the search: number of best pairs of modes, step of the phases (periods), and changes of phases."""
+"""Later rounds of the search: number of best pairs of modes, step of the phases (periods), and changes / step."""
 CONNECTED_SHARE = 0.98
-"""Smallest share of the material in the largest supported piece. Designs below it come last in the search."""
+"""Designs with a smaller share of the material in the largest supported piece come last in the search."""
 ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]  # Modes and phases of both families.
 
 
 def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
-    """Return the candidates for modes and phases that are `auto`, best first. The best candidate has the smallest
-    product of compliance and material. At most 57 are tried. With the width rule `stressed`, trials use graded widths,
-    and `stressed_choice` then puts the candidate that is best with `stressed` first.
-    Raises PatternError if no candidate carries the loads."""
+    """Return the candidates for modes and phases that are `auto`, best first (smallest product of compliance and
+    material). At most 57 are tried. With the width rule `stressed`, trials use graded widths. Then `stressed_choice`
+    moves the best candidate for `stressed` to the front. Raises PatternError if no candidate carries the loads."""
     candidates: dict[ModesAndPhases, Candidate] = {}
     with log.row("choice"):
         trial = Trial(preset, analysis)
@@ -299,7 +298,7 @@ def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
 
 
 def _rank(candidate: Candidate) -> tuple[bool, bool, float, ModesAndPhases]:
-    """Return the sort key. Rounding gives mirror images equal compliances; then lower modes and phases come first."""
+    """Return the sort key. Mirrored patterns have equal rounded compliances: then lower modes and phases come first."""
     soft = float(f"{candidate.compliance * candidate.kept:.3g}")
     return bool(candidate.refused), candidate.whole < CONNECTED_SHARE, soft, (candidate.mode, candidate.phase)
 

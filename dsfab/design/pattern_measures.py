@@ -68,7 +68,7 @@ def measured_pattern(
         confidence = np.zeros(design.surface.m)
     parent = chart.parent
     steered = design.pattern.even.steered if design.pattern.even else None
-    guided = steered.guided[parent] > 0.1 if steered else None  # guides of a lower weight do not count
+    guided = steered.guided[parent] > 0.1 if steered else None  # below 0.1, a face does not count as guided
     columns = followed.stress[parent], followed.direction[parent], confidence[parent]
     quality = pattern_quality(stripes, *columns, guided=guided)
     major, minor = (role.title for role in roles_of_families(design))
@@ -95,7 +95,7 @@ def _sheet_quality(
 
 
 def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
-    """Keep dead ends within `reach` of the cut sheet's material that do not continue as a member of the other family.
+    """Keep only dead ends near the cut sheet (within `reach`) where no member of the other family continues.
     reach : m.    half_width : (n,) half-width of the family's members at each vertex, in periods."""
     width = 2 * float(np.median(half_width)) * family.spacing[1]
 
@@ -142,7 +142,7 @@ def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> 
 
 
 def followed_directions(design: PatternedDesign) -> StressDirections:
-    """Return directions that the families follow, and the stress along each; with `rotate`, from absolute values."""
+    """Return directions that families follow, and the stress along each; with `rotate`, a mean of absolute values."""
     preset = design.preset
     stress, direction = principal_stresses(design.surface, followed_stress(preset, design.surface, design.statics))
     if design.pattern.even is None and preset.diffusion.labelling == "magnitude":
@@ -248,10 +248,10 @@ def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3)
 
 
 def merged_members(options: Pattern, surface: Surface, pattern: PatternResult) -> FilledOpenings | None:
-    """Return the largest area outside kept regions where members of a single family touch. Return None without
-    such an area, or for two families. This area / spacing^2 gives the number of filled openings."""
+    """Return the largest area outside kept regions where members of a single family touch. Return None if none touch,
+    or for a pattern of two families. The area / spacing^2 is the number of filled openings."""
     if options.families == "both":
-        return None  # for two families, `largest_filling` finds filled openings
+        return None  # `largest_filling` counts filled openings between two families
     touch = pattern.half_width(options.families) >= SOLID
     layers = map(Layer, pattern.names, pattern.fields, pattern.levels, pattern.half_widths)
     kept_layers = [layer for layer in layers if layer.name not in FAMILIES]

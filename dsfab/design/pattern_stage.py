@@ -71,7 +71,7 @@ def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) ->
 
 
 def statics_with_weight_share(preset: Preset, surface: Surface, statics: StaticsResult, share: Floats) -> StaticsResult:
-    """Return `statics` with the cases that the pattern follows solved again for a share (m,) of each face's weight."""
+    """Solve the cases that the pattern follows again, with a share (m,) of each face's weight; return new statics."""
     layered = any(case.layered is not None for case in statics.cases.values())
     follow = "layers" if layered else "membrane"  # the pattern follows the same kind of stress as in `statics`
     section = preset.statics.model_copy(update={"frequencies": 0, "buckling": 0, "stress": follow})
@@ -145,7 +145,7 @@ def chosen_method(
 
 
 def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: ChosenMethod) -> PatternResult:
-    """Return the stripes by the chosen method. If `method_step` drew them, their time is in the log row `method`."""
+    """Return the stripes of the chosen method. If `method_step` drew them, the log counts their time as `method`."""
     candidate, before = chosen.way, len(log.notes)
     log.seconds.setdefault("pattern", 0.0)
     pattern = candidate.drawn or pattern_step(

@@ -37,7 +37,7 @@ from dsfab.surface import (
 )
 
 IMAGE_DIFFERENCE = 0.3
-"""Largest difference of a region or guide from its symmetric image, as a fraction of its area; meshes are uneven."""
+"""Largest difference of a region or guide from its symmetric image, as a fraction of the region's or guide's area."""
 
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
@@ -86,7 +86,7 @@ def whole_surface(preset: Preset, surface: Surface) -> Surface:
 
 
 def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
-    """Return the surface before its voids were cut out, and on it the number (n,) of each vertex of `surface`."""
+    """Return the surface before its voids were cut out, and the numbers (n,) of the remaining vertices on it."""
     results = derived_results(surface)
     if _before_voids not in results:
         from dsfab.design.surface_and_statics import base_surface  # at the top, this import would be circular
@@ -210,7 +210,7 @@ class CoveringLoads:
         return cls(surface, nearest_faces(surface, carries), area, place, np.where(carries, -1, part))
 
     def forces(self, covered: Floats) -> Floats:
-        """Return forces (m, 3), N, on the material in each face, for tractions (m, 3), Pa, on the uncut surface.
+        """Return forces (m, 3), N, on the material in each face. covered : (m, 3) tractions, Pa, on the uncut surface.
         Raises StaticsError for a load on a piece of the surface without material."""
         load = covered * self.surface.areas[:, None]
         lost = np.flatnonzero((self.to < 0) & load.any(axis=1))
@@ -229,10 +229,10 @@ class CoveringLoads:
         return force
 
     def _by_opening(self, load: Floats) -> Floats:
-        """Return forces (m, 3), N, on faces with material. If possible, they keep the moment of an opening's load."""
+        """Return forces (m, 3), N, after moving loads on openings to material, if possible with the same moments."""
         loaded_faces = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
         force = group_sums(self.to[self.to >= 0], load[self.to >= 0], len(load))
-        # a face may carry the covering's load over several openings
+        # a face may take the load of several openings, so count pairs of opening and face
         pair, pair_index = np.unique(
             np.stack([self.opening[loaded_faces], self.to[loaded_faces]]), axis=1, return_inverse=True
         )
@@ -269,7 +269,7 @@ def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
 
 
 def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
-    """Return zero-sum forces with each group's moment, as in bolt groups. Places on a line take no moment about it."""
+    """Return zero-sum forces with each group's moment. A group of places on a line takes no moment about that line."""
     count = len(moment)
     total = np.bincount(group, weight, count)
     middle = group_sums(group, weight[:, None] * place, count) / np.where(total > 0, total, 1.0)[:, None]
@@ -282,7 +282,7 @@ def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -
     return np.asarray(weight[:, None] * np.cross(theta[group], r))
 
 
-LOST_LOAD_REMEDY = "set pattern.rim, raise pattern.keep, or change a phase or a mode"  # For messages.
+LOST_LOAD_REMEDY = "set pattern.rim, raise pattern.keep, or change a phase or a mode"  # For messages on lost loads.
 
 
 def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[LoadCase]) -> str:

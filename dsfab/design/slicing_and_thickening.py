@@ -79,21 +79,20 @@ def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[Tri
 
 
 def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
-    """Return the smallest width of openings and of their narrow places (necks), metres, or 0. Smaller openings are
-    filled, and narrower necks are bridged."""
+    """Return two widths (m), or 0: smaller openings are filled, and narrower necks of openings are bridged."""
     options, min_opening = preset.pattern, preset.slicing.min_opening
     if min_opening is not None or options.method != "stripes":
         return min_opening or 0.0, min_opening or 0.0
     spacing = min(family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
     thickness = preset.statics.thickness
-    # with `removes_loose_ends`, the limit can be lower, because `merging_rule` also fills larger openings
+    # with `removes_loose_ends`, a smaller limit is enough, because `merging_rule` also fills larger openings
     opening = min(SPECK * spacing, thickness) if options.removes_loose_ends else SPECK * spacing
-    # 1.1 and not 1: beside a bridge, an opening has polygons as round corners, and is narrower than with exact arcs
+    # factor 1.1: beside a bridge, round corners are polygons, so an opening is narrower than with exact arcs
     return opening, min(1.1 * thickness, 0.2 * spacing)
 
 
 REQUESTED_SHARE = 0.95
-"""Smallest width of a member, divided by its requested width. Flat triangles cause errors of a few percent."""
+"""Limit of the default least width, divided by the requested width. Flat triangles cause errors of a few percent."""
 
 
 class WorkshopWidths(NamedTuple):
@@ -159,7 +158,7 @@ def least_drawn_member(preset: Preset, surface: Surface) -> float:
 
 
 def _usual_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
-    """Return the least widths with the defaults of [slicing]."""
+    """Return the least widths of openings and members for the default values of [slicing]."""
     return least_widths(preset.model_copy(update={"slicing": Slicing()}), surface)
 
 
@@ -251,7 +250,7 @@ def filled_plate(
 ) -> FilledOpenings | None:
     """Return the largest group of neighbouring filled openings. Return None for fewer than `FILLED_PLATE` openings,
     and for a group with its centre inside a small, supported boundary loop.
-    cells : all cells before and after openings were filled and corners rounded."""
+    cells : two sheets of cells: before and after openings were filled and corners rounded."""
     spacings = [family.distance(surface.area, surface.mean_edge) for family in options.drawn_families]
     fillings = merged_members(options, surface, pattern), largest_filling(*cells, max(spacings))
     filling = max(filter(None, fillings), key=lambda group: group.openings, default=None)
@@ -336,7 +335,7 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
         areas = surface.area, sheet.surface.area
         uncut_weight, sheet_weight = (force(preset.statics.area_weight * area) for area in areas)
         message = f"the cut sheet weighs {sheet_weight}; all results include this weight"
-        if not preset.pattern.rounds:  # else directions follow the cut sheet's weight, see `stripes_under_own_weight`
+        if not preset.pattern.rounds:  # with `rounds`, directions follow the weight of the cut sheet
             message += f"; the directions follow the weight of the uncut sheet, {uncut_weight}"
         log.note("slicing", message)
     if any(part.bare.any() for part in parts):

@@ -56,7 +56,7 @@ def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStr
 
 def _cached_layers(preset: Preset, surface: Surface, load: LoadCase) -> list[Layer]:
     options = preset.pattern.keep, preset.pattern.rim, preset.pattern.region
-    # all trials of `auto` use the same layers, to save time
+    # many trials of values for `auto` share these layers, to save time
     latest: _LatestLayers | None = derived_results(load).get(_LatestLayers)
     if latest and latest.options == options and latest.surface() is surface:
         return latest.layers
@@ -80,7 +80,7 @@ def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) 
 
 
 def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
-    """Return a mask (m,) of faces where a mode's stripes run more in the other family's direction; None: no mode."""
+    """Return a mask (m,) of faces where a mode's stripes run closer to the other family's direction; or None."""
     if layer.name not in FAMILIES or not isinstance(layer.field, np.ndarray):
         return None
     x: Floats = layer.field if layer.field.ndim == 1 else layer.field.mean(axis=1)
@@ -118,8 +118,8 @@ def corrected_pattern(
     nearest_share : function of a share. It returns the nearest share that was measured for the latest stripes.
     added_share   : function that returns the share that finishing adds by rounded corners and filled openings.
     bridged_share : slow function that returns the share of added bridges. After a result of 0, it is not called again.
-    The stripes alone get `aim`: the requested share minus the added share. If openings close, the added share jumps.
-    Then the next `aim` is the mean `aim` of two trials: one with too little material, and one with too much."""
+    Stripes are drawn for the share `aim`: the requested share minus the added share. The added share jumps if openings
+    close. Then the next `aim` is the mean of two trials: one with too little material, and one with too much."""
     requested, tolerance = width.solid_fraction, width.solid_fraction_tolerance
     trials = list[_ShareTrial]()
     bridges = 0.0
@@ -142,9 +142,9 @@ def corrected_pattern(
     latest = converge(attempt(0.0))
     if (bridges := bridged_share()) > SHARE_TOLERANCE:
         latest = trials[-1] = latest._replace(added=latest.added + bridges, total=latest.total + bridges)
-        trials[:-1] = []  # earlier trials have too small shares, because they have no bridges
+        trials[:-1] = []  # earlier trials do not count bridges, so their shares are too small
         latest = converge(latest)
-    for k in range(8):  # the first three rounds try for a smaller error than the preset allows
+    for k in range(8):  # the preset's tolerance counts only after three rounds
         accepted = max(tolerance, UNREPORTED) if k >= 3 else UNREPORTED
         if min(abs(trial.total - requested) for trial in trials) <= accepted or not (
             middle := _middle_target(trials, requested)
@@ -157,7 +157,7 @@ def corrected_pattern(
 
 
 def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
-    """Return the mean `aim` of the nearest pair of trials with too little and too much material; 0 without a pair."""
+    """Return the mean `aim` of the closest two trials: one has too little, one too much material; 0 for no pair."""
     pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in trials for b in trials if a.total < requested < b.total]
     gap, middle = min(pairs, default=(0.0, 0.0))
     return middle if gap > SHARE_TOLERANCE / 16 else 0.0
@@ -187,7 +187,7 @@ class WidthSearch(NamedTuple):
 @dataclass
 class _MeasuredShares:
     """Function that cuts the surface along layers (stripes and kept regions), and returns the share with material.
-    reached : all returned shares.    layers, polygons : the latest.    trial : latest cut, corners rounded once."""
+    reached : all returned shares.    layers, polygons : of the last call.    trial : last cut, corners rounded once."""
 
     preset: Preset
     given: StressedSurface
@@ -283,7 +283,7 @@ def sketched_step(
     surface = analysis.surface
     kept_layers = kept_regions(preset, surface, analysis.load, even)
     families = drawable_families(preset, analysis, member_widths(preset, surface).radius, grading, even)
-    search = WidthSearch(counted_share(surface, kept_layers, COUNTED), 4e-3)  # 4e-3: error of the counted share
+    search = WidthSearch(counted_share(surface, kept_layers, COUNTED), 4e-3)  # 4e-3: error of sampled shares
     layers, factor = solved_layers(preset, surface, kept_layers, families, search)
     pattern = pattern_result(preset, families, layers)
     return replace(pattern, factor=factor, choice=choice, even=even, tidy=tidy_of(preset, analysis, layers))
@@ -297,8 +297,8 @@ def member_widths(preset: Preset, surface: Surface) -> Widths:
 
 
 def least_width(preset: Preset, surface: Surface) -> float:
-    """Return the default least width (m) of evenly spaced members of varying width: the thickness for rule `graded`,
-    or `least_drawn_member` for `stressed`, which avoids slow widening in slicing. It is at most `least_member`."""
+    """Return the default least width (m) of evenly spaced members of varying width: the thickness for rule `graded`, or
+    `least_drawn_member` for `stressed`, so that slicing widens few members. It is at most `least_member`."""
     stressed = preset.pattern.width.rule == "stressed"
     least = least_drawn_member(preset, surface) if stressed else preset.statics.thickness
     return min(least, least_member(preset.pattern, surface))
@@ -348,7 +348,7 @@ def solved_layers(
                 factor *= solved_factor(lambda relative: counted(layers(factor * relative)), requested, SHARE_TOLERANCE)
                 slope = (counted(layers(1.02 * factor)) - counted(layers(0.98 * factor))) / 0.04
         jump = width.solid_fraction_tolerance
-        if preset.pattern.families != "both":  # one family has no crossings; a loose member makes the share jump
+        if preset.pattern.families != "both":  # without crossings, members can be loose; then the share jumps
             spacing = preset.pattern.drawn_families[0].distance(surface.area, surface.mean_edge)
             jump = max(jump, width.solid_fraction * spacing / float(np.sqrt(surface.area)))
 
@@ -366,7 +366,7 @@ def layers_with_share(
     solve: Callable[[Callable[[float], float]], float],
 ) -> tuple[list[Layer], float]:
     """Return layers (stripes and kept regions) that cover the requested share, and their width factor.
-    `factor` decides which openings close.    solve : finds x = width factor / `factor` so that share(x) fits.
+    `factor` decides which openings close.    solve : returns x = width factor / `factor` for the requested share(x).
     The search repeats with slightly more or fewer closed openings in two cases: the share jumps because an opening
     closes, or the final width factor is over 2.5 times larger or smaller than `factor`."""
     refused, distant = list[PatternError](), list[tuple[float, float, list[Layer]]]()
@@ -392,7 +392,7 @@ def layers_with_share(
 
 @dataclass
 class _CachedLayers:
-    """Cache of the latest result of `layers`. closing : width factor; openings close that are too narrow with it."""
+    """Cache of the latest result of `layers`. closing : width factor that decides which openings are closed."""
 
     layers: Callable[[float, float], list[Layer]]
     factor: float
@@ -400,7 +400,7 @@ class _CachedLayers:
     last: tuple[float, list[Layer]] = (-1.0, [])
 
     def layers_at(self, relative: float) -> list[Layer]:
-        """Return the layers for the width factor `relative * factor`."""
+        """Return the layers (stripes and kept regions) for widths scaled by `relative * factor`."""
         if self.last[0] != relative:
             self.last = relative, self.layers(self.factor * relative, self.closing)
         return self.last[1]
@@ -444,7 +444,7 @@ def drawable_families(
 
 
 def stripe_stresses(surface: Surface, diffusion: DiffusionResult, even: EvenStripes | None) -> Floats:
-    """Return the absolute stress (n, 2) along both families, divided by its mean, for graded widths.
+    """Return the absolute stress (n, 2) along both families, divided by its mean on the surface, for graded widths.
     Raises PatternError if the stress is zero."""
     sizes = np.abs(even.forces if even is not None and even.forces is not None else diffusion.tensors.principal)
     if even is not None and even.steered:

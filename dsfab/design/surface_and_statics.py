@@ -100,7 +100,7 @@ def _timed_factor(factor_of: FactorFunction, log: Log) -> FactorFunction:
 
 MOST_VERTICES = 200_000
 """Largest number of vertices for which accurate elements replace `hinge` elements.
-With 250,000 vertices, their factorisation takes 17 GB (`hinge`: 3.6 GB)."""
+With 250,000 vertices, the factorisation takes 17 GB for accurate elements, and 3.6 GB for `hinge` elements."""
 
 
 def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log, rough: bool = False) -> list[Answers]:
@@ -207,7 +207,7 @@ def followed_layers(
 ) -> FollowedStress:
     """Return the stress that the pattern follows according to statics.stress, for a sheet that was solved with bending.
     sigma : (m, 3, 3) stress in the middle of the thickness (Pa), for each case and combination.
-    Raises StaticsError if accurate moments are needed, but the elements for accurate moments cannot solve the sheet."""
+    Raises StaticsError if the pattern needs moments, but the elements for accurate moments cannot solve the sheet."""
     option = preset.statics.stress
     if is_slab(surface, answers):
         lower = [stress.tensor("bottom") for stress in _moment_stresses(preset, surface, acting, answers)]
@@ -247,7 +247,7 @@ def is_slab(surface: Surface, answers: Sequence[Answers]) -> bool:
 def _moment_stresses(
     preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]
 ) -> list[SheetStress]:
-    """Return the stress in each case and combination. Inexact moments of `hinge` elements are replaced by new ones."""
+    """Return the stress in each case and combination. Solve again after `hinge` elements: their moments are inexact."""
     if answers[0].elements.bending != "hinge":
         return [answer.stress for answer in answers]
     model = preset.statics.sheet().model_for(surface)
@@ -329,7 +329,7 @@ def rough_statics(preset: Preset, surface: Surface, solved: SolvedSheet) -> Stat
         return None
     answers = answers_step(preset, surface, solved, Log(None), rough=True)
     if sheet.stress == "auto" and bending_share(preset, surface, solved.acting, answers) >= BENDING_SHARE / 2:
-        return None  # half of the limit, because `bending_share` is only approximate here
+        return None  # the limit BENDING_SHARE is halved, because `bending_share` is only approximate here
     return _statics_result(preset, surface, solved, answers, FollowedStress(solved.sigma), Log(None))
 
 
@@ -352,7 +352,7 @@ def _statics_result(
     together = results.pop("", next(iter(results.values())))
     note_statics(surface, results, log)
     winds = [load for load in acting_on(preset, surface).load if isinstance(load, Wind)]
-    winds = [load for load in winds if load.windward != load.leeward]  # else the side does not matter
+    winds = [load for load in winds if load.windward != load.leeward]  # with equal values, the side does not matter
     on_wall = any((picked_faces(surface, load.at, "wind") & faces_without_upper_side(surface)).any() for load in winds)
     if on_wall and min(float(np.dot(a.direction, b.direction)) for a in winds for b in winds) >= 0:
         log.note(

@@ -75,7 +75,7 @@ def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
 
 
 REPEATED = 1e-6  # Eigenvalues count as repeated if their relative difference is smaller.
-VISIBLE = 1e-2  # A reference field decides a basis or a sign only if a larger fraction of it is in the eigenspace.
+VISIBLE = 1e-2  # A reference field is used only if more than this fraction of it lies in the eigenspace.
 SPARE = 2
 """Number of additional eigenpairs, so that usually all copies of a repeated last eigenvalue are computed."""
 
@@ -187,7 +187,7 @@ def _factor(surface: Surface, A: csr_array) -> Factor:
 
 def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int) -> tuple[Floats, Floats]:
     """Return the smallest eigenpairs, ascending. solve : (A + shift)^-1 b.    Four vectors per pair make restarts rare.
-    The tolerance is 0: only rounding errors reveal copies of a repeated eigenvalue, and only late in the iteration."""
+    The tolerance is 0, because copies of a repeated eigenvalue appear late, and only through rounding errors."""
     inverse = LinearOperator((n, n), matvec=solve, dtype=np.float64)
     start = 1 + 0.5 * np.sin(np.arange(n))  # always the same start, so the same modes
     try:
@@ -201,7 +201,7 @@ def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int
 
 
 def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Floats) -> Floats:
-    """Return modes that do not depend on the solver. In each eigenspace, projected reference fields give the basis.
+    """Return modes that do not depend on the solver. Reference fields, projected onto an eigenspace, give its basis.
     A mode's third moment decides its sign; if it is about zero, the reference fields decide."""
     fields = _reference_fields(surface, mass, axes)
     out = X.copy()

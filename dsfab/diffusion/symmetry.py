@@ -32,7 +32,7 @@ IMAGE_OFF_SURFACE = 0.25  # Largest distance of a mirrored or rotated vertex fro
 OFF_SUPPORT = 1.0
 """Largest distance, in mean edges, of a mirrored or rotated supported vertex from the nearest supported vertex."""
 OFF_LOAD = (0.3, 0.02)
-"""Largest change of loads by a mirror or rotation / total load. First: of smoothed forces. Second: of resultants."""
+"""Largest change of smoothed forces, and of resultants, by a mirror or rotation, as a fraction of the total load."""
 SAMPLE_POINTS = 100  # Approximate number of points in quick checks, which come before the check of all points.
 
 
@@ -77,8 +77,7 @@ class Symmetry:
 
     def invariant(self, L: csr_array, X: Floats, mass: Floats) -> tuple[Floats, Floats]:
         """Return symmetric modes (equal values at all images of a point): eigenvalues (j,), M-orthonormal modes (n, j).
-        These are combinations of the means of the modes X (n, k) over the group. In the space of these means, the
-        eigenvalue problem of L is solved again (Rayleigh and Ritz)."""
+        The modes X (n, k) are averaged over the group; in the space of means, L's modes are found (Rayleigh, Ritz)."""
         Y = self.mean(X)
         share, C = np.linalg.eigh(Y.T @ (mass[:, None] * Y))
         keep = share > 0.5**2  # shares are near 0 or near 1, so the exact limit does not matter
@@ -228,7 +227,7 @@ def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats
 
 
 def _smoothed_forces(surface: Surface, force: Floats, rounds: int = 6) -> Floats:
-    """Return forces (n, 3) with the same sum. Each is spread over neighbours: in 6 rounds, over about two edges."""
+    """Return smoothed forces (n, 3) with the same sum. In 6 rounds, each force spreads over about two edges."""
     ends, n = surface.edges.ends, surface.n
     share = 0.5 / np.maximum(np.bincount(ends.ravel(), minlength=n), 1)
     i, j = np.concatenate([ends, ends[:, ::-1]]).T
@@ -335,7 +334,7 @@ def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator
 
 
 def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
-    """Return the normal of the mirror that best maps the outermost points of a round, irregular mesh to each other."""
+    """Return the normal of the mirror that best maps a round, irregular mesh's outermost points onto each other."""
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))
     outer = V[distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * surface.size]

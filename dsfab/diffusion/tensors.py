@@ -14,8 +14,8 @@ from dsfab.surface.fields import assemble, hat_gradients, tangents
 
 def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
     """Return one stress for all layers of a sheet: (m, 3, 3) Pa, symmetric, tangent to the faces.
-    Its principal axes have the smallest mean square of shear over the thickness. Each principal value is the root mean
-    square of the traction on its axis.
+    Its principal axes minimise the mean square of the shear stress over the thickness. Each principal value is the root
+    mean square of the traction on its axis.
     membrane : (m, 3, 3) stress of the middle surface, Pa, tangent to each face.
     bending  : (m, 3, 3) stress that bending adds at the bottom (the side opposite to the normal), Pa.
     Opposite stresses give the opposite result. Faces without bending keep their membrane stress exactly.

@@ -143,8 +143,8 @@ class SplineSystem:
 
     def poles(self) -> Floats:
         """Return the poles (n, d) of the least-squares cubic splines between the first and last samples.
-        A smooth line has the same unknown tangent T at its start and its end. The second pole is P_0 + a T.
-        The last pole but one is P_last - b T. a and b are thirds of the first and the last span."""
+        A smooth line has the same unknown tangent T at its start and its end. Its second pole is its first pole + a T,
+        its last pole but one is its last pole - b T. a : a third of the first span. b : a third of the last span."""
         lengths = [run.sample_lengths for run in self.runs]
         values, first_hats = self._hats(np.concatenate(lengths), self._span_counts(lengths))
         points = np.concatenate([run.samples for run in self.runs])
@@ -162,7 +162,7 @@ class SplineSystem:
         return self._smooth_poles(system, poles, points, tangent) if tangent.any() else poles
 
     def _smooth_poles(self, system: LeastSquares, poles: Floats, points: Floats, tangent: Floats) -> Floats:
-        """Add the unknown tangents of smooth lines. A tangent moves poles at both ends, so no band matrix has it."""
+        """Add the unknown tangents of smooth lines. A tangent joins poles at both ends and fits no band matrix."""
         free = tangent - system.solve(system.sums(system.values_at_samples(tangent)))
         along, residual = system.values_at_samples(free), points - system.values_at_samples(poles)
         poles, end = poles.copy(), np.cumsum([run.count + 1 for run in self.runs])
@@ -174,7 +174,7 @@ class SplineSystem:
         return poles
 
     def errors(self, poles: Floats) -> list[Floats]:
-        """Return the largest distance of each span of a curve from its polyline: (s,) for each line. poles : (n, d)."""
+        """Return, for each line, largest distances (s,) of its curve's spans from the polyline. poles : (n, d)."""
         begin = np.concatenate([lengths[:-1] for lengths in self.breaks])
         wide = np.concatenate([lengths[1:] - lengths[:-1] for lengths in self.breaks])
         four = (begin[:, None] + wide[:, None] * THIRDS).ravel()
@@ -194,10 +194,9 @@ class SplineSystem:
 
 
 SHARP = np.deg2rad(35.0)
-"""Smallest bend (radians) at a corner of an outline. Chords of a fillet differ in direction by at most 34 degrees."""
+"""Smallest bend (radians) at a corner of an outline. Between chords of a fillet, bends are at most 34 degrees."""
 SPANS = 4
-"""Largest number of spans of one edge of a plane face. CAD programs integrate volumes with few points on each edge, so
-longer edges cause errors."""
+"""Largest number of spans of an edge of a plane face: for more, CAD programs integrate volumes with too few points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,8 +213,7 @@ class Curve(Spline):
 
 def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve] | None:
     """Fit at least two curves to the closed polyline `loop` (k, 2); return None if no spline is within the tolerance.
-    corner : (k,) True at vertices where a curve must end. Curves also end at sharp corners.
-    If there are fewer than two such vertices, one curve is fitted and split in two."""
+    Curves end at vertices marked in `corner` (k,) and at sharp corners. With fewer than 2 ends, one curve is halved."""
     corners = np.flatnonzero(corner | (np.abs(turning(loop)) > SHARP))
     if len(corners) > 1:
         ends = [*corners.tolist(), int(corners[0]) + len(loop)]
@@ -320,7 +318,7 @@ def curve_tolerance(part: Part) -> float:
 
 
 def chains(part: Part) -> list[list[Curve]]:
-    """Return the curves along each line of a part."""
+    """Return the fitted curves along each line of a part, in order: one list for each line."""
     return all_curves_along([line.points for line in part.details.lines], curve_tolerance(part))
 
 

@@ -1,4 +1,4 @@
-"""Content of a file (`Part`): mesh and lines in millimetres, texts, the sheet in charts, and the bodies of members."""
+"""Content of a file (`Part`): mesh and lines (mm), texts, the sheet divided into charts, and the bodies of members."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -124,8 +124,8 @@ class Details:
     values    : values at the vertices (n, ...) or in the faces (m, ...) of the mesh, by name with SI unit.
     facts     : short lines for a title block, or about `values`.
     measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, as far as known.
-    frame     : the beam model of the members; `facts` then compare its results with the results of the sheet.
-    section_forces : section forces by case and combination, in the faces of `sheet` (m).
+    frame     : the beam model of the members. If it is set, `facts` compare its results with the results of the sheet.
+    section_forces : section forces by case and combination, in the m faces of the surface `sheet`.
     member_forces  : forces by member.    utilisation : utilisation of the members.
     description    : text about the whole part.    material : name of the material, or ''.
     members        : members and nodes.    shapes : members as bodies, m.
@@ -267,7 +267,7 @@ def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> 
 def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
     """Return the part with rounded vertices V (n, 3), after contraction of edges that rounding has shortened to zero.
     Raises ExportError if the new solid is open, empty, or differs in volume by over 0.1 %.
-    holding : content with the rounded numbers, for the error message, such as "a STEP file with 5 decimals"."""
+    holding : name of the rounded content in the error message, such as "a STEP file with 5 decimals"."""
     a, b = half_edges(part.F)
     lost = np.flatnonzero((V[a] == V[b]).all(axis=1))
     if not len(lost):

@@ -12,7 +12,7 @@ from dsfab.core.limits import READ_BACK
 from dsfab.export.part import MemberShape, Part, in_single_precision, open_edges
 from dsfab.surface import bounding_box, polyline_length, signed_volume, total_area
 
-NUMBERS_READ_BACK = 1e-9  # largest error of numbers read back / largest number
+NUMBERS_READ_BACK = 1e-9  # largest error of numbers read back, as a fraction of the largest number
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class ReadBack:
 
 
 _ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
-"""Odd factors, one per coordinate, for a hash of the bits; different bits then give different products."""
+"""Odd factors, one per coordinate, for a hash: invertible modulo 2^64, so different bits give different products."""
 
 
 def read_with_igl(path: Path) -> tuple[Floats, Ints]:

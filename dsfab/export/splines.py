@@ -77,7 +77,7 @@ def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
 
 
 def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
-    """Return values (4, k) of the nonzero cubic basis functions at x (k,), from knots[span] to knots[span + 1].
+    """Return values (4, k) of the nonzero cubic basis functions at x (k,); x is from knots[span] to the next knot.
     Also return quadratic basis functions (3, k), divided by their support widths, for derivatives [de Boor 1978]."""
     past = x - knots[span - np.arange(3)[:, None]]
     ahead = knots[span + np.arange(1, 4)[:, None]] - x
@@ -106,8 +106,8 @@ class LeastSquares:
 
     @classmethod
     def from_hats(cls, values: Floats, first_hats: Ints, first_poles: Ints, n: int, fixed_poles: Ints) -> Self:
-        """Factor the normal matrix (n, n) of k samples. values : (4, k) nonzero basis functions at each sample.
-        first_hats  : (k,) number of the first of these functions.    fixed_poles : numbers of poles that are given.
+        """Factor the normal matrix (n, n) for n poles and k samples. values : (4, k) cubic basis functions at samples.
+        first_hats  : (k,) number of the first of the 4 functions.    fixed_poles : numbers of poles that are given.
         first_poles : (r,) number of the first pole of each curve."""
         factor, failed = dpbtrf(_band(values, first_hats, first_poles, fixed_poles, n), lower=1)
         if failed:
@@ -179,7 +179,7 @@ class SplineRows:
     def from_counts(
         cls, number: Ints, count: Ints, x: Floats, Q: Floats, tolerance: Floats, parts: int
     ) -> "SplineRows":
-        """Return samples x (k,), Q (k, d) of r curves, one curve after the other. number, count : see `SplineRows`."""
+        """Return samples x (k,), Q (k, d) of r curves, one curve after the other. Arguments : as in `SplineRows`."""
         end, row = np.cumsum(count), np.repeat(np.arange(len(count)), count)
         return cls(number, count, end - count, end - 1, row, x, Q, tolerance, parts)
 
@@ -197,7 +197,7 @@ class SplineRows:
         return start[self.row] + self.x[:, None] * (end - start)[self.row]
 
     def distances(self, points: Floats) -> Floats:
-        """Return the largest distance (k,) of corresponding points in each sample and in its row of `points` (k, d)."""
+        """Return, for each sample, the largest distance (k,) of its points from those in its row of `points` (k, d)."""
         offset = (points - self.Q).reshape(len(points), self.parts, -1)
         return np.asarray(np.sqrt(np.einsum("kpi,kpi->pk", offset, offset).max(axis=0)))
 
@@ -229,7 +229,7 @@ class RowSpans:
         return knots
 
     def with_halves(self, bad: Bools, unfinished: Bools, rows: SplineRows) -> "RowSpans":
-        """Halve the `bad` spans (s,); return the spans of `unfinished` curves (r,). rows : samples of all curves."""
+        """Halve `bad` spans (s,), but return only spans of `unfinished` curves (r,). rows : samples of all curves."""
         stays = unfinished[self.row]
         low, high, two = self.low[stays], self.high[stays], bad[stays]
         row = (np.cumsum(unfinished) - 1)[self.row[stays]]

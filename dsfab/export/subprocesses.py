@@ -50,7 +50,7 @@ _WAITING: ContextVar[_Work | None] = ContextVar("_WAITING", default=None)
 
 @contextmanager
 def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
-    """Call `work` once: while the first program in the `with` block runs, else after the block, if nothing failed."""
+    """Call `work` once: while the first program in the `with` block runs, otherwise after the block if it succeeds."""
     waiting = _Work(work)
     token = _WAITING.set(waiting)
     try:
@@ -95,12 +95,12 @@ class PreparedProgram:
     def send(self, *arguments: str) -> None:
         """Send the arguments; this is possible only before `answer`."""
         if self.process.stdin:
-            with suppress(BrokenPipeError):  # the program has ended; its error output contains the reason
+            with suppress(BrokenPipeError):  # `process` has ended; its error output contains the reason
                 self.process.stdin.write(json.dumps(arguments) + "\n")
                 self.process.stdin.flush()
 
     def answer(self, seconds: float) -> str:
-        """Return the last line of output after the arguments were sent; raises the errors of `last_line`."""
+        """Return the last line of the program's output after `send`; raises the errors of `last_line`."""
         return _last(_answer(self.process, seconds))
 
     def answer_with_work(self, is_ready: Callable[[], bool], work: Callable[[], None], seconds: float) -> str:
@@ -120,7 +120,7 @@ class PreparedProgram:
             return _last(pending.result())
 
     def last_line(self, *arguments: str, seconds: float) -> str:
-        """Send the arguments and return the last line of output; raises the errors of the function `last_line`."""
+        """Send arguments to the program; return its last line of output. Raises errors as the function `last_line`."""
         self.send(*arguments)
         return self.answer(seconds)
 

@@ -222,7 +222,7 @@ def atomic_folder(folder: Path, outdated: Outdated | None = None) -> Iterator[Pa
     try:
         try:
             yield partial
-        except ExportError as error:  # the message must name the user's folder
+        except ExportError as error:  # the message must name the user's folder, not the temporary folder
             raise ExportError(str(error).replace(str(partial), str(folder))) from None
         _put_in_place(partial, target, outdated or _outdated_files)
         missing = []
@@ -333,7 +333,7 @@ def _swap(partial: Path, target: Path, outdated: set[str]) -> bool:
 
 
 def link_files(target: Path, partial: Path, user_names: set[str]) -> bool:
-    """Add hard links to the user's files to the new folder; returns False if the system cannot."""
+    """Add hard links in the new folder to the user's files; return False if the system cannot create the links."""
     try:
         for name in user_names:
             os.link(target / name, partial / name)

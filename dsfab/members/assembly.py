@@ -69,7 +69,7 @@ KINDS = ("rim", "band", "ring", "disc", "plate", "fill")
 
 def named_components(surface: Surface, pieces: Sequence[Component]) -> list[tuple[str, int, Component]]:
     """Return names, part numbers and components, sorted by names: "A01", "A02a", "A02b", ..., "B01", "rim 1".
-    surface : mesh of the `Overlay`, which contains the cells of the components."""
+    surface : mesh of the `Overlay` with the cells of the components `pieces`. The part number of "A02b" is 2."""
     listed = list[tuple[str, int, Component]]()
     for letter, same_kind in _kinds(pieces):
         groups = _groups(same_kind) if len(letter) == 1 else [[c] for c in same_kind]

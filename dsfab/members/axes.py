@@ -95,7 +95,7 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
-    """Return positions where `offset` is 0 on sides (c, 2) of cells: 0 at the lower vertex number, 1 at the higher."""
+    """Return places on sides `side` (c, 2) of cells where `offset` is 0: from 0 (lower vertex number) to 1 (higher)."""
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
     ascending = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]
@@ -104,14 +104,14 @@ def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats
 
 
 def without_specks(lines: list[MiddleLine], width: float) -> list[MiddleLine]:
-    """Return the longest line, which is the first, and all other lines longer than `SPECK` times the width."""
+    """Return the first and longest of `lines`, and all other lines longer than `SPECK` times `width`."""
     return [line for k, line in enumerate(lines) if k == 0 or line.length > SPECK * width]
 
 
 def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLine]:
     """Divide a line where it bends within the surface by more than `TURN`.
-    Bends are measured over 1.5 times `width`, or over `edge` (m) if that is longer. Short parts at both ends
-    are dropped, because the ends of a line often bend towards the edge of material around a support."""
+    Bends are measured over 1.5 times `width`, or over the mesh edge length `edge` (m) if that is longer. Short parts
+    at both ends are dropped, because ends of a line often bend towards the outline of material around a support."""
     window = max(WINDOW * width, edge)
     count = max(2 * STEPS, int(np.ceil(line.length * STEPS / window)))
     x = np.linspace(0, line.length, count + 1)
@@ -263,7 +263,7 @@ def _axis_with_knots(line: MiddleLine, step: float) -> MemberAxis:
 
 def _spline(x: Floats, y: Floats, step: float, spans: int, closed: bool) -> BSpline:
     """Return a smoothing spline through values y (q, d) at x (q,): `spans` pieces of length `step`, from x = 0."""
-    degree, penalty = 3, 1e-3  # weight of the coefficients' third differences
+    degree, penalty = 3, 1e-3  # degree of the spline; weight of the third differences of the spline's coefficients
     t = step * np.arange(-degree, spans + degree + 1)
     design = csr_array(BSpline.design_matrix(np.clip(x, 0, step * spans), t, degree))
     count = design.shape[1]

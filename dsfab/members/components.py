@@ -16,11 +16,11 @@ from dsfab.surface import CornerField, DividedField, Surface, link_components
 Kind = Literal["strip", "stub", "rim", "band", "ring", "disc", "plate", "fill"]
 """Kinds of members, see `dsfab.members.graph.Member`. Material around supports has the kind "keep" at first."""
 FAMILIES = {"major": "A", "minor": "B"}  # First letter of the names of members, for each family of stripes.
-NOWHERE = 10.0  # A marker: offset of a region without a middle line, larger than any real offset.
+NOWHERE = 10.0  # Marks a region without a middle line; all real offsets are smaller.
 
 
 class NamedBand(NamedTuple):
-    """Stripes of one field of the pattern, with the field's name (family). kind : strip, rim, band, keep or plate."""
+    """Stripes of one field of the pattern, with the field's name (family). kind : see `Kind`, or "keep" at supports."""
 
     kind: str
     family: str
@@ -28,7 +28,7 @@ class NamedBand(NamedTuple):
 
 
 def pattern_bands(surface: Surface, sheet: Sheet, pattern: PatternResult) -> list[NamedBand]:
-    """Return the stripes of each field of the pattern, in the order of the fields. The sheet was cut along them."""
+    """Return the stripes along which the sheet was cut, for each field of the pattern, in the order of the fields."""
     bands = []
     for k, (name, field, levels) in enumerate(zip(pattern.names, pattern.fields, pattern.levels, strict=True)):
         if name in FAMILIES:
@@ -57,7 +57,7 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 
 
 def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
-    """Return the kind "reach" (within a distance), "plate" (a region) or "band" (along an outline), and the stripes."""
+    """Return the kind "reach" (within a distance), "plate" (a region) or "band" (at an outline), and its stripes."""
     zero = np.zeros(1)
     if x.ndim == 2:  # a band; column 0 is positive inside its outline, column 1 is distance from outline minus width
         width = -float(x[:, 1].min())
@@ -124,7 +124,7 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
 
 
 def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """Return the middle lines of each stripe of a field: at offset 0, or at the mean offset if no offset is 0."""
+    """Return the middle lines of each stripe of field `k`: at offset 0, or at the stripe's mean offset if none is 0."""
     offset = overlay.offset[:, :, k]
     lines = middle_lines(overlay, k, offset, normals)
     part = overlay.part[:, k]
@@ -143,7 +143,7 @@ def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLi
 
 
 def _is_sliver(overlay: Overlay, k: int, cells: Ints, lines: list[MiddleLine]) -> bool:
-    """Return True for leftovers of cutting or smoothing: on one side of a stripe's middle, shorter than its width."""
+    """Return True for cells left over from cutting or smoothing: beside a stripe's middle, shorter than its width."""
     offset, surface = overlay.offset[cells, :, k], overlay.sheet.surface
     if not lines or ((offset.min(axis=1) < 0) & (offset.max(axis=1) > 0)).any():
         return False

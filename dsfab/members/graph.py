@@ -32,7 +32,7 @@ class SharedPatch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _SharedCells:
-    """Cells (c,), each in member `a` of field `one` and member `b` of field `two`. patch : connected part (number)."""
+    """Cells (c,) in two members: `a` of field `one`, `b` of field `two`. patch : (c,) number of the connected part."""
 
     one: int
     two: int
@@ -149,7 +149,7 @@ class Member:
 
     @property
     def curve(self) -> MemberAxis:
-        """Axis of a member that has an axis."""
+        """The member's axis; only for members that have an axis."""
         assert self.axis is not None
         return self.axis
 
@@ -165,7 +165,7 @@ class Member:
 
     @property
     def mean_width(self) -> float:
-        """Median width along its axis, metres; without an axis the side of a square of equal area."""
+        """Median width along the axis, metres. Without an axis, the side of a square with the member's area."""
         return float(np.median(self.width)) if self.axis else float(np.sqrt(self.area))
 
 
@@ -301,7 +301,7 @@ class Joints:
     normals: Floats
 
     def nodes(self, shared: list[SharedPatch]) -> list[Node]:
-        """Return the nodes of all overlaps. Numbers grow along each member; a node counts for its first member."""
+        """Return the nodes of the overlaps `shared`, numbered member by member: each node along its first member."""
         listed = []
         for overlap in shared:
             pair = min(overlap.a, overlap.b), max(overlap.a, overlap.b)
@@ -316,7 +316,7 @@ class Joints:
         return [replace(node, id=f"N{number:0{digits}d}") for number, (_, node) in enumerate(listed, 1)]
 
     def _ends_within(self, overlap: SharedPatch) -> tuple[Floats, Ints]:
-        """Return a middle line's end in the other member, for example where two rims form a corner, and its cell."""
+        """Return an end of a middle line in the overlap, for example at a corner of two rims, and the end's cell."""
         for k, neighbour in ((overlap.a, overlap.b), (overlap.b, overlap.a)):
             line = self.parts[k].line
             if line is None or line.closed or self.parts[neighbour].line is None:

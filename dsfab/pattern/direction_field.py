@@ -41,8 +41,8 @@ def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
 
 def family_crossings(frames: Frames, along: Floats) -> Bools:
     """Return a mask (n,) of vertices at which the families of stripes swap their names, major and minor.
-    along : (n, 3) tangents of major stripes, up to sign. In a region of vertices, tangents rotate by less than 45
-    degrees along edges. The largest region keeps its names. Names swap at each border between regions."""
+    along : (n, 3) tangents of major stripes, up to sign. A region consists of vertices joined by edges along which
+    tangents rotate by less than 45 degrees. The largest region keeps its names. Names swap at borders of regions."""
     surface, (i, j) = frames.surface, frames.ends.T
     square = np.cross(frames.normal[j], along[j])
     turned = np.abs(dots(along[i], square)) > np.abs(dots(along[i], along[j]))
@@ -118,7 +118,7 @@ def _path_edges(surface: Surface, face: int, predecessor: Ints, singular: Bools)
 
 
 def _path_ends(surface: Surface, singular: Bools) -> Ints:
-    """Return a number (m,) for each face: its own if singular, that of its boundary loop at a boundary, else 0."""
+    """Return numbers (m,) of faces where paths end: one per singular face, one per boundary loop; 0 for other faces."""
     edges = surface.edges
     count, loop = link_components(surface.n, *edges.ends[edges.boundary].T)
     name = np.zeros(surface.m, dtype=np.int64)
@@ -201,7 +201,7 @@ class FamilyRole(NamedTuple):
 
 def family_roles(surface: Surface, directions: StressDirections) -> tuple[FamilyRole, FamilyRole]:
     """Return the roles of the major and the minor family of stripes; z points up, and tension is positive. Hoops and
-    purlins are level on average, with the squared slope as weight. Arches rise, and are mainly in compression."""
+    purlins are level in the mean, weighted with squared slopes. Arches rise, and are mainly in compression."""
     size = surface.areas[:, None] * np.abs(directions.stress)
     total = size.sum(axis=0)
     pulled = np.divide((size * (directions.stress > 0)).sum(axis=0), total, out=np.full(2, np.nan), where=total > 0)

@@ -14,21 +14,21 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 FEW = 16
-"""Largest number of vertices at ends of `turned` edges (see `TwistedFactors.factor`) for `_corrected_solver`.
-Each of these vertices needs one solve per factorisation. Above `FEW`, a real matrix (2 n, 2 n) is faster."""
+"""Largest number of vertices at ends of `turned` edges (see `TwistedFactors.factor`) to use `_corrected_solver`.
+This solver needs one solve for each of these vertices. Above `FEW`, a real matrix (2 n, 2 n) is faster."""
 
 Solve = Callable[[Complexes], Complexes]
 
 
 class TwistedFactors:
-    """Factors of twisted Laplacians on points V (n, 3) and edges (e, 2); their sparse pattern is analysed once."""
+    """Factors of twisted (complex) Laplacians on points V (n, 3), edges (e, 2), with one analysis of their pattern."""
 
     def __init__(self, V: Floats, ends: Ints) -> None:
         self._V, self._ends, self._one_pattern = V, ends, SamePatternFactors(V)
 
     def factor(self, coupling: Complexes, diagonal: Floats, turned: Bools | None = None) -> Solve:
         """Return the solver b -> x = (K + diagonal)^-1 b (n,), complex, valid until next call; K: a twisted Laplacian.
-        coupling : (e,) weights w e^{i turn}.    diagonal : (n,).    turned : (e,) edges at which K conjugates x."""
+        coupling : (e,) see `Frames.coupling`.    diagonal : (n,).    turned : (e,) edges where K uses conj(x)."""
         turned = np.zeros(len(coupling), dtype=bool) if turned is None else turned
         across = np.unique(self._ends[turned])
         if len(across) > FEW:
@@ -58,7 +58,6 @@ class TwistedFactors:
         return _EntryPositions(np.concatenate([i, j, every]), np.concatenate([j, i, every]), n)
 
     def _real_factor(self, coupling: Complexes, diagonal: Floats, turned: Bools) -> Solve:
-        """Return the solver of `factor` with a real matrix (2 n, 2 n): two adjacent rows per complex number."""
         c, s, sign = coupling.real, coupling.imag, np.where(turned, -1.0, 1.0)
         values = -np.concatenate([c, -sign * s, s, sign * c])
         places, pattern = self._real_pattern
@@ -91,7 +90,7 @@ class _EntryPositions:
 
 
 def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
-    """Return the solver of H x - W conj(x[across]) = b, which finds x[across] first. solve : the solver of H x = b."""
+    """Return a solver of H x - W conj(x[across]) = b. This solver finds x[across] first. solve : solver of H x = b."""
     Z = solve(W)
     Z_across, identity = Z[across], np.eye(len(across))
     inverse = np.linalg.inv(
@@ -144,7 +143,7 @@ class Frames:
 
     def sides(self, g: Floats, i: Ints, j: Ints) -> Floats:
         """Return 1 (k,) if tangents g (n, 3) at vertices i and j (k,) make an angle under 90 degrees, -1 if over 90.
-        At exactly 90 degrees, the orientation of the surface decides."""
+        At 90 degrees, the tangent at j counts as turned by a small angle, counter-clockwise about the normal."""
         turned = g + 1e-7 * cross(self.normal, g)
         return np.where(dots(g[i], turned[j]) < 0, -1.0, 1.0)
 

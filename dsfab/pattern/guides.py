@@ -66,7 +66,7 @@ class Guide:
 @dataclass(frozen=True, eq=False)
 class Guidance:
     """Effect of a guide (see `Guide`) on a cross field z: the term weight |z^2 - square / weight|^2 in a minimisation.
-    weight : (n,) at the vertices.    square : (n,) weight x (direction of major stripes, complex in vertex frame)^2."""
+    weight : (n,).    square : (n,) weight x e^2; e is the direction of major stripes, complex in the vertex's frame."""
 
     weight: Floats
     square: Complexes
@@ -90,7 +90,7 @@ class Guidance:
 
 
 def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) -> Complexes:
-    """Return squares (n,) of a guide's direction, complex in the vertices' frames. Size 0: no effect; 1: full."""
+    """Return squares (n,) of a guide's direction, complex in the vertices' frames. |square| = 0: no guide; 1: full."""
     surface = frames.surface
     if guide.at is not None:
         assert guide.direction is not None
@@ -111,7 +111,7 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
 
 
 def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
-    """Return squares (n,) of the curve's direction: means over the nearest pieces; their size falls to 0 at `reach`."""
+    """Return squares (n,) of the curve's direction: mean of nearest segments x a factor that falls to 0 at `reach`."""
     surface, points = frames.surface, np.array(guide.curve)
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)
@@ -145,7 +145,7 @@ ON_EDGE = 1e-9  # A point is on an edge if its barycentric coordinate for the op
 @dataclass(frozen=True, eq=False)
 class GuideLine:
     """Points (k, 3) of a curve on a surface, metres, in order, and the face (k,) of each.
-    number : number of the guide.    family : the family that gets the member."""
+    number : number of the guide.    family : family of stripes in which the curve becomes a member."""
 
     number: int
     family: str
@@ -170,7 +170,7 @@ class GuideLine:
         return lines
 
     def target_phases(self, frames: Frames, g: Floats, density: Floats) -> tuple[Ints, Floats]:
-        """Return the vertices (v,) of faces that the curve crosses, and target phases (v,) there, -1/2 to 1/2 periods.
+        """Return vertices (v,) of faces that the curve crosses; target phases (v,), -1/2 to 1/2 periods (curve: 0).
         g : (n, 3) unit direction of the phase's gradient, up to sign.    density : (n,) periods per m."""
         surface = frames.surface
         vertices = np.unique(surface.F[self.faces])
@@ -186,7 +186,7 @@ class GuideLine:
         return vertices, phase - np.rint(phase)
 
     def followed_share(self, surface: Surface, phase: CornerPhase, step: int) -> float:
-        """Return the fraction of points on a centre line: the phase is within 0.05 periods of a multiple of `step`."""
+        """Return the fraction of points on a centre line (phase within 0.05 periods of a multiple of `step`)."""
         F = surface.F[self.faces]
         z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], _barycentric(surface.V[F], self.points))
         distance = np.abs(z - step * np.rint(z / step))

@@ -15,15 +15,15 @@ from dsfab.surface.topology import link_components
 EVEN = 0.01  # Largest error of a region's outline, divided by the region's `reach` (see `curve_fields`).
 SNAP = 0.05
 """Usual `slicing.snap`: a cut nearer to a vertex than this fraction of an edge goes through the vertex.
-If this moves a region's outline too far (over 2 x `EVEN` x `reach` of the region), edges at the vertex are halved."""
+If that would move a region's outline by over 2 x `EVEN` x `reach` (see `SHORT`), edges at the vertex are halved."""
 SHORT = 1 / 16
-"""Smallest edge that is halved, divided by `reach`: the distance from a region's origins at which the region ends."""
+"""Smallest edge that is halved, divided by `reach`. A region ends at the distance `reach` from its origins."""
 FINEST = 1 / 16
 """Edges shorter than this fraction of the longest side of their uncut face are not halved. A sheet with smaller parts
 is hard to solve. Corners of an outline may be cut off by up to half of this edge length."""
 NEAR = 0.3
 """Largest move of an outline onto a vertex, as a fraction of a mesh edge. The move is also at most `EVEN` times the
-region's `reach`. It avoids the very thin triangles between a vertex and an outline beside it."""
+region's `reach` (see `SHORT`). Without the move, triangles between vertex and outline could be very thin."""
 ASIDE = 0.1
 """An edge is usually divided at its middle. If an outline crosses the edge nearer to the middle than this fraction of
 the edge, the edge is divided at the crossing. A vertex at the middle would lie too close to the outline."""
@@ -69,7 +69,7 @@ def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distance
 
 
 def _crossings(surface: Surface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Floats:
-    """Return where to divide edges (0 to 1): at the outline if only one crosses near an edge's middle, else 0.5."""
+    """Return where to divide edges (0 to 1): at an outline near the middle if there is exactly one, else at 0.5."""
     position, count = np.full(len(surface.edges.ends), 0.5), np.zeros(len(surface.edges.ends), dtype=np.int64)
     for distances, reach in zip(region_distances, reaches, strict=True):
         middle = distances.middle
@@ -89,7 +89,7 @@ def _distance_growth(surface: Surface, distance: Floats) -> tuple[Floats, Floats
 
 
 def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floats:
-    """Return distances (n,); those near the outline (see `NEAR`) become `reach`, unless a whole face is near."""
+    """Return distances (n,), set to `reach` near the outline (see `NEAR`), except at faces with all vertices near."""
     _, vertex_growth = _distance_growth(surface, distance)
     is_near = np.abs(distance - reach) <= np.minimum(NEAR * vertex_growth, EVEN * reach)
     is_near[surface.F[is_near[surface.F].all(axis=1)]] = False
@@ -97,7 +97,7 @@ def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floa
 
 
 def _undivided_field(surface: Surface, region: tuple[Origins, float], distances: Distances) -> Floats:
-    """Return minus `distances` (n,) of a region without divided faces, or minus straight distances if nearly equal."""
+    """Return minus `distances` (n,) of a region on undivided faces; minus straight distances if both nearly agree."""
     origins, reach = region
     near_vertices = np.unique(surface.F[distances.reached])
     straight = euclidean_distances(
@@ -115,7 +115,7 @@ def _finite_distances(distance: Floats, reach: float) -> Floats:
 
 
 def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools:
-    """Return a mask (e,) of edges to divide: distance not linear at the outline, or outline moved too far by `SNAP`."""
+    """Return a mask (e,) of edges to divide: distance not linear at the outline, or outline too far moved by `SNAP`."""
     vertex, middle, faces = distances.vertex, distances.middle, np.flatnonzero(distances.reached)
     sides, ends = surface.edges.of[faces], surface.edges.ends
     deviation = np.abs(vertex[ends[sides]].mean(axis=2) - middle[sides])
@@ -131,7 +131,7 @@ def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools
 
 
 def euclidean_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
-    """Return the straight distance (n,), m, to the nearest simplex: a face, an edge or a vertex, by its corners."""
+    """Return the straight distance (n,), m, to the nearest simplex. simplices : corners of faces, edges or vertices."""
     squared = np.full(surface.n, np.inf)
     for group in simplices:
         if len(group):
@@ -222,8 +222,8 @@ def distance_to_boundary(surface: Surface, reach: float = np.inf) -> Floats:
 
 
 def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.inf) -> Floats:
-    """Return the distance (n,) to marked vertices and to the edges and faces between them, metres.
-    The distance to marked areas (see `patches`) is straight. Other distances are along the surface."""
+    """Return the distance (n,) to marked vertices and to the edges and faces between them, metres. To marked areas (see
+    `patches`), the distance is straight. Other distances are along the surface, and not valid beyond `reach`."""
     patch = patches(surface, vertices)
     curves = geodesic_distances(surface, curve_origins(surface, vertices & ~patch), reach)
     return np.minimum(distance_to_patches(surface, patch), curves.vertex)

@@ -46,7 +46,7 @@ class ModeFamily:
     def from_mode(
         cls, surface: Surface, name: str, stripes: Stripes, x: Floats, stress: Floats | None = None, radius: float = 0.0
     ) -> "ModeFamily":
-        """Return the family of stripes on an eigenmode x. radius : see `slopes`.    stress : (n,), default 1."""
+        """Return the stripes on an eigenmode x. stress : (n,) along the stripes, default 1. radius : see `slopes`."""
         stress = np.ones(surface.n) if stress is None else stress
         return cls(name, stripes, x, slopes(surface, stripes.phases(x), radius), stress)
 
@@ -55,7 +55,7 @@ class ModeFamily:
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return half widths d (n,), in periods."""
+        """Return half widths d (n,) of the stripes, in periods. factor : factor on d before bounds, see `Widths`."""
         return widths.half_widths(self.stripes.half_width, self.slope, self.stress, factor)
 
     adds = 0  # without effect, because stripes on a mode have no finer stripes; see `DrawableFamily`
@@ -66,7 +66,7 @@ class ModeFamily:
         return self.slope
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return one layer. Its field has one column if all widths are equal, else two columns (see `Stripes.band`)."""
+        """Return one layer of all stripes. If widths vary, its field has two columns (`Stripes.band`), else one."""
         d = self.half_widths(widths, factor)
         if widths.vary:
             return [Layer(self.name, self.stripes.band(self.x, d), self.stripes.middles(self.x), d)]
@@ -103,15 +103,15 @@ class DrawableFamily(Protocol):
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
         """Return the layers: first coarse stripes on the whole surface, then finer stripes in openings between them.
-        factor  : factor on the half widths.    closing : factor on the half widths that decide which openings are
-                  filled; default `factor`. A fixed `closing` prevents jumps of the fraction of material."""
+        factor  : factor on the half widths.    closing : factor on the half widths to decide which openings are filled;
+                  default `factor`. A fixed `closing` fills the same openings for each `factor`, without jumps."""
         ...
 
 
 def stripe_layers(
     families: Sequence[DrawableFamily], widths: Widths, factor: float = 1.0, closing: float = 0.0
 ) -> list[Layer]:
-    """Return the layers of all families: coarse stripes, then finer stripes in the order of `DrawableFamily.adds`."""
+    """Return layers of all families: coarse stripes, then finer stripes by `DrawableFamily.adds`; see also `layers`."""
     family_layers = [(family.adds, family.layers(widths, factor, closing)) for family in families]
     return [layers[0] for _, layers in family_layers] + [
         layer for _, layers in sorted(family_layers, key=itemgetter(0)) for layer in layers[1:]
@@ -119,8 +119,8 @@ def stripe_layers(
 
 
 def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], widths: Widths) -> float:
-    """Return the factor on all half widths that makes the mean half width equal to that of the rule `plain`.
-    Bounds in metres apply afterwards. Raises PatternError if too little of the surface is stressed."""
+    """Return the factor on all half widths that gives the same mean half width as the width rule `plain`. Bounds of
+    `Widths` in metres apply afterwards. Raises PatternError if too little of the surface is stressed."""
     free = Widths(widths.rule, widths.member, widths.q)
 
     def duty(factor: float) -> float:
@@ -131,14 +131,14 @@ def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], width
 
 
 CLOSING_WIDTHS = (1.45, 1.55)
-"""Two limits of half widths, divided by the crowded half width: `CROWDING` x the median half width, at least `SLIT`.
+"""Two limits of half widths, as multiples of the crowded half width: max(`SLIT`, `CROWDING` x median half width).
 Up to the first limit, members become thinner, so that openings stay. From the second limit on, members merge.
 Openings that become material as a whole (see `Layer.closed`) use `WHOLE` instead."""
 FOLLOWING_WIDTHS = (1.15, 1.25)
-"""Replaces `CLOSING_WIDTHS` if widths follow stress. Members merge at smaller widths: large stress needs material."""
+"""Limits in place of `CLOSING_WIDTHS` if widths follow stress. They are lower, because large stress needs material."""
 WHOLE = 1.3
 """An opening is filled if the mean half width in it is over WHOLE x the crowded half width (see `CLOSING_WIDTHS`).
-If widths follow the stress, the mean of `FOLLOWING_WIDTHS` replaces `WHOLE`."""
+If widths follow the stress, the factor is the mean of the two `FOLLOWING_WIDTHS` instead of `WHOLE`."""
 WIDTH_RULES = {
     "solid": SOLID,
     "open": SLIT,
@@ -153,8 +153,8 @@ WIDTH_RULES = {
 class EvenFamily:
     """Stripes with centre lines where a phase is a whole number. A halving removes every second line from some faces.
     phase   : phase at the corners of the faces, before any line is removed.
-    wanted  : an array (m,) for each halving: the fraction of each face where the lines of this halving remain. The
-              finest lines are first. Lines at multiples of 2^len(wanted) remain everywhere.
+    wanted  : an array (m,) for each halving: the fraction of each face in which it removes no lines. The first halving
+              removes the finest lines. Lines at multiples of 2^len(wanted) remain everywhere.
     slope   : (n,) lines per metre before halvings.    density : (n,) remaining lines per metre.
     stress  : (n,) size of the stress along the stripes; any unit.    adds : see `DrawableFamily`.
     whole   : True to fill whole openings between members that are too close, False to fill narrow parts only."""
@@ -174,12 +174,12 @@ class EvenFamily:
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return half widths d (n,), divided by the spacing of the lines that remain (see `EvenFamily`).
+        """Return half widths d (n,), divided by the line distance after halvings. factor : factor on the half widths.
         Except under the rule `plain`, members that are too close become thinner or merge, see `CLOSING_WIDTHS`."""
         return self._closed_half_widths(self._requested_half_widths(widths, factor), widths)
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return a layer of coarse stripes, then a layer of finer stripes for each halving; see `DrawableFamily`."""
+        """Return a layer of coarse stripes, then finer stripes: one layer for each removal of every second line."""
         requested = self._requested_half_widths(widths, factor)
         local = self._closed_half_widths(requested, widths)
         opened, closed = local, None
@@ -199,7 +199,7 @@ class EvenFamily:
         return layers
 
     def _requested_half_widths(self, widths: Widths, factor: float) -> Floats:
-        """Return half widths (n,) / line distance after halvings. Crowded members still have their full width."""
+        """Return half widths (n,) / line distance after halvings, as they are before crowded members become thinner."""
         rule = replace(widths, min_gap=0.0) if widths.rule != "plain" else widths
         return rule.half_widths(self.stripes.half_width, self.density, self.stress, factor)
 
@@ -207,7 +207,6 @@ class EvenFamily:
         return max(SLIT, CROWDING * float(np.median(requested)))
 
     def _open_half_widths(self, requested: Floats, widths: Widths) -> Floats:
-        """Return half widths (n,) that leave openings open, but fill openings narrower than `widths.min_gap`."""
         d = np.minimum(requested, self._crowded_half_width(requested))
         return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)
 
@@ -231,8 +230,8 @@ class EvenFamily:
 
 
 def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: int) -> Floats:
-    """Return half widths (n,) / line distance before halvings. local : half widths / line distance after halvings.
-    slope, density : lines per metre before, after. Stripes that touch after halvings fill all space between lines."""
+    """Return half widths (n,) as multiples of the line distance before halvings. local : the same after halvings.
+    slope, density : lines per metre before and after halvings. Where `local` is `SOLID` or more, stripes fill all."""
     return np.asarray(np.where(local >= SOLID, SOLID * 2**halvings, local * slope / density))
 
 
@@ -256,7 +255,7 @@ def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -
         below = [np.searchsorted(layer.levels, x) for x in _point_values(surface, layer.field, points)]
         if isinstance(layer.field, CornerField):
             is_material |= (below[0] > below[1]) & _is_drawn(layer.field)[:, None]
-            if layer.closed is not None:  # an estimate: the cut decides for whole openings, not for points
+            if layer.closed is not None:  # an estimate at points, because the cut fills or keeps whole openings
                 is_material |= (layer.closed[surface.F] @ points.T > 0) & ~layer.field.blank[:, None]
             continue
         is_material |= below[0] % 2 == 1 if len(below) == 1 else below[0] > below[1]
@@ -282,7 +281,7 @@ def _is_drawn(field: CornerField) -> Bools:
 
 
 def counted_share(surface: Surface, kept_layers: Sequence[Layer], side: int = 3) -> Callable[[Sequence[Layer]], float]:
-    """Return a function that estimates the fraction of the surface that layers cover, from sample points.
+    """Return a function that estimates the fraction of the surface that layers cover, from side^2 points per face.
     Its argument is a list of layers that begins with `kept_layers`. The error is about 0.003."""
     points = face_points(side)
     kept_points = material_points(surface, kept_layers, points)

@@ -19,8 +19,8 @@ SHIFT = 1e-3
 """Shift of the inverse iteration, times the squared spacing. It makes the matrix definite; the eigenvectors stay."""
 FLOW = 0.25  # 1 / duration of a step of diffusion, in units of (2 pi / spacing)^2.
 LOCKED_PHASE = 0.05
-"""A locked vertex gets exactly its target phase if its error is below this (periods). Members at edges are straight."""
-LOCK = 3.0  # Weight of the target phase at a locked vertex, divided by (2 pi / spacing)^2; see `Flow.solve`.
+"""Error (periods) below which a locked vertex gets exactly its target phase. Members at boundaries stay straight."""
+LOCK = 3.0  # Weight of the target phases in `Flow.solve`, per area of the surface and divided by (2 pi / spacing)^2.
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Flow:
 
     @cached_property
     def turn(self) -> Floats:
-        """(e,) growth of the phase along each edge to its second end, periods; positive along `g` at the first end."""
+        """(e,) growth of the phase to each edge's second end, periods; positive along the gradient at the first end."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
@@ -60,12 +60,12 @@ class Flow:
         free: bool = False,
         rounds: int = 10,
     ) -> Floats:
-        """Return phases (n,) at the vertices, in periods, -1/2 to 1/2. Phases grow along the directions `g`.
+        """Return phases (n,) at the vertices, in periods, -1/2 to 1/2. Phases grow along the gradient directions `g`.
 
         The phases are angles of complex numbers psi. These minimise the sum of w |psi_j - e^{2 pi i turn} psi_i|^2 over
-        edges of weight w; `turn` is the growth of the phase along an edge. If g is reversed along an edge, psi_i is
-        conjugated. At first, only the norm of the vector psi is fixed. Then `rounds` steps of diffusion and
-        normalisation give each number psi_i the size 1 [Merriman, Bence, Osher 1992; for phases Viertel, Osting 2019].
+        edges (i, j) of weight w; `turn` is the growth of the phase along an edge. If g is reversed along an edge, psi_i
+        is conjugated. At first, only the norm of the vector of all psi is fixed. Then `rounds` steps of diffusion and
+        normalisation give each psi_i the size 1 [Merriman, Bence, Osher 1992; for phases Viertel, Osting 2019].
 
         start : (n,) start of the iteration. Without locked vertices, a centre line passes through its largest value.
         lock  : (n,) vertices on the centre line of a stripe.
@@ -96,7 +96,7 @@ class Flow:
 
 
 def _lowest(B: Callable[[Complexes], Complexes], start: Floats, mass: Floats) -> Complexes:
-    """Return B^20 `start` with norm 1, error 1e-5. B conjugates some numbers, so it is linear only over the reals."""
+    """Return B^20 `start`, scaled to norm 1, with an error of 1e-5. B is linear only over the real numbers."""
     x = krylov_power(
         lambda x: _real_pairs(B(_complex_numbers(x))), _real_pairs(start.astype(complex)), np.repeat(mass, 2), 20, 12
     )
@@ -143,8 +143,8 @@ def _unit_vector(x: Floats, mass: Floats) -> Floats:
 
 
 def through_peaks(phase: Floats, weight: Floats) -> Floats:
-    """Return phases (n,), shifted by half a period if centre lines then pass through larger values of `weight` (n,).
-    Phases shift if the weighted mean of cos(2 pi phase) is below -0.02. `Flow.solve` ignores this weight."""
+    """Return phases (n,), shifted by half a period if this moves centre lines to larger values of `weight` (n,).
+    Phases shift if the weighted mean of cos(2 pi phase) is below -0.02. `Flow.solve` does not use `weight`."""
     if weight @ np.cos(2 * np.pi * phase) >= -0.02 * weight.sum():
         return phase
     return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))
@@ -174,7 +174,7 @@ class CornerPhase:
 
     @property
     def field(self) -> CornerField:
-        """The phase as a corner field; its levels are whole numbers."""
+        """The phase as a `CornerField`; it is a whole number on the centre lines of stripes."""
         return CornerField(self.value[:, None], self.sign, self.shift, self.singular)
 
     def corners(self, surface: Surface) -> Floats:
@@ -192,7 +192,7 @@ class CornerPhase:
 
 def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | None = None) -> CornerPhase:
     """Return the phases (n,) of `Flow.solve`, in periods, as a `CornerPhase`, which is linear on each face.
-    alternative : called if stripes end within faces. Its phases (n,) are used if stripes then end in fewer faces."""
+    alternative : called if stripes end within faces. Its phases (n,) are used if their stripes end in fewer faces."""
     result = _face_phases(flow, phase)
     if alternative and result.broken:
         result = min(result, _face_phases(flow, alternative()), key=lambda one: one.broken)
@@ -201,14 +201,14 @@ def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | 
 
 def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
     """Return phases at the corners of each face. The differences along edges (modulo 1) are nearest to `flow.turn`.
-    A face is singular if the phase or its sign is different at the end of a closed path around the face."""
+    A face is singular if the phase or its sign does not return to its start value on a path around the face."""
     surface, sign = flow.frames.surface, flow.sign
     i, j = flow.frames.ends.T
     miss = sign * phase[j] - phase[i] - flow.turn
     step = flow.turn + miss - np.rint(miss)
     edge, F = surface.edges.of, surface.F
     forward = i[edge] == F  # half-edges that run in their edge's direction
-    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # along half-edges; positive along g at the start
+    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # along half-edges, for `flow.g` at their start
     edge_sign = sign[edge]
     s1 = edge_sign[:, 0]
     s2 = s1 * edge_sign[:, 1]
@@ -229,7 +229,7 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
     f, g = h0 // 3, h1 // 3
     sign, shift = phase.sign.ravel(), phase.shift.ravel()
     starts_at_h0 = surface.F.ravel()[h0] != surface.F.ravel()[h1]
-    corner_g = np.where(starts_at_h0, h1 - h1 % 3 + (h1 + 1) % 3, h1)  # corner of g at the start of h0
+    corner_g = np.where(starts_at_h0, h1 - h1 % 3 + (h1 + 1) % 3, h1)  # corner of face g where half-edge h0 starts
     s = sign[h0] * sign[corner_g]  # z_f = s z_g + q
     q = shift[h0] - s * shift[corner_g]
     is_regular = ~(phase.singular[f] | phase.singular[g])
@@ -250,8 +250,8 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
 def propagate_phases(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
-    """Set `signs` and `shifts` (m,): phase seen from the first face in `order` = sign x (phase in a face) + shift.
-    Both begin with s and q, for the step to the `predecessor`. Each loop doubles the number of steps they bridge."""
+    """Set `signs` and `shifts` (m,): phase continued from the first face in `order` = sign x (phase in a face) + shift.
+    s, q : sign and shift for a step between adjacent faces. Each loop combines twice as many steps to predecessors."""
     child = order[1:]
     if not len(child):
         return
@@ -271,7 +271,7 @@ def propagate_phases(
 
 
 def _seen_by_first_faces(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase; a vertex has its first face's value. Corners have sign 1 and shift 0, except at seams."""
+    """Return the phase with each vertex's value from its first regular face. Except at seams, signs are 1, shifts 0."""
     first_corner = np.full(len(phase.value), -1)
     corner = surface.F.ravel()
     usable = np.flatnonzero(np.repeat(~phase.singular, 3))

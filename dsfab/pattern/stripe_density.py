@@ -14,7 +14,7 @@ from dsfab.surface.mesh import Surface
 SMOOTH = 0.02  # Weight of |grad u|^2, for u = log(density). This term determines u where directions are unclear.
 EVEN = 0.3
 """Weight of u^2 for u = log(density of stripes), divided by the surface's area: it keeps the density near its mean."""
-RANGE = (-2.0, 1.5)  # Bounds of u = log(density) without halvings (see `Halving`).
+RANGE = (-2.0, 1.5)  # Bounds of u = log(density of stripes) if no lines are removed (see `Halving`).
 COARSE_RANGE = (-1.0, 3.0)
 """Bounds of u, the logarithm of the relative density of stripes, if lines may be removed (see `Halving`)."""
 MOST_HALVINGS = 3
@@ -45,15 +45,15 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
     coupling = np.bincount(surface.edges.of.ravel(), along_edges.ravel(), len(surface.edges.ends))
     diagonal = corner_sums(surface, blocks[:, (0, 1, 2), (0, 1, 2)]) + EVEN / surface.area * mass
     right = corner_sums(surface, p * (weight * curl / np.maximum(length, 1e-9))[:, None])
-    # in complex numbers, to use the sparse pattern of the phases' complex matrix, which is already analysed
+    # in complex numbers, because the complex matrix for phases has the same sparse pattern, already analysed
     u = frames.twisted_factors.hermitian(coupling.astype(complex), diagonal)(right.astype(complex)).real
     return np.asarray(u - weighted_quantile(u, surface.vertex_areas, 0.5))
 
 
 class Halving(NamedTuple):
-    """Number of halvings of the lines at each vertex, floor(`wish`). A halving removes every second line.
-    most : largest number of halvings.    wish : (n,) real numbers, 0 to `most`. free : (n,) `wish` without this limit.
-    limits : bounds of u = log(density) before any halving."""
+    """Number of halvings of the stripes' centre lines at each vertex: `wish`, rounded down. A halving removes every
+    second line. most : largest number of halvings.    wish : (n,) real numbers, 0 to `most`.
+    free : (n,) `wish` without these bounds. limits : bounds of u, the logarithm of the density before any halving."""
 
     most: int
     wish: Floats
@@ -68,8 +68,8 @@ class Halving(NamedTuple):
 
 def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
     """Return the halvings (removals of every second line) that make the spacing of stripes most even.
-    u : (n,) logarithm of the density. The function tries lower limits of the density after halvings, from the median
-    density to a quarter of the median. The best limit gives the smallest ratio P95 / P5 of percentiles of the spacing.
+    u : (n,) logarithm of the density. Lines are halved while the density stays over a limit. The function tries limits
+    from the median density to a quarter of the median. The best limit gives the smallest ratio P95 / P5 of the spacing.
     Each halving must reduce this ratio by 5 %, because halvings end members. The densest 2 % of area do not count."""
     if not allowed:
         return Halving(0, np.zeros_like(u), np.zeros_like(u), RANGE)
@@ -95,7 +95,7 @@ def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
 
 
 def density(surface: Surface, u: Floats, spacing: float, halved: Halving) -> Floats:
-    """Return phase periods per m (n,). After halvings, the mean line distance is `spacing`, m. u : see `halving`."""
+    """Return periods per m (n,) before halvings. After them, the mean distance is `spacing` (m). u : see `halving`."""
     w = np.exp(np.clip(u, *halved.limits))
     remaining = w / 2**halved.times
     mean = float(surface.vertex_areas @ remaining) / surface.area

@@ -58,12 +58,12 @@ class Stripes:
         return self.frequency * x + self.phase
 
     def band(self, x: Floats, d: Floats) -> Floats:
-        """Return z + d, z - d (n, 2) for phases z of x, half widths d (n,). Material: a whole number lies between."""
+        """Return z + d, z - d (n, 2) for phases z of x, half widths d (n,). Material has a whole number between."""
         z = self.phases(x)
         return np.stack([z + d, z - d], axis=1)
 
     def middles(self, x: Floats) -> Floats:
-        """Return middle lines (k,): whole numbers in the range of the phases of x (n,), plus up to two at each end."""
+        """Return the phases (k,) of middle lines: whole numbers in the range of phases of x, up to two beyond it."""
         z = self.phases(x)
         return np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
 
@@ -72,8 +72,8 @@ class Stripes:
         return wave(self.frequency * x + self.phase) - self.threshold
 
     def levels(self, x: Floats) -> Floats:
-        """Return the values (k,) of the mode at the edges of stripes, in the range of x (n,), ascending.
-        A stripe has phases from k - d to k + d, for a whole number k. Stripes begin at the first, third ... value."""
+        """Return the values (k,) of the mode at the edges of stripes, ascending, for the range of a mode x (n,).
+        Phases there are k - d or k + d (whole k, half width d). Stripes begin at the first, third ... value."""
         d = self.half_width
         if d == 0:
             return np.empty(0)

@@ -15,9 +15,9 @@ from dsfab.surface import Surface, geodesic_distances
 from dsfab.surface.fields import hat_gradients
 
 REACH = 1.5
-"""Stripes form rings and rays around a small supported loop up to this distance, divided by the stripes' spacing."""
+"""Distance from a small supported loop within which stripes form rings and rays, divided by the stripes' spacing."""
 PULL = 100.0
-"""Weight of rings and rays at a small supported loop, above the weight of the stress; 0 at the distance `REACH`."""
+"""Weight of ring and ray directions at a small supported loop, above that of the stress; 0 at the distance `REACH`."""
 
 
 def small_loops(surface: Surface, supported: Bools, spacing: float) -> list[Ints]:

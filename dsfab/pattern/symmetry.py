@@ -31,18 +31,17 @@ class Images:
         return cls(np.eye(3)[None], (csr_array(eye_array(n)),))
 
     def mean(self, x: Floats) -> Floats:
-        """Return the mean (n, ...) of a field at all images of each point."""
+        """Return the mean (n, ...) of a field at all symmetric images of each vertex."""
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / len(self.maps))
 
     def marked_in_any(self, marked: Bools) -> Bools:
-        """Return a mask (m,) of marked faces and their symmetric images; rounding errors may mark only some of them.
+        """Return a mask (m,) of marked faces and their symmetric images, which rounding errors may leave unmarked.
         Marks stay unchanged if a rotation or mirror does not map vertices to vertices."""
         exact = all(T.nnz == T.shape[0] for T in self.maps)
         return np.asarray(marked[self.faces].any(axis=0)) if exact and self.faces is not None else marked
 
     def directions(self, frames: Frames, along: Floats) -> Floats:
-        """Return unit tangents (n, 3), up to sign, of the symmetric field nearest to the tangents `along`.
-        The function averages the matrices v v^T of tangents v, which are equal for v and -v."""
+        """Return the symmetric field of unit tangents (n, 3), up to sign, that is nearest to the tangents `along`."""
         if len(self.maps) == 1:
             return along
         n = len(along)
@@ -57,8 +56,8 @@ class Images:
 
     def projection(self, V: Floats, g: Floats, density: Floats) -> Projection:
         """Return the projection onto symmetric phases, which have the gradient `density` (n,) x g (n, 3) at V (n, 3).
-        The symmetric image of a vertex may lie between vertices. The phases of these vertices are extrapolated to the
-        image, because a plain mean has large errors. A phase is conjugated if its g is opposite to the image's g."""
+        If the image of a vertex lies between vertices, the phases of these vertices are extrapolated to the image. A
+        plain mean would have large errors. A phase is conjugated if g at its vertex and g at the image are opposite."""
         if len(self.maps) == 1:
             return lambda x: x
         growth = density[:, None] * g
@@ -69,8 +68,8 @@ class Images:
 
     @staticmethod
     def _phase_map(R: Floats, T: csr_array, V: Floats, growth: Floats) -> tuple[csr_array, csr_array]:
-        """Return A, B: numbers x at V are A x + B conj(x) at the symmetric images of V. R : rotation or mirror.
-        T : interpolation at the images.    growth : gradient (periods per m), up to sign."""
+        """Return A, B: complex numbers x at V become A x + B conj(x) at the images of V under R, a rotation or mirror.
+        T : interpolation at the images.    growth : gradient of the phase (periods per m), up to sign."""
         column = T.indices
         row = np.repeat(np.arange(T.shape[0]), np.diff(T.indptr))
         growth_there, growth_here = growth[row] @ R.T, growth[column]

@@ -74,7 +74,7 @@ class Widths:
         return self.rule != "plain" or max(self.min_width, self.max_width, self.min_gap) > 0
 
     def grading(self, stress: Floats) -> Floats:
-        """Return relative half widths (n,); see `half_widths`."""
+        """Return half widths (n,), relative to the half width `base` of `half_widths`."""
         return stress**self.q if self.rule == "graded" else stress if self.rule == "stressed" else np.ones_like(stress)
 
     def half_widths(self, base: float, slope: Floats, stress: Floats, factor: float = 1.0) -> Floats:
@@ -96,7 +96,7 @@ def vertex_means(surface: Surface, x: Floats) -> Floats:
 
 def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
     """Return the mean of |grad z| around each vertex (n,): periods per metre for a phase z (n,).
-    A mean of the vectors grad z would be zero along a maximum of z: a slit would open in the middle of a member.
+    A mean of the vectors grad z would be 0 along a maximum of z. Width 0 there would open a slit within a member.
     radius : radius of the disc for the mean, m: half of a member's width. At least two rings of faces are included."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), z[surface.F])
     return spread_means(surface, np.linalg.norm(gradient, axis=1), radius)
@@ -139,7 +139,7 @@ def solved_factor(
     steepest: float = 40,
 ) -> float:
     """Return the factor at which the increasing function share(factor) is `target`, with an error of `tolerance`.
-    slope    : approximate derivative of `share` if the factor may be near 1 (search from 1 by Newton, secants); else 0.
+    slope    : approximate derivative of `share`, to search from factor 1 (Newton, secants); 0 for no such search.
     jump     : accepted error if `share` jumps from values below `target` to values above it.
     steepest : largest growth of `share` per relative change of the factor, except at jumps.
     The method is regula falsi with the Illinois rule [Dowell, Jarratt 1971]. Raises PatternError if no factor exists,

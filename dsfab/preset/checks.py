@@ -1,4 +1,4 @@
-"""Checks of a preset: error messages for wrong keys and values, names of load cases, material values."""
+"""Checks of a preset's keys, values, names of load cases and material values, with error messages."""
 
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -141,7 +141,7 @@ def judged_names(names: Iterable[str], combinations: Sequence[Combination], stat
 def case_mistakes(
     loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
 ) -> Iterator[str]:
-    """Yield every mistake in the names of cases, as 'key = value: reason and allowed values'."""
+    """Yield mistakes in case names, diffusion.follow, diffusion.weights as 'key = value: reason, allowed values'."""
     cases = case_names(loads)
     if COMBINED in cases:
         yield f"surface.load.{[load.case for load in loads].index(COMBINED)}.case = '{COMBINED}': {_RESERVED}"
@@ -253,7 +253,7 @@ def modulus(value: float) -> float:
 
 
 def specific_mass(value: float) -> float:
-    """Return the density (kg/m3), 0 for no weight. Raises ValueError if it is so small that it must be in t/m3."""
+    """Return the density (kg/m3), 0 for no weight. Raises ValueError for values that are probably in t/m3."""
     if 0 < value < LIGHTEST:
         raise ValueError(
             f"{value:g} kg/m3 is too little for a solid; write {1000 * value:g} if you mean {value:g} t/m3"

@@ -147,7 +147,7 @@ def _find(name_or_path: str | Path) -> Path:
 
 def _replace_surface(values: dict[str, Any], mesh: Path) -> None:
     old_surface = values.get("surface", {})
-    section = OwnSurface if "file" in old_surface else SurfaceSection  # a new mesh must not take a shape's key `edge`
+    section = OwnSurface if "file" in old_surface else SurfaceSection  # a shape's edge length may not fit a new mesh
     new_surface = {key: old_surface[key] for key in (*section.model_fields, "unit") if key in old_surface}
     values["surface"] = {**new_surface, "file": str(mesh)}
 

@@ -153,7 +153,7 @@ class Diffusion(Section):
     gamma: Annotated[float, Gt(0)] = 1.0
     """Factor on the loads (force magnitude in the paper by Madan et al.); it only decides which faces are isotropic."""
     labelling: Labelling = "signed"
-    """Stress that major stripes follow. signed: the more tensile one; magnitude: the larger one (the paper)."""
+    """Stress that major stripes follow. signed: the more tensile stress; magnitude: the larger size (Madan et al.)."""
     isotropy: Annotated[float, Ge(0), Lt(1)] = ISOTROPY
     """A face is isotropic if its principal stresses differ by at most this fraction of their root mean square."""
     modes: Annotated[int, Ge(1), Le(50)] = 5
@@ -258,17 +258,17 @@ class Width(Section):
     q: Annotated[float, Ge(0), Le(4)] = 1.0
     """Exponent: the share of material grows with this power of the stress. For rule stressed: the start value."""
     steps: Annotated[int, Ge(1), Le(50)] = 8
-    """Number of trials if `rule` is stressed. Each trial cuts and solves the sheet."""
+    """Number of trials for the rule stressed. Each trial cuts and solves the sheet."""
     min_width: LeastWidth = AUTO
     """Smallest width of members, metres. 0: no limit. auto: a limit for evenly spaced members only. It is the thickness
-    if `rule` is graded, and half of the thickness if `rule` is stressed and pattern.workshop is true. The limit is at
+    for the rule graded, and half of the thickness for the rule stressed if pattern.workshop is true. The limit is at
     most half of the width that members would have if all were equally wide."""
     max_width: Annotated[float, Ge(0)] = 0.0
     """Largest width of members, metres. 0: no limit."""
     min_gap: Annotated[float, Ge(0)] = 0.0
     """Smallest gap between two stripes of a family, metres; narrower gaps become material. 0: no limit."""
     solid_fraction: Annotated[float, Ge(0), Lt(1)] = 0.0
-    """Share of the surface that is material, including keep and rim; widths are scaled to reach it. 0: no scaling."""
+    """Share of the surface that is material, also by the keys keep and rim. Widths are scaled to it. 0: not scaled."""
     solid_fraction_tolerance: Annotated[float, Ge(0), Le(0.1)] = JUMP
     """Largest error of solid_fraction if no width gives this share, because ends of members appear or vanish."""
 
@@ -286,7 +286,7 @@ class Width(Section):
         return 0.0 if self.min_width == AUTO else self.min_width
 
     def widths(self, length: float, least: float = 0.0) -> Widths:
-        """Return the width rule. If only `solid_fraction` defines the width, `member` is 1 % of `length` (m) at first.
+        """Return the rule for widths. If only `solid_fraction` gives the width, `member` starts at 1 % of `length` (m).
         least : smallest width (m) if `min_width` is auto; reduced to `max_width` if `max_width` is smaller."""
         solved = self.rule == "constant" and self.solid_fraction > 0 and not self.member
         member = length / 100 if solved else self.member
@@ -318,7 +318,7 @@ class Pattern(Section):
     halve: bool = True
     """For stripes. true: where stripes are too close, every second one ends on a crossing member. false: none does."""
     families: Literal["both", "major", "minor"] = "both"
-    """Families of stripes. A single family has no crossings, so halve has no effect. Only rim and keep join members."""
+    """Families of stripes. One family has no crossings: the key halve has no effect; only keep and rim join members."""
     symmetry: Literal["auto", "none"] = "auto"
     """For stripes: symmetry. auto: that of surface, supports and loads. none: the pattern may be asymmetric."""
     rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
@@ -341,7 +341,7 @@ class Pattern(Section):
     """Remove parts of members beyond their last crossing, and fill openings narrower than the members beside them.
     Default: true for evenly spaced stripes, false for stripes on eigenmodes."""
     keep: Annotated[float, Ge(0)] = 0.0
-    """Distance (m) around loads and supports within which the surface stays material; 0: none."""
+    """Distance (m) from loads and supports up to which the whole surface is material; 0: none."""
     rim: Annotated[float, Ge(0)] = 0.0
     """Width (m) of the band of material along the boundary; 0: none."""
     fillet: Annotated[float, Ge(0)] = 0.0
@@ -392,7 +392,7 @@ class Pattern(Section):
 
     @property
     def rounds(self) -> int:
-        """Number of times that directions are computed again: `weight_rounds` for method stripes, else 0."""
+        """Number of times that directions are computed again: `weight_rounds` if `method` is stripes, else 0."""
         return self.weight_rounds if self.method == "stripes" else 0
 
     @property
@@ -505,9 +505,9 @@ class Export(Section):
     members: four-sided curved faces that CAD programs cut and measure well; if impossible, smooth or faceted. smooth,
     compact: a few large curved faces in the smallest file. CAD programs often cannot cut these faces. auto: the first
     possible of planar; members (up to 7000 faces); smooth (if fast and OCCT can cut it); faceted (up to step_faces);
-    smooth. quick: like auto, but members only for open surfaces; no cut is tested; no second attempt at smooth."""
+    smooth. quick: like auto, but dsfab tries members only for open surfaces, tests no cut, and tries smooth once."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0
-    """Largest error (m) of planar, smooth or simplified STEP. 0: a share of the thickness; faceted STEP is exact."""
+    """Largest error (m) of planar, smooth or simplified STEP. 0: a fraction of the thickness. Faceted STEP is exact."""
     step_mb: Annotated[float, Ge(0)] = 0.0
     """Largest size of a STEP file in MB; 0: no limit."""
 
@@ -575,7 +575,7 @@ class Preset(Section):
 
     @model_validator(mode="after")
     def _keeps_its_count(self) -> "Preset":
-        """Refuse vertex numbers in guides and regions if voids change them. Supports and loads are picked before."""
+        """Refuse vertex numbers in guides and regions if voids change them. Supports and loads are set before voids."""
         regions = tuple(None if entry.do == "void" else entry for entry in self.pattern.region)
         lists: dict[str, Any] = {"pattern.guide": self.pattern.guide, "pattern.region": regions}
         counted = [

@@ -49,7 +49,7 @@ class Workshop(Section):
     layers: Literal[2, 4] = 2
     """strips: number of layers where two members cross. With 2, a member has one layer; with 4, it has two layers."""
     plate: Annotated[float, Gt(0)] = 0.005
-    """Thickness of the plates at nodes (bars) and at anchors, metres."""
+    """Thickness of plates at anchors and of plates that join bars, metres."""
     anchor: Annotated[float, Ge(0)] = 0.0
     """Diameter of anchors, metres. Plates of supports have a leg with two anchor holes. 0: no anchors."""
     bolt: Annotated[float, Gt(0)] = 0.012

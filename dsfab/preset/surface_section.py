@@ -59,7 +59,7 @@ class Section(BaseModel):
         except ValidationError as error:
             raise PresetError(f"{type(self).__name__.lower()}: {mistakes(error, type(self))}") from None
 
-    # pydantic must not call this constructor: messages about preset files list mistakes of all sections
+    # pydantic must not call this constructor, so that one message lists the mistakes in all sections of a file
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
 
@@ -81,12 +81,12 @@ class SurfaceSection(Section):
     refine: Annotated[float, Ge(0)] = 0.0
     """Largest edge length, metres; longer edges are divided. 0: no edge is divided."""
     smooth: bool = False
-    """Make the surface smooth: with `refine` by Loop subdivision; with `edge` by new vertices on a smooth surface
+    """Make the surface smooth. With `refine`: by Loop subdivision. With `edge`: new vertices lie on a smooth surface
     through the old vertices. Boundaries and creases do not change."""
 
     @property
     def sums(self) -> tuple[Combination, ...]:
-        """Combinations of the preset, followed by those of the standard."""
+        """Load combinations of the preset, followed by the load combinations of the standard `combinations`."""
         return (*self.combination, *self.standard_sums)
 
     @property
@@ -119,7 +119,7 @@ class OwnSurface(SurfaceSection):
     """Smallest edge length, metres, at the places of `finest_at`; needs `edge`. 0: all edges have equal lengths."""
     finest_at: Literal["curvature", "stress", "both"] = "curvature"
     """Places of shorter edges: where the surface is curved, where its stress changes, or both. The stress is from a
-    solve on equal triangles. Edges are shortened to limit its change per edge to a quarter of its root mean square."""
+    solve on equal triangles. Stress should change along an edge by at most a quarter of the root mean square stress."""
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
@@ -153,7 +153,7 @@ class FileSurface(OwnSurface):
 
     file: Path
     """OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP, BREP or IFC file. A relative path starts at the preset's
-    folder, in Python at the current folder."""
+    folder; in Python, it starts at the current folder."""
     only: tuple[str, ...] = ()
     """Names of the parts of the file that form the surface: layers, blocks, nodes, objects, assemblies, storeys. A name
     also selects the parts inside. By default all visible parts."""
@@ -268,7 +268,7 @@ else:
 
 
 def plain(value: Any) -> Any:
-    """Return supports, loads, pickers and similar objects as tables. They are checked like tables of a preset file."""
+    """Return objects, such as supports and loads, as tables, which are then checked like tables of a preset file."""
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):

@@ -132,7 +132,7 @@ class ClientPicture:
 class AnalysisPicture:
     """Data of analysis.png, which a second process can draw: loads and supports on the left, stress on the right.
     loaded  : picture of the left half. The right half has the same view, size and colours.
-    V, F    : cut sheet, (n, 3) vertices, m, and (m, 3) faces.    faces : face colours, colour bar and caption.
+    V, F    : vertices (n, 3) of the cut sheet, metres, and faces (m, 3).    faces : their colours, colour bar, caption.
     callouts: notes that point to places of the cut sheet."""
 
     loaded: StructurePicture

@@ -153,7 +153,7 @@ def rising_colours(share: Floats, bands: int = 0) -> Bytes:
 
 
 def signed_colours(share: Floats) -> Bytes:
-    """Return colours (k, 3) for values (k,) other than stress, scaled to -1 and 1 at the ends of the colour bar."""
+    """Return colours (k, 3) for values (k,) other than stress. The colour bar has -1 and 1 at its ends."""
     return ramp((np.clip(share, -1, 1) + 1) / 2, _SIGNED)
 
 
@@ -275,7 +275,7 @@ def _shape_colouring(design: "Design", show: str) -> Colouring:
     answers = design.statics.answers
     if show == "buckling" and answers.buckling is not None and len(answers.buckling.factor):
         shape = answers.buckling.shapes[0]
-        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # buckling along the load
+        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # it moves along the load
         words = f"buckles at {answers.buckling.factor[0]:.3g} x the load"
     elif show == "frequency" and answers.vibration is not None:
         shape, words = answers.vibration.shapes[0], f"swings at {answers.vibration.hertz[0]:.3g} Hz"

@@ -128,7 +128,7 @@ def _marks(
 def legend(
     stage: Stage, caption: str, palette: Palette, size: tuple[int, int], swatches: tuple[tuple[str, Colour], ...] = ()
 ) -> Legend:
-    """Return the legend: caption, names of drawn marks (load, support, reaction), scale at stage centre, swatches."""
+    """Return the legend: caption, names of mark kinds (load, support, reaction), scale at scene centre, swatches."""
     depth = float((stage.centre - stage.view.eye) @ stage.view.forward)
     kinds: tuple[MarkName, ...] = ("load", "support", "reaction")
     colours = [body.colour for body in stage.bodies[1:]]

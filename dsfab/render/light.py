@@ -27,8 +27,7 @@ def frame_towards(towards: Floats) -> Floats:
 @dataclass(frozen=True, eq=False)
 class ShadowMaps:
     """Shadow maps of b lamps. maps : (b, s, s) depth from each lamp, as from `Scene.lamp`.
-    placing : (3 b, 6) matrix for all lamps. Its product with (x, y, z, two random offsets up to `GRAIN`, 1) is columns,
-              rows and depths in the maps.
+    placing : (3 b, 6) matrix from (x, y, z, two random offsets up to `GRAIN`, 1) to columns, rows, depths in the maps.
     towards : (b, 3) unit vectors towards the lamps, times the strengths of the lamps."""
 
     maps: Floats32
@@ -79,7 +78,7 @@ class ShadowMaps:
 
 
 LIGHT_SHARES = (0.60, 0.44, 0.14)  # light of sun, sky and floor on a surface that faces the light
-AMBIENT = 0.10  # light that every point receives in addition
+AMBIENT = 0.10  # light that every point receives in addition to the light of the lamps
 CHUNK = 1 << 15  # number of points coloured together; their arrays fit the processor's cache
 TILE = 1 << 10  # number of points lit together by twenty lamps, for the processor's cache
 

@@ -21,7 +21,7 @@ MarkMesh = tuple[Floats, Ints]  # vertices (n, 3) in metres, and faces (m, 3)
 
 @dataclass(frozen=True)
 class Spacing:
-    """Limits for arrows or cones in a picture. apart : least distance / structure's size. most : largest number."""
+    """Limits for marks in a picture. apart : least distance between marks / structure's size. most : largest number."""
 
     apart: float
     most: int
@@ -33,7 +33,7 @@ SUPPORT_SPACING = Spacing(0.05, 40)
 GRADIENT_SPACING = Spacing(0.055, 160)
 
 CONE_HEIGHT = 0.026  # height of a support cone, divided by the structure's size
-LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06  # lengths, divided by the structure's size
+LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06  # of arrows, divided by the structure's size
 
 
 def thin_points(points: Floats, size: float, spacing: Spacing) -> Ints:
@@ -208,8 +208,8 @@ def tree(foot: Floats, up: Floats, height: float) -> MarkMesh:
 
 
 def place_beside(V: Floats, side: ViewSide, up: Floats, level: float, which: float = 1.0) -> tuple[Floats, Floats]:
-    """Return a place (3,) on the ground, right of and in front of vertices V (n, 3), and the unit vector (3,) right.
-    level : height of the ground, m.    which : 1, or -1 for a place to the left and behind."""
+    """Return a place (3,) on the ground, right of and in front of vertices V (n, 3), seen from `side`; and the unit
+    vector (3,) to the right. level : height of the ground, m.    which : 1, or -1 for left and behind."""
     right = unit_vectors(np.cross(side.up, side.towards)[None])[0]
     x, y, front = V @ right * which, V @ np.cross(right, up), np.cross(right, up)
     gap = max(0.03 * float(np.ptp(x)), min(0.6, 0.12 * float(np.ptp(x))))
@@ -240,7 +240,7 @@ def _placed_copies(template: MarkMesh, start: Floats, along: Floats, long: Float
     return copies.reshape(-1, 3), shifted.reshape(-1, 3)
 
 
-CROSS_SPACING = Spacing(0.034, 500)  # for crosses along directions; few, because many take long to draw
+CROSS_SPACING = Spacing(0.034, 500)  # for `crosses`; few, because many crosses take long to draw
 BAR_LENGTH, BAR_WIDTH = 0.8, 0.09  # length and width of each bar of a cross, divided by the distance between crosses
 
 

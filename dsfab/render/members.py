@@ -117,7 +117,7 @@ class _MembersDrawing:
     def picture(
         self, face: Bytes, names: Mapping[str, Colour], words: str, swatches: tuple[tuple[str, Colour], ...]
     ) -> Bytes:
-        """Return the picture. face : (m, 3) colours. names : colours of names. words : caption. swatches : legend."""
+        """Return the picture. face : (m, 3) colours. names : names and colours. words : caption. swatches : legend."""
         check_ground(self.ground)
         require_rendering()
         design, size, palette = self.design, self.size, self.palette

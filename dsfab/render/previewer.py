@@ -200,7 +200,7 @@ class Previewer:
         return np.asarray(image)
 
     def frame(self, size: tuple[int, int] = DEFAULT_SIZE) -> None:
-        """Draw the current preset for an editor, without the lamps of a `picture`, and wait for the frame."""
+        """Draw the current preset for an editor and wait for the image. It has no lamps, unlike `picture`."""
         self._scene.frame(self._view(size, False), *size)
 
     @property
@@ -233,7 +233,7 @@ class Previewer:
         design, mesh = self._made, self._mesh
         self._shader = StripeShader(vertex_fields(design, mesh, self._distances(design)), self._tints)
         V, normals = self._V, None
-        if mesh.even:  # the chart is a mesh with cuts; equal normals on both sides hide the cuts
+        if mesh.even:  # this mesh is cut along lines; equal normals on both sides hide these lines
             normals = mesh.at_corners(shading(design.surface.V if V is None else V, design.surface.F))
         return Body(
             mesh.surface.V if V is None else mesh.carry(V),
@@ -250,7 +250,6 @@ class Previewer:
         self._shader.set(ALL_MATERIAL if whole_sheet else shader_settings(self._preset, self._made.pattern, self._show))
 
     def _try_shader(self) -> None:
-        """Test the shader. A driver that refuses the shader draws the whole mesh, or nothing, without an error."""
         view = self._view(TRIAL_SIZE, True)
         seen = []
         for settings in (ALL_MATERIAL, NO_MATERIAL):

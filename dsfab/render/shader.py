@@ -109,7 +109,7 @@ class ShaderProgram:
     tinted: bool = False
 
     def vertex(self) -> tuple[tuple[str, str], ...]:
-        """Return pairs for VTK's vertex shader: a tag (marker in its source), and the code to insert after the tag."""
+        """Return pairs for VTK's vertex shader: a tag (marker) in VTK's code, and the code to insert after this tag."""
         declared, code = [f"in vec2 {name}MC;" for name in self.vary], []
         if self.walls:
             declared.append("out vec4 stripesVS;\nout vec2 keptVS;\nout vec3 dsWhere;")

@@ -75,7 +75,7 @@ class StripedMesh:
 
     @cached_property
     def normals(self) -> Floats:
-        """Unit normals (n', 3) of `surface`; equal on opposite sides of a cut in the chart of evenly spaced stripes."""
+        """Unit normals (n', 3) of `surface`; equal on both sides of cuts in the mesh of evenly spaced stripes."""
         return self.uncut.vertex_normals if self.even is None else unit_vectors(self.carry(self.uncut.vertex_normals))
 
     def phases(self, design: Design) -> Floats:
@@ -123,7 +123,7 @@ def _distances_outside(design: Design, to_held: Floats) -> Floats:
         x = field.at_vertices if isinstance(field, DividedField) else field
         assert isinstance(x, np.ndarray)
         if x.ndim == 1:
-            # the outline of a solid region counts as slightly outside
+            # the outline of a solid region (x = 0) gets a small positive distance, as if outside the region
             region = np.where(x > 0, -surface.mean_edge, 1e-3 * surface.mean_edge)
             outside = np.where(x >= 0, np.minimum(outside, region), outside)
         else:
@@ -132,7 +132,7 @@ def _distances_outside(design: Design, to_held: Floats) -> Floats:
 
 
 def vertex_fields(design: Design, mesh: StripedMesh, distances: tuple[Floats, Floats]) -> Floats:
-    """Return the columns (n', 6) of a `StripeShader`: phases, half-widths, distances. distances : two arrays (n,)."""
+    """Return columns (n', 6) for a `StripeShader`: two of phases, two of half-widths, and two of `distances`."""
     reaches = mesh.carry(finite_distances(distances))
     return np.concatenate([mesh.phases(design), mesh.half_widths(design.pattern), reaches], axis=1)
 

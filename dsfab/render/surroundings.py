@@ -18,12 +18,12 @@ HEADROOM = 2.2  # smallest height (m) of a structure above a ground at height 0
 PLINTH = 0.012  # height of the lowest columns and walls, divided by the structure's size
 COLUMN_EXTENT = 0.08  # a support becomes a column if it is smaller in plan than this share of the structure's size
 LOW_SHARE = 0.25  # a support below this share of the structure's height is never an abutment
-STEEP = 0.2  # structures hang only from supports to which they rise with a larger slope (sine of the angle)
-UPRIGHT = 3.0  # an edge is upright if its height / its extent in plan is larger
+STEEP = 0.2  # a structure hangs only from supports to which it rises with a slope (sine of the angle) above this
+UPRIGHT = 3.0  # an edge is upright if its height / its extent in plan is larger than this
 SOIL_SHARE = 0.5  # a slab lies on soil if its supported area / its whole area is larger
 CORNERS, MOST_PARTS = 20, 40  # corners of a round column; largest number of columns or rods of a support
 ABUTMENT_DEPTH, HANGER_LENGTH = 0.04, 0.14  # divided by the structure's size
-HANGERS, COLUMNS = 0.05, 0.12  # spacing of rods, and of columns below an edge, / size of the structure
+HANGERS, COLUMNS = 0.05, 0.12  # spacings of rods, and of columns below an edge, divided by the structure's size
 TALL = 4.5  # height (m) above which a long edge has a beam and columns instead of a wall
 WIDTH, FOOTING_WIDTH, ROD = 0.01, 0.02, 0.004  # widths, divided by the structure's size
 
@@ -73,7 +73,7 @@ def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[Supp
 
 
 def _open_side(surface: Surface, load: LoadCase, groups: list[Ints], up: Floats) -> Floats | None:
-    """Return the horizontal direction (3,) to supports that are all on one side, none low (`LOW_SHARE`); else None."""
+    """Return the horizontal direction (3,) to supports on one side of the surface; None if any is elsewhere, or low."""
     side, heights = support_side(surface, load, surface.size, up), surface.V @ up
     low = heights.min() + LOW_SHARE * np.ptp(heights)
     return side if abs(side @ up) < 0.5 and all(heights[group].mean() >= low for group in groups) else None
@@ -136,7 +136,6 @@ def support_part(surface: Surface, support: SupportPart, half: float, ground: fl
 
 
 def _spaced_vertices(V: Floats, among: Ints, apart: float) -> list[Ints]:
-    """Return vertices from `among` (k,), about `apart` metres from each other, each as a group (1,)."""
     points = V[among]
     return [among[[k]] for k in thin_points(points, apart, Spacing(1.0, MOST_PARTS))]
 

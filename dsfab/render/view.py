@@ -33,7 +33,7 @@ class View:
 
 def up_axis(V: Floats, surface: Surface | None, load: LoadCase | None) -> Floats:
     """Return the unit vector (3,) that points up for vertices V (n, 3): z, unless the loads point along -y.
-    With such loads, up is y if the supports are low in y, or if the surface is a plate whose normal is not y."""
+    With such loads, up is y for plates whose normal is not y, and for other surfaces whose supports have small y."""
     z, y = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
     if load is None or surface is None:
         return z

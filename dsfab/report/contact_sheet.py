@@ -53,7 +53,7 @@ class ContactTile:
 
 
 def column_count(count: int, runs: Sequence[int]) -> int:
-    """Return the number of tiles in a row: all values of the last keys if they fit. runs : count of values per key."""
+    """Return the number of tiles in a row: all values of as many last keys as fit. runs : values per key."""
     row, columns_of_runs = 1, 1
     for run in reversed(runs[1:]):
         row *= run
@@ -171,7 +171,7 @@ def pictures_on_page(folder: Path) -> set[str]:
 
 
 def save(tiles: Sequence[ContactTile], folder: Path) -> None:
-    """Write the pictures of the tiles."""
+    """Write the picture of each tile that has a picture to a folder."""
     for tile in tiles:
         if tile.png is not None:
             (folder / tile.file).write_bytes(tile.png)

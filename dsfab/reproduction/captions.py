@@ -16,9 +16,9 @@ RINGS, SPOKES = 2, 4  # Least number of rings in a web, and of spokes across eac
 
 @dataclass(frozen=True)
 class Web:
-    """Rings of one family around a load, the innermost ring first.
+    """Rings of one family of stripes around a load, the innermost ring first.
     family  : family of the rings; '' without rings.
-    crossed : for each ring, the number of lines of the second family that cross the ring."""
+    crossed : for each ring, the number of lines of the other family that cross the ring."""
 
     family: str = ""
     crossed: tuple[int, ...] = ()
@@ -48,7 +48,7 @@ class Web:
 
 
 def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
-    """Return rings and spokes around the load. The rings' family has more rings that at least `SPOKES` spokes cross.
+    """Return rings and spokes around the load. The rings' family is the one with more rings of `SPOKES` spokes or more.
     phases : (n, 2) phases of the major and minor family. The phase at the middle of a member is a whole number.
     load, supported : (n,) True for vertices under the load, and for vertices at supports."""
     webs = []
@@ -62,7 +62,7 @@ def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
 
 
 def links(surface: Surface, phases: Floats, start: Bools, end: Bools) -> tuple[int, int]:
-    """Return how many members of the major and minor family connect two sets of vertices (n,) without a gap."""
+    """Return how many major and how many minor members run unbroken from vertices `start` (n,) to `end` (n,)."""
     counts = [0, 0]
     for k, z in enumerate(phases.T):
         for level in _levels(z):
@@ -97,7 +97,7 @@ def _labels(a: Ints, b: Ints, n: int) -> Ints:
 
 
 def _disc_around(surface: Surface, z: Floats, level: int, load: Bools, supported: Bools) -> Bools | None:
-    """Return the part (n,) around the load, within the contour z = level; None if it has supports or is not a disc."""
+    """Return the part (n,) around the load inside the contour z = level, or None if it has supports or is no disc."""
     a, b = surface.edges.ends.T
     above = z >= level
     same_side = above[a] == above[b]
@@ -116,7 +116,7 @@ def _is_disc(surface: Surface, region: Bools) -> bool:
 
 
 def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
-    """Count the second family's members that cross the contour `ring` = 0. z : phase, whole at middles of members."""
+    """Count crossings of the contour `ring` = 0 around `region` with middles of members, where the phase z is whole."""
     F = surface.F
     faces = np.flatnonzero(region[F].any(axis=1) & ~region[F].all(axis=1))
     crossing_values = np.empty((len(faces), 3))
@@ -151,11 +151,11 @@ def nearby(surface: Surface, marked: Bools, rows: int = 1) -> Bools:
     return reached
 
 
-ANGLE, EVENNESS = 60.0, 3.0  # in a grid: least crossing angle, degrees; largest P95 / P5 of the distances of members
+ANGLE, EVENNESS = 60.0, 3.0  # limits for a grid: least crossing angle, degrees; largest P95 / P5 of member spacings
 
 
 def finding(claim: str, rendition: Rendition) -> str:
-    """Return a clause: a figure's version (`rendition`) shows its claim or does not; '' without claim or design."""
+    """Return a clause: does a version (`rendition`) of a figure show the figure's claim; '' without claim or design."""
     if not claim or rendition.design is None:
         return ""
     if claim == "grid":

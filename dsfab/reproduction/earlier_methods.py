@@ -40,7 +40,7 @@ def drawn_families(design: Design) -> tuple[DrawnFamily, DrawnFamily]:
 
 
 def integrated_design(design: Design) -> Design:
-    """Return a design whose stripes follow `integrated_field` instead of modes, with stripes as dense as before."""
+    """Return a design whose stripes follow `integrated_field` instead of modes, but are as dense as in `design`."""
     surface, tensors, modes = design.surface, design.diffusion.tensors, []
     for family in drawn_families(design):
         field = integrated_field(surface, weakest_directions(family.D), ~tensors.isotropic)
@@ -171,7 +171,7 @@ class _Walk:
             runs.append(runs[-1] + float(np.linalg.norm(p - points[-1])))
             points.append(p)
             faces.append(face)
-            # points within the last 3 x `apart` do not count: the line is near itself there without being closed
+            # points within the last 3 x `apart` do not count, because they are near p on every line
             passed = int(np.searchsorted(runs, runs[-1] - 3 * self.apart))
             if (back := self._return_index(points[:passed], p)) is not None:
                 came = back * 2 < passed
@@ -182,7 +182,7 @@ class _Walk:
             if not self.clear[face := entered // 3] or self._is_near(p):
                 break
             turned = self.direction[face] * np.sign(self.direction[face] @ t)
-            if turned @ t < 0.5:  # the line ends where directions turn by over 60 degrees, as this is not reliable
+            if turned @ t < 0.5:  # end the line where directions turn by over 60 degrees: they are not reliable there
                 break
             t = turned
         return points, faces, "inside"

@@ -28,7 +28,7 @@ RENDITION_TITLES = {"letter": "Exactly as in the paper", "preset": "The preset",
 @dataclass(frozen=True, eq=False)
 class RenditionPicture:
     """A version (rendition) of a figure, and its picture. edge : edge length of its mesh, m; 0 without a design.
-    found : result of the check of the published caption (see `finding`), or ''."""
+    found : text on whether the picture shows the figure's claim (see `finding`), or ''."""
 
     rendition: Rendition
     picture: PaperPicture

@@ -52,7 +52,7 @@ def claim_section(rows: Sequence[Row]) -> str:
 
 
 def stiffness_ratio(own_row: Row | None, rival: Row | None) -> tuple[float, float, float] | None:
-    """Return a design's stiffness / its rival's, with lower and upper bound; None unless both carry loads."""
+    """Return a design's stiffness / its rival's, with lower and upper bound; None if one of them carries no loads."""
     if not own_row or not rival or not own_row["compliance_J"] or not rival["compliance_J"]:
         return None
     ratio = rival["compliance_J"] / own_row["compliance_J"]
@@ -113,7 +113,7 @@ COLUMNS = (
 
 
 def rendition_section(pictures: FigurePictures, coarser: float) -> str:
-    """Return HTML on a figure's three versions (renditions): pictures, measures, departures from paper, commands."""
+    """Return HTML on a figure's three versions (renditions): pictures, measures, changes from the paper, commands."""
     if not pictures.ways:
         return ""
     name = pictures.figure.preset
@@ -219,7 +219,7 @@ class PageFacts:
 
 
 def page(figures: Sequence[FigurePictures], about: PageFacts, volumes: Sequence[Mapping[str, Any]] = ()) -> str:
-    """Return the whole page; its pictures are files beside it. volumes : rows of sphere_volumes.json."""
+    """Return the page with the paper's figures; pictures are files beside it. volumes : rows of sphere_volumes.json."""
     compared = [
         _comparison_section(comparison, command_html(figure.figure.preset, about.coarser))
         for figure in figures

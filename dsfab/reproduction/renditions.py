@@ -1,5 +1,5 @@
-"""Three versions (renditions) of a figure by Madan et al.: with all settings of the paper, with the preset's settings,
-and with dsfab's evenly spaced stripes; with measures. All versions have the same surface, supports and loads."""
+"""Three versions (renditions) of a figure by Madan et al., and their measures. The versions have all settings of the
+paper, the preset's settings, or dsfab's evenly spaced stripes. All have the same surface, supports and loads."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -143,7 +143,7 @@ def _carried_share(design: Design) -> float:
 
 
 def _compliances(design: Design, share: float, uncut_compliance: dict[str, float]) -> tuple[float, float, str]:
-    """Return compliance / compliance of the uncut and of a thinner sheet; and why, if both ratios are infinite."""
+    """Return the compliance / that of the uncut sheet, and / that of a sheet `share` x as thick; if infinite, why."""
     statics, weights = design.preset.statics, design.preset.followed_weights
     uncut_loads = design.statics.loads(weights)
     if not any(load.force.any() for load in uncut_loads.values()):

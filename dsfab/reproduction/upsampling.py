@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class StripedField(NamedTuple):
-    """Stripes of a family, and the values x (n,) of their mode."""
+    """Stripes of a family, and the values x (n,) at the vertices of the mode that they follow."""
 
     stripes: Stripes
     x: Floats
@@ -88,7 +88,7 @@ def lines_through(surface: Surface, families: Sequence[StripedField]) -> Ints:
 
 
 def division(surface: Surface, families: Sequence[StripedField], crowded: Bools) -> tuple[Surface, list[StripedField]]:
-    """Divide crowded (m,) triangles in four, neighbours in two or three to match; return new surface and stripes."""
+    """Return surface and stripes with `crowded` (m,) triangles divided in four, and neighbours in 2 or 3 to fit."""
     edges = surface.edges
     marked = np.zeros(len(edges.ends), dtype=bool)
     marked[edges.of[crowded]] = True
@@ -98,7 +98,7 @@ def division(surface: Surface, families: Sequence[StripedField], crowded: Bools)
 
 
 def _wrong_share(surface: Surface, families: Sequence[StripedField], value: Sequence[Floats], side: int = 9) -> float:
-    """Return the share of area where stripes from interpolated `value` (n,) are wrong. side : samples per face side."""
+    """Return the share of area where interpolated `value` (n,) swaps material and void. side : samples per side."""
     i, j = np.meshgrid(*[np.arange(side)] * 2, indexing="ij")
     inside = i + j < side
     u, v = (i[inside] + 1 / 3) / side, (j[inside] + 1 / 3) / side
@@ -111,7 +111,7 @@ def _wrong_share(surface: Surface, families: Sequence[StripedField], value: Sequ
 
 
 def upsampled_beside_exact(design: Design, folder: Path) -> PaperComparison:
-    """Compare two cuts of the same stripes: the exact cut, and the cut by upsampling after each round of division."""
+    """Compare the exact cut of a design's stripes with interpolated cuts after 0, 1, 2 ... divisions of triangles."""
     title = "Adaptive upsampling compared with the exact cut"
     try:
         comparison = compare_design_cuts(design)

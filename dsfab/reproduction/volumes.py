@@ -29,7 +29,7 @@ ROW = {
     "pattern.major": {"mode": 1, "frequency": 10.0, "phase": 0.0},
     "pattern.minor": {"mode": 1, "frequency": 10.0, "phase": 0.0},
 }
-"""The sphere's row of Table 1 (Madan et al.), no kept regions. Unlike in the paper: families by stress sign."""
+"""Settings of the sphere in Table 1, Madan et al.; no kept regions. But stress sign, not magnitude, sets the family."""
 LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # `ROW` with labels and law of Madan et al.
 SHARES = (0.3, 0.5, 0.7)  # Shares of material; each takes a few minutes.
 
@@ -43,13 +43,13 @@ RIVALS = {
     "thinner": "whole sheet, uniformly thinner",
     "full": "whole sheet, uncut (heavier)",
 }
-"""Names of all structures in the sphere's chart."""
+"""Names of all structures in the chart of `sphere_volumes`."""
 
 
 def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, shares: Sequence[float] = SHARES) -> None:
     """Write data and a chart: the graded design, isotropic stripes, a thinner sheet, and the `sphere_rivals`.
-    Every structure is judged on finer and finer meshes. Before that, one solve each ranks pairs of isotropic modes.
-    coarser : edge length / `EDGE`.    shares : shares of material for all structures."""
+    Every structure is judged on finer and finer meshes. Before that, pairs of isotropic modes are ranked by one solve
+    for each pair.    coarser : edge length / `EDGE`.    shares : shares of material for all structures."""
     from dsfab.study import compare_at, full_at_many_shares
 
     graded = sphere_draft(ON_MODES, coarser)
@@ -66,7 +66,7 @@ def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, share
 
 
 def sphere_draft(changes: Mapping[str, Any], coarser: float = 1.0) -> Design:
-    """Return the sphere with these changes, up to its pattern; without fillets, which would make thin triangles."""
+    """Return the sphere's design with changes, up to its pattern; without fillets, which would make thin triangles."""
     from dsfab.design import draft
     from dsfab.preset.file import load_preset, with_overrides
 

@@ -91,7 +91,7 @@ class VertexPairs:
 
     @cached_property
     def _block_positions(self) -> tuple[Index, Index, Index]:
-        """Row pointers, columns, block numbers: first p blocks above the diagonal, then p below it, then n on it."""
+        """Row pointers, columns, block numbers. Order: p blocks of pairs above the diagonal, p below it, n on it."""
         low, high = self.ends.T.astype(np.int32)
         vertex, pair = np.arange(self.n, dtype=np.int32), np.arange(len(low), dtype=np.int32)
         # this order gives ascending columns in each row without sorting
@@ -104,7 +104,7 @@ class VertexPairs:
     def matrix(self, blocks: "PairBlocks") -> csr_array:
         """Return the stiffness matrix (3 n, 3 n) of these blocks. The columns in each row are in ascending order."""
         begin, column, number = self._block_positions
-        # to save memory, store one position for each block, not one for each of its nine entries
+        # `number` has one entry for each block; an entry for each of a block's nine values would take more memory
         all_blocks = np.concatenate([blocks.between.T, _transposed_blocks(blocks.between).T, blocks.own.T])
         values = all_blocks[number].reshape(-1, 3, 3)
         return csr_array(bsr_array((values, column, begin), (3 * self.n, 3 * self.n)).tocsr())
@@ -155,7 +155,7 @@ def ascending_pairs(a: Floats, b: Floats, ascending: Bools) -> tuple[Floats, Flo
 
 
 def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
-    """Return the coupled pairs of vertices: at edges and, if given, at hinges (i, 4). The result is computed once."""
+    """Return coupled vertex pairs: ends of edges and, if given, pairs in hinges (i, 4). The result is computed once."""
     results, key = derived_results(surface), (VertexPairs, hinge is None)
     if key not in results:
         results[key] = VertexPairs.from_surface(surface, hinge)

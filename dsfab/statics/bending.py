@@ -49,7 +49,7 @@ def curvatures(surface: Surface) -> Floats:
 
 
 def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
-    """Return lengths (m, 3) of half-edges, direction t and outward normal m in the face's frame, (m, 3, 2)."""
+    """Return lengths (m, 3) of the half-edges of m faces; directions and outward normals (m, 3, 2) in face frames."""
     frame = tangents(surface)
     P = surface.V[surface.F]
     edge = np.einsum("mck,mak->mca", np.roll(P, -1, axis=1) - P, frame)
@@ -79,7 +79,7 @@ def moment_loads(surface: Surface) -> Floats:
         integral of lambda_a M : hess w  -  sum over half-edges of  integral of lambda_a (m M m) (dw/dm + s theta)
 
     m points out of the face [Hellan 1967; Herrmann 1967; Johnson 1973; Neunteufel and Schoeberl 2019, shells].
-    A rotation theta has the half-edge's sign s. A slope needs none: it and m both reverse in the neighbouring face."""
+    A rotation theta has the half-edge's sign s. A slope has no sign: slope and m both reverse in the next face."""
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
     across = np.einsum("mia,mca->mci", slope, outward)  # (faces, half-edge, corner): slope of lambda_a along normal m
@@ -104,7 +104,7 @@ def moment_loads(surface: Surface) -> Floats:
 def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b over the unknowns of `elements`, N/m, with the moments eliminated on each face.
     D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3), one for each face.
-    Of the edge bubbles (`BUBBLES`), only "normal" bends faces. If all did, coarse curved meshes would be too stiff."""
+    Of the edge `BUBBLES`, only "normal" bends faces. With all three, coarse curved meshes would be too stiff."""
     rows = moment_loads(surface)
     normal, edge = surface.normals, surface.edges.of
     normal_share = np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], normal)
@@ -137,7 +137,8 @@ def bending_stiffness(surface: Surface, material: Material, thickness: float, el
 
 
 def hinge_blocks(surface: Surface, material: Material, thickness: float) -> PairBlocks:
-    """Return the stiffness K_b, N/m, of the energy 1/2 sum_e D l_e^2 / (A1 + A2) (theta_e - theta_e0)^2.
+    """Return the stiffness K_b, N/m, of the energy 1/2 sum_e D l_e^2 / (A1 + A2) (theta_e - theta_e0)^2 over edges e.
+    D : bending stiffness. l_e : length. A1, A2 : areas of both faces. theta_e : fold angle. theta_e0 : at rest.
     K_b is the sum of w g g^T with g = grad theta, w = D l^2 / (A1 + A2), positive semidefinite also on curved sheets.
     Stress directions are accurate, but deflections do not converge: for clamped plates, they are 20 to 45 % wrong.
     Source of the energy: [Wardetzky et al. 2007]."""

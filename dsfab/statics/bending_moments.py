@@ -16,8 +16,8 @@ from dsfab.surface.mesh import Surface
 
 def facet_number(surface: Surface, thickness: float) -> float:
     """Return L^2 / (R h): edge length times fold angle, divided by the thickness (median of all edges).
-    A load on a flat face of a curved sheet bends the face between its edges. This error of `hhj` grows with the number.
-    On spheres under pressure, the largest stress is too large by about 0.9 times the number."""
+    A load bends the flat faces of a curved sheet between their edges. The resulting error of `hhj` elements grows with
+    the number. On spheres under pressure, the largest stress is too large by about 0.9 times the number."""
     faces = surface.edges.pairs // 3
     if not len(faces):
         return 0.0
@@ -69,7 +69,7 @@ def _midedge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
     """Return the curvature (xx, yy, 2 xy), the sum of l theta n n^T / (2 A) over edges [Grinspun et al. 2006].
-    theta : change of the fold angle at an edge."""
+    theta : change of the fold angle at an edge. l, n : length and normal of the edge. A : area of the face."""
     length, _, out = half_edge_frames(surface)
     hinge, pairs = hinges(surface), surface.edges.pairs
     angle = np.einsum("ikx,ikx->i", angle_gradients(surface, hinge)[0], answer.u[hinge])
@@ -83,7 +83,7 @@ def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
-    """Return corner moments of `hhj`, N: (12 / A) (I - J / 4) D r. J : ones, r : unit moments' work, `moment_loads`."""
+    """Return corner moments of `hhj`, newtons: (12 / A) (I - J / 4) D r. J : ones, r : work by `moment_loads`."""
     edge, unknowns = surface.edges.of, answer.on_edges
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
@@ -92,7 +92,7 @@ def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
     bubble = unknowns["normal"][edge] * np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], surface.normals)
     tilt = np.einsum("mi,mia,mca->mc", w, slope, outward)  # slope of the linear deflection, normal to each half-edge
     turn = half_edge_signs(surface) * unknowns["rotation"][edge]
-    # dw/dm of the bubbles 4 phi_c phi_c+1 is linear on each half-edge
+    # the slope dw/dm of a bubble 4 phi_c phi_c+1 along the outward normal m is linear on each half-edge
     ahead, behind = (np.einsum("mia,mca->mci", g, outward) for g in (after, slope))  # (m, half-edge, bubble)
     bent = (8 / 3 * surface.areas[:, None, None] * voigt(slope, after) * bubble[:, :, None]).sum(axis=1)
     work = np.repeat(bent[:, None], 3, axis=1)

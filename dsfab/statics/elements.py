@@ -90,7 +90,7 @@ def edge_frames(surface: Surface) -> Floats:
     edges = surface.edges
     t = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
     t = t / np.linalg.norm(t, axis=1, keepdims=True)
-    # sign x normal does not depend on a face's orientation; the two faces of an edge have opposite values
+    # half-edge sign x face normal does not depend on the face's orientation; it is opposite in an edge's two faces
     area_normal = surface.normals * surface.areas[:, None]
     signed = (half_edge_signs(surface)[:, :, None] * area_normal[:, None, :]).reshape(-1, 3)
     n = signed[edges.order[edges.start[:-1]]]
@@ -148,7 +148,7 @@ Quantity = Literal["compliance", "compliance_once", "displacement", "stress", "f
 """Quantities in reports."""
 
 Aid = Literal["needles", "spread", "ranking", "directions"]
-"""Internal uses of elements (explained in `USES`). Results of these elements never appear in reports."""
+"""Keys in `USES` of elements for internal purposes. Results of these elements never appear in reports."""
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,7 @@ USES: Mapping[Quantity | Aid, Use] = MappingProxyType(
 """Elements for each use. Bounds of compliances in `dsfab.study.verdict.estimates` are calibrated for these elements."""
 
 REPORTED: tuple[Elements, ...] = tuple(dict.fromkeys(use.pair for use in USES.values() if use.tolerance is not None))
-"""`Elements` for results in reports: the `pair` of each entry of `USES` that has a tolerance."""
+"""Pairs of membrane and bending elements for results in reports, from the entries of `USES` with a tolerance."""
 
 
 def elements_of(use: Quantity | Aid) -> Elements:
@@ -218,7 +218,7 @@ def flatness(surface: Surface) -> Floats:
 
 
 def needle_message(surface: Surface) -> str:
-    """Return a clause with the number of needles and the place of the worst needle; '' without needles."""
+    """Return a clause with the number of needles (thin triangles) and the place of the worst; '' without needles."""
     shape = flatness(surface)
     count = int((shape < NEEDLE).sum())
     if not count:

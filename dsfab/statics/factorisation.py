@@ -53,7 +53,7 @@ class ScaledStiffness:
         return np.concatenate([self.K[i : i + ROWS].astype(self.dtype) @ x for i in starts])
 
     def astype(self, dtype: Any) -> Self:
-        """Return the same map with another type of numbers."""
+        """Return this linear map with numbers of the type `dtype`."""
         return type(self)(self.K, self.free, self.scale.astype(dtype), dtype)
 
 

@@ -37,7 +37,7 @@ class ShearRecovery:
 
     @classmethod
     def for_surface(cls, surface: Surface, linear: bool = True) -> Self:
-        """Return the data for a surface. linear : True if moments are linear on each face. Then M is quadratic."""
+        """Return the data for a surface. linear : True for moments linear on faces; potential M is then quadratic."""
         side_a, side_b = surface.edges.pairs.T
         lean = np.abs(np.einsum("ix,ix->i", surface.normals[side_a // 3], surface.normals[side_b // 3]))
         side_a, side_b = side_a[lean > SMOOTH], side_b[lean > SMOOTH]
@@ -52,7 +52,7 @@ class ShearRecovery:
         points[columns] = np.concatenate([ends, (ends + np.roll(ends, -1, axis=1)) / 2], axis=1)[:, :nodes]
         blocks = _gradient_stiffness(surface, linear) * sign[:, :, None] * sign[:, None, :]
         K = assemble_blocks(blocks, columns, size)
-        K = csr_array(K + diags_array(1e-9 * K.diagonal()))  # else a constant of M is free on each smooth part
+        K = csr_array(K + diags_array(1e-9 * K.diagonal()))  # else M is unique only up to a constant per smooth part
         spread = _spread_matrix(surface, columns, sign, points)
         return cls(surface, columns, sign, rim.reshape(-1, 3), spread, factorise(K, points))
 
@@ -112,7 +112,7 @@ def _gradient_stiffness(surface: Surface, linear: bool) -> Floats:
 
 
 def _spread_matrix(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> csr_array:
-    """Return `ShearRecovery.spread`. Points near a splinter (very low face) share its load in proportion to area."""
+    """Return `ShearRecovery.spread`. Points of splinters (low faces) share their load with points nearby, by area."""
     size, nodes = len(points), columns.shape[1]
     weight = np.array([1 / 12] * 3 + [1 / 4] * 3) if nodes == 6 else np.full(3, 1 / 3)
     area = np.bincount(columns.ravel(), (surface.areas[:, None] * weight).ravel(), size)

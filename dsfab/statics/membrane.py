@@ -92,7 +92,7 @@ def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBloc
     """Return the stiffness of constant-strain triangles, C (3, 3) N/m, as blocks on pairs of vertices.
     The pairs are those of edges, or of hinges if `elements` have hinges. The block of two corners is, for isotropic C,
 
-    A (lam g f^T + mu f g^T + mu (g . f) P)
+    A (lam g f^T + mu f g^T + mu (g . f) P),    A : area of the face, lam = C[0, 1], mu = C[2, 2]
 
     g and f are the gradients of the corners' linear functions. P is the projector onto the face."""
     pairs = vertex_pairs(surface, hinges(surface) if elements.bending == "hinge" else None)
@@ -115,7 +115,7 @@ def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBloc
 
 
 def _doubled_area_gradients(surface: Surface) -> Floats:
-    """Return each corner's hat function gradient times twice the area, (3, 3, m): cross(normal, opposite edge)."""
+    """Return gradients (3, 3, m) of the corners' hat functions, times twice the area: cross(normal, opposite edge)."""
     P = surface.V[surface.F].transpose(1, 2, 0)
     edge = np.roll(P, -2, axis=0) - np.roll(P, -1, axis=0)
     n = surface.normals.T

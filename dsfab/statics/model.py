@@ -80,5 +80,5 @@ class SheetMaterial:
     law: Law = "plane_stress"
 
     def model_for(self, surface: Surface) -> SheetModel:
-        """Return a sheet of this material."""
+        """Return the model of a sheet with this material, thickness and law on `surface`."""
         return SheetModel(surface, self.material, self.thickness, self.law)

@@ -136,7 +136,7 @@ def frequencies(
 
 
 def mass_of_loads(loads: Iterable[LoadCase]) -> Floats | None:
-    """Return the masses (n,), kg, at the vertices whose weights are these loads; None without loads.
+    """Return masses (n,), kg, at the vertices, from loads that are weights of these masses; None without loads.
     Only weight downwards has mass. Each load's mass is that of its resultant. Forces that cancel add no mass."""
     masses = None
     for load in loads:
@@ -197,7 +197,7 @@ def lowest_buckling(
     K: csr_array | None = None,
     factor_of: FactorFunction | None = None,
 ) -> tuple[float | None, str]:
-    """Return the lowest factor of `buckling`, or None; and a note if the mode of this factor is local, else ''.
+    """Return the lowest factor of `buckling`, or None, and a note. The note is '' unless this factor's mode is local.
     The note has the mode's place, and the lowest factor of a mode that is not local. Parameters: see `buckling`."""
     factors = factor_of or FactorCache()
     K = sheet_stiffness(sheet, elements) if K is None else K
@@ -238,8 +238,8 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
         x . K_g x  =  integral of  sum over i of  grad x_i . N grad x_i     [Zienkiewicz and Taylor 2000, vol. 2, 11]
 
     resultant : (m, 3, 3) membrane force per length N, N/m, tangent to each face.
-    K_g uses only slopes that the elements resist; else a needle (very thin triangle) would buckle alone. These slopes
-    are mean gradients; for `hhj` also slopes of a constant curvature [Morley 1968]."""
+    K_g uses only slopes for which the elements have stiffness; else single needles (thin triangles) would buckle.
+    These slopes are mean gradients; for `hhj` elements also slopes of a constant curvature [Morley 1968]."""
     slopes, columns = _slopes(surface, elements)
     blocks = np.einsum("majx,mab,mbjy->mxy", slopes, _in_faces(surface, resultant), slopes, optimize=True)
     return assemble_blocks(blocks, columns, elements.unknowns(surface))
@@ -260,8 +260,9 @@ def _in_faces(surface: Surface, resultant: Floats) -> Floats:
 
 
 def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
-    """Return slopes s (m, 2 tangents, 5, c) times sqrt(area), and unknowns (m, c). K_g is the sum of s . N s.
-    Slopes 0 to 2: mean gradients of displacements x, y, z. Slopes 3, 4: from curvature, at two quadrature points."""
+    """Return slopes s (m, 2 tangents, 5, c) times sqrt(area) for each unknown, and the unknowns (m, c) of each face.
+    Slopes 0 to 2: mean gradients of displacements x, y, z. Slopes 3, 4: from curvature, at two quadrature points.
+    For membrane forces N, K_g (`geometric_stiffness`) is the sum of s . N s."""
     names = ("normal", "rotation") if elements.bending == "hhj" else ()
     mean = _mean_gradients(surface, names) * np.sqrt(surface.areas)[:, None, None, None]
     slopes = np.concatenate([mean, np.zeros((surface.m, 2, 2, mean.shape[3]))], axis=2)
@@ -275,7 +276,7 @@ def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
 
 
 def _mean_gradients(surface: Surface, names: tuple[str, ...]) -> Floats:
-    """Return mean gradients (m, 2 tangents, 3 xyz, columns) for unit displacements of corners, unit values of `names`.
+    """Return mean gradients (m, 2 tangents, 3 xyz, columns) for unit values of unknowns: corners, then edges' `names`.
     `normal` moves an edge's middle along the edge's normal. Only the component along the face's normal counts."""
     slope = np.einsum("mik,mak->mai", hat_gradients(surface), tangents(surface))
     gradients = np.zeros((surface.m, 2, 3, 9 + 3 * len(names)))
@@ -344,8 +345,8 @@ def _accurate_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) ->
 
 
 def refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return eigenvalues (k,), vectors (N, k) and last changes (k,) of the eigenvalues [Davidson 1975].
-    If edges are far shorter than the thickness, rounding makes residuals large, although the eigenvalues converge."""
+    """Return refined eigenvalues (k,) and vectors (N, k) of A x = mu K x, and last changes (k,) of mu [Davidson 1975].
+    If edges are far shorter than the sheet's thickness, rounding makes residuals large, although mu converges."""
     K, change = factor.map.astype(np.longdouble), np.full(len(mu), np.inf)
     Kx = (K @ x).astype(np.float64)
     for _ in range(REFINEMENTS):
@@ -354,7 +355,7 @@ def refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> t
         steps, _ = refined_solution(factor.map, A @ x - mu * Kx, factor.solve)
         moves = (K @ steps).astype(np.float64)
         energies = np.sqrt(np.einsum("nk,nk->k", steps, moves).clip(0))
-        inexact = energies > MODE_RESIDUAL * mu  # steps with less energy are rounding errors
+        inexact = energies > MODE_RESIDUAL * mu  # smaller steps of the modes x are rounding errors
         basis = np.concatenate([x, steps[:, inexact] / energies[inexact]], axis=1)
         forces = np.concatenate([Kx, moves[:, inexact] / energies[inexact]], axis=1)
         energy = basis.T @ forces

@@ -131,7 +131,7 @@ def support_entries(
 
 
 def _extent(surface: Surface, picked: Bools) -> tuple[int, Floats, float, float]:
-    """Return count and mean of picked vertices, and length and area between them, without picked faces' inner edges."""
+    """Return count and mean of picked vertices, length of edges (of picked faces: only at the boundary), face area."""
     faces, edges = surface.faces_of(picked), surface.edges
     inner = np.zeros(len(edges.ends), dtype=bool)
     inner[edges.of[faces]] = True

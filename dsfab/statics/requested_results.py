@@ -70,8 +70,7 @@ class Answers:
 @dataclass(frozen=True, eq=False)
 class SolvedCase:
     """A load case and its equilibrium.
-    equilibrium : solution under `load`, with its part `spread` on faces and edges. It uses `elements`, but
-                  `elements.in_plane` if `plane`.
+    equilibrium : solution by `elements`, or by `elements.in_plane` if `plane`.    spread : load on faces and edges.
     elements    : pair of membrane and bending elements, also if `plane` is True.
     factor_of   : function that factorised K (`ResultRequest.factor_for`).
     plane       : True if the sheet was solved in its plane; by default this follows from `load`."""
@@ -92,12 +91,11 @@ def sheet_answers(
     other_factors: FactorFunction | None = None,
 ) -> Answers:
     """Return stress and energy of a solved sheet, and the other requested results.
-
     stiffness     : function that returns K for given elements.
-    other_factors : function that factorises other K. Loads on the same supports can share one `FactorCache(2)`.
-
-    If modes do not converge, `refusals` has the reason.
-    Raises StaticsError if the results need other elements, and these cannot solve the sheet."""
+    other_factors : function that factorises K for elements other than `case.elements`, and for modes of a sheet that
+                    was solved in its plane. Loads on the same supports can share one `FactorCache(2)`.
+    If modes do not converge, `Answers.refusals` has the reason.
+    Raises StaticsError if results need elements other than `case.elements`, and these cannot solve the sheet."""
     load, solved, factor_of, surface = case.load, case.equilibrium, case.factor_of, sheet.surface
     plane = flat_axis(surface, load) is not None if case.plane is None else case.plane
     other_factors = other_factors or FactorCache(2)

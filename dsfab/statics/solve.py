@@ -64,7 +64,7 @@ class Equilibrium:
 
     @property
     def bubbles(self) -> Floats | None:
-        """Bubbles (e, 2), metres, along and across each edge in the sheet; None for constant strain."""
+        """Shifts (e, 2) of edges' middles by bubbles, metres, along and across each edge; None for constant strain."""
         if "along" not in self.on_edges:
             return None
         return np.stack([self.on_edges["along"], self.on_edges["across"]], axis=1)
@@ -106,9 +106,9 @@ def equilibria(
     sums: Sequence[Sequence[float]] = (),
     factor_of: "FactorFunction | None" = None,
 ) -> tuple[Equilibrium, ...]:
-    """Return the `equilibrium` of each load, then of each combination in `sums`, from one factorisation.
-    K    : (u, u), see `equilibrium`.    spreads : spread part of each load.    factor_of : function that factorises K.
-    sums : k factors of the loads for each combination. A combination's residual is a bound from the loads' residuals.
+    """Return the `equilibrium` of each load, then of each combination of the loads, from one factorisation.
+    K    : (u, u), see `equilibrium`.    spreads : part of each load on faces and edges.    factor_of : factorises K.
+    sums : k factors for each combination, one per load. Their residuals are bounds from the loads' residuals.
     Raises StaticsError as `equilibrium`, and for loads on different supports."""
     _require_same_supports(loads)
     is_held = held_unknowns(surface, loads, elements)
@@ -157,12 +157,12 @@ def held_unknowns(surface: Surface, loads: Sequence[LoadCase], elements: Element
 def equilibrium_of_unknowns(
     surface: Surface, load: LoadCase, elements: Elements, unbalanced: Floats, x: Floats, is_held: Bools
 ) -> Equilibrium:
-    """Return the equilibrium with the unknowns x (u,); its compliance and residual are set to 0.
-    unbalanced : (u,) K x - f, the forces of all supports and springs. K does not contain the springs."""
+    """Return the equilibrium with the unknowns x (u,). The result's compliance and residual are 0.
+    unbalanced : (u,) K x - f. K excludes springs, so this is the force of all supports and springs."""
     corners, edges = np.split(x, [3 * surface.n])
     forces, on_edges = np.split(unbalanced, [3 * surface.n])
     u = corners.reshape(-1, 3)
-    # use -k u for spring forces; with K x - f, the imbalance would not show the residual of the solution
+    # spring forces are -k u; computed from K x - f, they would always balance the loads and hide errors of u
     reaction = np.where(load.fixed, forces.reshape(-1, 3), 0.0) - load.spring * u
     imbalance = _imbalance(surface, load.force, reaction, _torque(elements, on_edges))
     torque = _torque(elements, np.where(is_held[3 * surface.n :], on_edges, 0.0))
@@ -223,7 +223,7 @@ def solution(
 
 
 def _torque(elements: Elements, on_edges: Floats) -> Floats:
-    """Return the moments (e,), N m, on the sheet at its edges: values in `on_edges` of the `rotation` unknowns."""
+    """Return the moments (e,), N m, on the sheet at its edges: the part of `on_edges` for unknowns `rotation`."""
     if "rotation" not in elements.on_edges:
         return np.zeros(0)
     return np.asarray(on_edges.reshape(len(elements.on_edges), -1)[elements.on_edges.index("rotation")])

@@ -90,7 +90,7 @@ class FaceStiffness:
         return cls(blocks, unknown, count, places, indices, indptr, springs, points, node, np.asarray(force[numbers]))
 
     def matrix(self, scale: Floats) -> csr_array:
-        """Return K (count, count) for the factors `scale` (m,)."""
+        """Return K (count, count); `scale` (m,) multiplies the stiffness of each face."""
         values = self.places @ scale + self.springs
         return csr_array((values, self.indices, self.indptr), shape=(self.count, self.count))
 

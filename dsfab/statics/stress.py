@@ -62,7 +62,7 @@ def membrane_stresses(surface: Surface, material: Material, law: Law, elements: 
 
 
 SMOOTH = np.cos(np.radians(30))
-"""Cosine of 30 degrees. A face lies across a fold if its normal and the mean normal at a corner differ by more."""
+"""Cosine of 30 degrees. A face lies across a fold if its normal and a corner's mean normal form a larger angle."""
 
 WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # Number of times that xx, yy, zz, yz, xz, xy occur in a tensor.
 HALVES = np.array([1.0, 1.0, 2.0])[:, None]  # Squared norms of unit plane tensors xx, yy and xy.
@@ -70,13 +70,12 @@ HALVES = np.array([1.0, 1.0, 2.0])[:, None]  # Squared norms of unit plane tenso
 
 def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool) -> Floats:
     """Return plane tensors (m, 3 corners, 3), (xx, yy, xy), averaged over the faces around each vertex.
-
     frame  : (m, 2, 3) directions of each face, for the components.
     values : (m, 3 corners, 3) tensors before averaging.
     sided  : True if values change their sign with the face's normal, like bending.
 
     Averages remove most jumps between faces, which are errors [Hinton and Campbell 1974]. On curved sheets they also
-    remove the bending of each flat face under its own load. At folds (see `SMOOTH`), a face gets its own mean value."""
+    remove the bending of a flat face by its own load. Across a fold (see `SMOOTH`), a face gets its own mean value."""
     corner = surface.F.ravel()
     face = np.repeat(np.arange(surface.m), 3)
     first_face = np.full(surface.n, -1)
@@ -154,7 +153,7 @@ class SheetStress:
         for name in ("membrane", "bending"):
             values, smooth = getattr(self, name), f"smooth_{name}"
             lock(self, name, np.float64, (m, 3, 3))
-            if getattr(self, smooth) is values:  # keep one array if both names have the same array
+            if getattr(self, smooth) is values:  # fields `name` and `smooth` are one array: store it once
                 object.__setattr__(self, smooth, getattr(self, name))
             else:
                 lock(self, smooth, np.float64, (m, 3, 3))

@@ -32,8 +32,8 @@ INDEPENDENT = 1e-10
 ACCURATE = 2.0
 """For a sheet solved at thickness t, results are accurate from t / ACCURATE to t ACCURATE. Largest errors on cut
 vaults: 0.1 % in displacements, 0.4 % in stresses, 2 % in buckling factors."""
-DERIVATIVES, MODE_DERIVATIVES = 3, 2  # Number of thickness derivatives of solutions, and of buckling modes.
-MODES = 3  # Number of modes of a case; the order of modes changes with the thickness.
+DERIVATIVES, MODE_DERIVATIVES = 3, 2  # Number of derivatives by the thickness: of solutions, of buckling modes.
+MODES = 3  # Number of modes per load case: several, because the order of modes changes with the thickness.
 CASES = 3  # Number of load cases whose modes are in the basis: the cases with the largest compression.
 
 
@@ -41,7 +41,7 @@ CASES = 3  # Number of load cases whose modes are in the basis: the cases with t
 class ThicknessStiffness:
     """Stiffness t A + t^3 B and supports of a sheet of any thickness t, over the unknowns of `elements`.
     membrane : A (u, u), N/m2.     bending : B (u, u), N/m4; zero for a sheet that is solved in its plane.
-    load     : a load with the supports.    is_held : (u,) unknowns that do not move."""
+    load     : a load case that has the supports of the sheet.    is_held : (u,) unknowns that do not move."""
 
     surface: Surface
     elements: Elements
@@ -122,7 +122,7 @@ class ThicknessBasis:
     constant, per_metre : f0 (u, k), N, and f1 (u, k), N/m. At thickness t, the loads on the unknowns are f0 + t f1.
     vectors   : (u, b) basis of the displacements.
     reduced   : (3, b, b) `projection` on `vectors`.    modes : (3, s, s) `projection` on the buckling modes.
-    geometric : (b, s, s) -x_i . K_g x_j of modes x. K_g : geometric stiffness by one of `vectors`, sheet 1 m thick."""
+    geometric : (b, s, s) -x_i . K_g x_j for modes x. K_g : geometric stiffness for each of `vectors`, thickness 1 m."""
 
     sheet: SheetModel
     loads: Mapping[str, LoadCase]
@@ -221,7 +221,7 @@ def _linear_loads(sheet: SheetModel, loads: Sequence[LoadCase], size: int) -> tu
 
 
 def _resultants(sheet: SheetModel, stiffness: ThicknessStiffness, x: Floats) -> Floats:
-    """Return membrane forces (k, m, 3, 3), N/m, for displacements x (u, k) of the sheet as if it were 1 m thick."""
+    """Return the membrane forces (k, m, 3, 3), N/m, that displacements x (u, k) cause in a sheet 1 m thick."""
     surface, setting = sheet.surface, (stiffness.load, stiffness.elements, np.zeros(len(x)))
     moved = [equilibrium_of_unknowns(surface, *setting, column, stiffness.is_held) for column in x.T]
     return np.array([stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles) for answer in moved])

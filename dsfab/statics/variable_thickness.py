@@ -15,9 +15,9 @@ from dsfab.statics.stress import tensors_in_space
 from dsfab.surface import LoadCase
 
 LEAST = 1e-4
-"""Least thickness of a face in a solve, divided by the sheet's thickness. At 0, a face would have no membrane force."""
+"""Least thickness of a face in a solve / thickness of the sheet. It is over 0, so that faces have membrane forces."""
 SETTLED, MOVE, STEPS = 0.01, 0.2, 40
-"""Thickness change below which the iteration ends, and largest change per step, in sheet thicknesses; most steps."""
+"""The iteration ends at changes under SETTLED, or after STEPS steps. No change exceeds MOVE. Unit: sheet thickness."""
 
 
 class VaryingSheet(NamedTuple):
@@ -71,7 +71,7 @@ def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: 
     root = x * np.sqrt(np.maximum(gain, 0.0))
     lower, upper = 0.0, 2 * float(root.max()) / max(float(x.min()), 1e-3)
     while upper - lower > 1e-6 * upper:
-        middle = (lower + upper) / 2  # next estimate of the multiplier's square root
+        middle = (lower + upper) / 2  # bisection: next estimate of sqrt(multiplier), see the docstring
         thickness = np.where(solid, 1.0, np.clip(root / middle, low, high))
         if areas @ thickness > area:
             lower = middle

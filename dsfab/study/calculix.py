@@ -232,7 +232,7 @@ def _files(folder: Path, ended: bool) -> CcxFiles:
 
 FACTOR = re.compile(r"^ +\d+ +(\S+) *$", re.MULTILINE)
 FACTORS = (6, 24, 96)  # Numbers of requested factors; negative factors (of the reversed load) hide positive ones.
-SETTLED = 0.01  # Relative change of the lowest positive factor by which it is settled.
+SETTLED = 0.01  # The search ends if the lowest positive factor changes by at most this fraction.
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,7 +264,7 @@ def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats] |
         lowest = float(positive.min())
         if np.isfinite(positive).all() or abs(lowest - earlier) <= SETTLED * lowest < np.inf:
             break
-    if not lowest * moved <= np.ptp(model.solid.nodes, axis=0).max():  # also without a positive factor
+    if not lowest * moved <= np.ptp(model.solid.nodes, axis=0).max():  # also true if no factor is positive
         return None
     mode, rows = np.zeros_like(model.solid.nodes), modes[int(positive.argmin())]
     mode[rows[:, 0].astype(int) - 1] = rows[:, 1:]

@@ -137,8 +137,8 @@ class Carrying:
 @dataclass(frozen=True, eq=False)
 class CutStatics:
     """The cut sheet of a design with a thickness (m), its loads, and results for each case and combination.
-    answers : solutions with elements whose accuracy suffices for reports.
-    stiffness : stiffness matrix by the elements for buckling, without springs.     factor_of : its factorisations."""
+    answers : solutions by elements that are accurate enough for reports.
+    stiffness : stiffness matrix by the elements for buckling factors, without springs.    factor_of : factorises it."""
 
     design: Design
     thickness: float
@@ -294,7 +294,7 @@ def _member_forces(statics: CutStatics) -> "dict[str, MemberForces]":
     factors, surface, sections = _factors(statics.design), statics.model.surface, {}
     linear = next(iter(statics.answers.values())).elements.bending == "hhj"
     make = partial(ShearRecovery.for_surface, surface, linear=linear)
-    recovery = statics.design.cached_result("slicing", f"shear recovery {linear}", make)  # independent of the thickness
+    recovery = statics.design.cached_result("slicing", f"shear recovery {linear}", make)  # same for all thicknesses
     for name in (name for name in statics.answers if name not in factors):
         result = statics.stress(name)
         sections[name] = section_forces(surface, statics.thickness, result, recovery)
@@ -406,7 +406,7 @@ def _reactions(statics: CutStatics) -> tuple[SupportForce, ...]:
 
 
 def support_shares(supports: Iterable[Support], surface: Surface, sheet: Sheet) -> Floats:
-    """Return the share (s, n', 3) of each of s supports in the reaction at each of the n' vertices of a cut sheet.
+    """Return shares (s, n', 3) of s supports in the reactions (x, y, z) at the n' vertices of a cut sheet.
     Supports that hold a vertex in the same direction have equal shares."""
     marks = np.array([_held_directions(support, surface, sheet) for support in supports])
     return np.asarray(marks / np.maximum(marks.sum(axis=0), 1))

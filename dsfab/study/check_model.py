@@ -260,7 +260,7 @@ def _check_model(
 def _answers(
     preset: Preset, surface: Surface, acting: Sequence[Loading], cases: Mapping[str, LoadCase]
 ) -> dict[str, Equilibrium]:
-    """Return dsfab's results by elements with quadratic displacements, like those of six-node triangles."""
+    """Return dsfab's results for `cases` and combinations, with quadratic displacements as in six-node triangles."""
     spreads = {loading.name: loading.spread for loading in acting if loading.name in cases}
     sums = {loading.name: loading.factors for loading in acting if loading.factors is not None}
     sheet, pair = preset.statics, elements_of("six_nodes")

@@ -50,7 +50,7 @@ class Comparison:
 
     @property
     def alternatives(self) -> tuple[Alternative, ...]:
-        """Results for structures of `ALTERNATIVE_WORDS`: first the competitors, then structures in `looked_at`."""
+        """Results for structures of `ALTERNATIVE_WORDS`: first structures in `rivals`, then in `looked_at`."""
         judged = judged_alternatives(self.design, self.rivals)
         return judged + tuple(entry for entry in self.looked_at if entry.name not in {two.name for two in judged})
 
@@ -79,7 +79,7 @@ class Comparison:
         return 0.0 if np.isfinite(rival) else float("nan")
 
     def __repr__(self) -> str:
-        """Return a table: name, compliance, its ratio to that of the design, and mass."""
+        """Return a table: name, compliance, this compliance / compliance of the design, and mass of each competitor."""
         rows = []
         for entry in self.competitors:
             values = (f"{entry.compliance:.4g} J", f"{self.gain(entry.name):.3g} x the design's", mass(entry.mass))
@@ -308,7 +308,7 @@ def _can_be_cut(design: Design) -> bool:
 
 
 def _full_for_whole_sheets(whole_judge: Judge, cut: Judge) -> Judge:
-    """Return a function that solves cut sheets by `cut`, and only one uncut sheet per thickness by `whole_judge`."""
+    """Return a function that solves cut sheets by `cut`, and uncut sheets once per thickness by `whole_judge`."""
     judgements: dict[float, Judgement] = {}
 
     def judge(task: ComparisonTask, structure: Structure) -> Judgement:

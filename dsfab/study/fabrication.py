@@ -108,8 +108,8 @@ def refusals(design: Design, measured: FabricationMeasures | None = None) -> tup
 
 
 def require_fit(design: Design, measured: FabricationMeasures | None = None, measure: bool = True) -> None:
-    """Raise PatternError if `refusals` returns reasons and `fabrication.accept` is false. measured : design's measures.
-    measure : True to compute the measures of a workshop design if `measured` is None."""
+    """Raise PatternError if `refusals` has reasons against the design, unless `fabrication.accept` is true.
+    measured : the design's measures.    measure : True to compute them for a workshop design if `measured` is None."""
     if measured is None and measure and design.resolved_preset.pattern.for_workshop:
         measured = fabrication(design)
     if not design.preset.fabrication.accept and (why := refusals(design, measured)):
@@ -165,7 +165,7 @@ COARSER, COARSEST = 0.85, 0.6  # one change of a design multiplies the frequenci
 
 @dataclass(frozen=True, eq=False)
 class FixedDesign:
-    """A design that meets its limits. made : its measures.    changes : old and new value of each changed key."""
+    """A design that meets its limits. made : the design's measures. changes : old and new value of each changed key."""
 
     design: Design
     made: FabricationMeasures
@@ -233,7 +233,7 @@ def fewer_stripes(design: Design, measured: FabricationMeasures) -> dict[str, An
 
 
 def spacing_changes(design: Design, factor: float) -> dict[str, Any]:
-    """Return new values of preset keys, such as pattern.major.spacing, which multiply the spacing by `factor`."""
+    """Return new values of preset keys, such as pattern.major.spacing, for a spacing multiplied by `factor`."""
     pattern, changes = design.preset.pattern, dict[str, Any]()
     for name, family in zip(pattern.family_names, pattern.drawn_families, strict=True):
         if family.spacing or design.pattern.even:

@@ -76,12 +76,11 @@ class AnsweredLoad:
 class Judgement:
     """Computed compliance of a structure, response to each load, and verdict on the accuracy.
     compliance : weighted sum over the loads that the pattern follows, joules.
-    bound      : relative error bound, or None.
     verdict    : `pass` if the bound is small enough.     reason : explanation of the verdict.
-    cases      : response to each load, by the load's name.
+    bound      : relative error bound, or None.     cases : response to each load, by the load's name.
     check      : the verdict on several meshes; None for one mesh.
-    theory     : fraction by which a solid may be softer than the shell; None for one mesh.
-    solved     : answers on the unrefined mesh, by the load's name; empty for competitors, to save memory."""
+    theory     : largest expected compliance of the solid, divided by that of the shell, minus 1; None for one mesh.
+    solved     : solutions on the unrefined mesh, by the load's name; empty for competing structures, to save memory."""
 
     compliance: float
     cases: Mapping[str, CaseResponse]
@@ -97,7 +96,7 @@ class Judgement:
         return "full" if self.check else "quick"
 
     def solid_loss(self, power: float) -> float:
-        """Return the relative decrease (a fraction) of a quantity from the shell to the solid.
+        """Return the fraction by which a quantity is lower for the solid than for the shell.
         power : exponent of the stiffness in this quantity: 1 for buckling factors, 0.5 for frequencies."""
         return float(1 - (1 + (self.theory or 0.0)) ** -power)
 
@@ -171,7 +170,7 @@ def _case_response(
 
 
 def utilisation(stress: Extreme, strength: float) -> tuple[float, float] | None:
-    """Return the two values of `CaseResponse.utilisation`; None without a strength."""
+    """Return stress divided by strength: on 99 % of the area, and away from corners. Return None without a strength."""
     return (stress.quantile / strength, stress.settled / strength) if strength else None
 
 

@@ -77,8 +77,8 @@ class SizingResult:
 
     def lines(self, every: bool = False) -> Iterator[str]:
         """Yield a table of the trials, then remarks.
-        every : True to list all trials. False to list the cut designs, and the drafts of the next thinner sheet. If the
-                pattern was changed or the targets are missed, drafts of the chosen thickness replace these drafts."""
+        every : True to list all trials. False to list the cut designs and the drafts of one thickness: the next thinner
+                tried one, or the chosen thickness if the pattern was changed or the targets are missed."""
         thickness, final = self.trials[-1].thickness, {trial.thickness for trial in self.trials if trial.is_final}
         if every or self.changes or not self.fits:
             shown = {trial.thickness for trial in self.trials} if every else {thickness}
@@ -175,8 +175,8 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
 
 
 def _possible_thicknesses(design: Design, stock: Sequence[float], source: str) -> tuple[Sequence[float], str]:
-    """Return the thicknesses (m) for which the surface does not bend too sharply, and the source with a remark.
-    Raises SolidError if the surface bends too sharply for each of them."""
+    """Return the thicknesses (m) for which the surface does not bend too sharply. Return also the text `source`, and in
+    it the other thicknesses. Raises SolidError if the surface bends too sharply for all thicknesses."""
     possible = list[float]()
     for thickness in stock:
         with suppress(SolidError):
@@ -198,8 +198,8 @@ def _standing_design(design: Design, thickest: float, progress: Progress) -> Des
 
 
 def _nearest_trials(design: Design, stock: Sequence[float], progress: Progress) -> "_StockTrials":
-    """Try the stock thicknesses near that of a draft. If thinner (thicker) sheets may be better, draft again with the
-    thinnest (thickest) tried thickness or the next in stock. Raises PatternError or StaticsError of the first draft."""
+    """Try stock thicknesses near that of a draft (approximate design). If thinner (thicker) sheets may be better, draft
+    again with the thinnest (thickest) tried or next in stock. Raises the first draft's PatternError or StaticsError."""
     thickness, solved, rows = design.preset.statics.thickness, set[float](), None
     while True:
         solved.add(thickness)
@@ -266,7 +266,7 @@ def _with_result(design: Design, result: SizingResult) -> Design:
 
 
 def stock_thicknesses(preset: Preset, guess: float) -> tuple[Sequence[float], str]:
-    """Return the thicknesses to try (m), ascending, and the source of this list. guess : metres."""
+    """Return the thicknesses to try (m), ascending, and the source of this list. guess : estimated thickness, m."""
     if preset.sizing.thicknesses:
         return sorted(preset.sizing.thicknesses), "from the list sizing.thicknesses of the preset"
     stock = STOCK.get(preset.statics.material or "")

@@ -218,7 +218,7 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
     np.maximum.at(best_gain, (h // 3).ravel(), np.repeat(gain, 2))
     chosen = np.flatnonzero((gain > LEAST_ANGLE_GAIN) & (gain[:, None] == best_gain[h // 3]).all(axis=1))
     first_face, second_face = h[chosen].T // 3
-    # of two equally good flips of a face, take the first
+    # if two chosen flips share a face, keep the first flip
     first_places = np.unique(np.concatenate([first_face, second_face]), return_index=True)[1]
     once = np.zeros(2 * len(chosen), dtype=bool)
     once[first_places] = True

@@ -32,7 +32,7 @@ class Windows:
     def from_columns(
         cls, names: Sequence[Ints | Bools], A: Floats, B: Floats, start: Floats, end: Floats, offset: Floats
     ) -> "Windows":
-        """Return k windows (see `Windows`). names : columns (k,) of `names`.    A, B : (k, 2) ends of edges, m."""
+        """Return k windows. names : five columns (k,) of `Windows.names`.    A, B : (k, 2) ends of their edges, m."""
         return cls(np.stack(names, axis=1), np.stack([*A.T, *B.T, start, end, offset], axis=1))
 
     @property
@@ -72,7 +72,7 @@ class Windows:
 
     @property
     def start(self) -> Floats:
-        """Start (k,) of each window, which is a part of an edge A-B: the point A + start (B - A)."""
+        """Start (k,) of each window, as the value t of a point A + t (B - A) on its edge from A to B."""
         return self.values[:, 4]
 
     @property
@@ -82,7 +82,7 @@ class Windows:
 
     @property
     def offset(self) -> Floats:
-        """Length (k,), metres, of the path from the origin to the source, where straight paths to each window begin."""
+        """Length (k,), metres, of the path from the origin to the source, where straight paths to the window begin."""
         return self.values[:, 6]
 
     def select(self, which: Ints | Bools) -> "Windows":
@@ -95,7 +95,7 @@ class Windows:
         return cls(np.concatenate([part.names for part in parts]), np.concatenate([part.values for part in parts]))
 
     def place(self, t: Floats) -> Floats:
-        """Return the positions (k, 2) of the points A + t (B - A). The windows lie on edges from A to B."""
+        """Return the points A + t (B - A), (k, 2), on the edges from A to B that contain the windows."""
         return np.asarray(self.at_a + t[:, None] * (self.at_b - self.at_a))
 
     def distance(self, P: Floats) -> Floats:
@@ -111,11 +111,11 @@ class Windows:
         return self.distance(P + foot[:, None] * along)
 
     def rays(self, P: Floats) -> Floats:
-        """Return the directions (k, 2), at points P (k, 2), of the straight paths from the sources of `Windows`."""
+        """Return the directions (k, 2) of straight paths from each window's source through P (k, 2)."""
         return np.where(self.parallel[:, None], (0.0, 1.0), P)
 
     def left_offset(self, t: Floats, C: Floats) -> Floats:
-        """Return how far (..., k) points C (..., k, 2) lie to the left of the ray through A + t (B - A).
+        """Return how far (..., k) points C (..., k, 2) lie to the left of each window's ray through `place(t)`.
         The distances are multiplied by the length of the ray's vector (`rays`). Those within rounding errors are 0."""
         P = self.place(t)
         ray = self.rays(P)
@@ -197,7 +197,7 @@ class _Bends(NamedTuple):
 
 class _Front:
     """Distances computed so far; see `Distances`.    reached : (m,) faces that are partly within reach.
-    bent : (n,) distance of each vertex when `Windows` last started there; if none started, infinite (at origins 0).
+    bent : (n,) distance of each vertex when `Windows` last started there; before a start, 0 at origins, else infinite.
     bending : (n,) vertices where shortest paths can bend.    waiting : vertices where `Windows` must still start."""
 
     def __init__(self, surface: Surface, origins: Origins, reach: float) -> None:
@@ -234,7 +234,7 @@ class _Front:
         return Windows.from_columns((edge, np.full(len(edge), -1), a, b, zero == 0), A, B, zero, zero + 1, zero)
 
     def advance(self, windows: list[Windows], limit: float) -> list[Windows]:
-        """Extend the paths behind windows (see `Windows`) up to `limit` (metres). Return the windows beyond `limit`."""
+        """Extend paths through windows (see `Windows`) up to `limit` (metres). Return windows farther than `limit`."""
         beyond: list[Windows] = []
         while windows:
             current = Windows.concatenate(windows)

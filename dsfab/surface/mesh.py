@@ -52,7 +52,7 @@ def _tetrahedron_volumes(V: Floats, F: Ints) -> Floats:
 
 
 def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
-    """Yield a slice for each k faces, first corners (3, k) relative to the box's middle, and twice the area vectors."""
+    """Yield blocks of k faces: slice, first corners (3, k) relative to the box's middle, and twice the area vectors."""
     if not len(F):
         return
     columns = np.ascontiguousarray((V - bounding_box(V, F).mean(axis=0)).T)

@@ -11,7 +11,7 @@ from dsfab.core.errors import SurfaceError
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import EdgeTable, half_edges, link_components, misoriented_edges, next_half_edge
 
-Up = Literal["x", "y", "z", "-x", "-y", "-z"]  # Axis of a file that points to the sky.
+Up = Literal["x", "y", "z", "-x", "-y", "-z"]  # Axis of the file's coordinates that points to the sky.
 
 _TURNS: dict[Up, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
     "z": ((0, 1, 2), (1, 1, 1)),
@@ -43,7 +43,7 @@ def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
     j, turn = 2 * np.concatenate([at_start, at_end]), np.tile(clash, 2)
     i, j = np.concatenate([i, i + 1]), np.concatenate([j + turn, j + 1 - turn])
     side = link_components(6 * len(F), i, j)[1].reshape(-1, 2)
-    fan, reference = np.unique(side.min(axis=1), return_index=True)  # fan: the smaller label of a corner's two sides
+    fan, reference = np.unique(side.min(axis=1), return_index=True)  # fan: a label for each fan of faces
     reference_corner = reference[np.searchsorted(fan, side.min(axis=1))]
     sides: Ints = np.where(side[:, 0] == side[reference_corner, 0], 1, -1).reshape(-1, 3)
     return sides

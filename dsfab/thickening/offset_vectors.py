@@ -60,7 +60,7 @@ def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
     The smallest cosine of these angles is at least 95 % of the best possible.
     faces   : (m, 3, 3) normal of each face at each of its corners, turned to the side wanted for the vertex normal.
     weights : (m, 3) corner angles.
-    The best normal points to the point nearest to the origin in the convex hull of the face normals [Gilbert 1966].
+    The best normal points from the origin to the nearest point of the face normals' convex hull [Gilbert 1966].
     The search starts from the weighted mean of the face normals. If a cosine stays negative, the mean is returned."""
     vertex, normal = surface.F.ravel(), faces.reshape(-1, 3)
     mean = _corner_mean(surface, weights, normal)
@@ -128,7 +128,7 @@ def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
 
 
 def _unit_normals(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
-    """Normalise `point` (n, 3). At 90 degrees or more to a face normal, use `mean`; near zero, a face normal."""
+    """Normalise `point`, or `mean` if `point` is 90 degrees or more off a face normal; if near zero, a face normal."""
     N = np.where(_sees_all(surface, point, faces)[:, None], point, mean)
     lost = lengths(N) < 1e-6
     if lost.any():
@@ -219,8 +219,8 @@ def _checked_thickness(surface: Surface, thickness: float | Floats) -> Floats:
 def safe_shares(
     surface: Surface, D: Floats, sides: Ints, shift: int = 0, shrink: float = 0.85, smallest: float = 0.05
 ) -> Floats:
-    """Return factors (n,), at most 1, for half-thickness vectors D (n, 3), so that prisms have positive Jacobians.
-    The Jacobians are clearly positive, but smaller at vectors nearly parallel to a face: shorter vectors do not help.
+    """Return factors (n,), at most 1, of half-thickness vectors D (n, 3) that make prisms' Jacobians clearly positive.
+    Where a vector is nearly parallel to a face, a smaller Jacobian is allowed, because shortening does not raise it.
     sides : (m, 3) as in `Offsets`. shift : as in `SHIFT`. shrink : factor of each step."""
     share = np.ones(surface.n)
     faces = np.arange(surface.m)
@@ -241,10 +241,10 @@ def safe_shares(
 
 
 def prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
-    """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and their wanted minimum (m, 3).
+    """Return Jacobian coefficients (m, 3, 3) of prisms P + s d, -1 <= s <= 1, and their smallest wanted values (m, 3).
     P, d : (m, 3, 3) corners of the faces, and half-thickness vectors there, on the side of the faces' normals.
-    Coefficient [k, v] belongs to Bernstein polynomial k of s and corner v. If all coefficients are positive, the prism
-    does not fold over. A face's coefficients are divided by twice the face's area times the mean |d|."""
+    Coefficient [k, v] is for corner v and the Bernstein polynomial k in s. If all coefficients are positive, the prism
+    does not fold over. Coefficients are divided by twice the face's area, and by the face's mean |d|."""
     e1, e2 = P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]
     d1, d2 = d[:, 1] - d[:, 0], d[:, 2] - d[:, 0]
     flat = cross(e1, e2)
@@ -252,4 +252,4 @@ def prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
     scale = (lengths(flat) * lengths(d).mean(axis=1))[:, None]
     C = np.stack([np.einsum("mi,mvi->mv", N, d) / scale for N in normals], axis=1)
     straight = np.einsum("mi,mvi->mv", flat, d) / scale
-    return C, np.minimum(0.2, 0.5 * straight)  # 0.05 instead of 0.2 is unsafe; with 0.4, `safe_shares` may not converge
+    return C, np.minimum(0.2, 0.5 * straight)  # a minimum of 0.05 is unsafe; with 0.4, `safe_shares` may not converge

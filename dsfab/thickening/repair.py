@@ -24,8 +24,7 @@ class UnfoldedSheet:
 
 def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
     """Smooth small folds of a sheet, up to twice its thickness in size; D (n, 3): half-thickness vectors, metres.
-    A small fold is a fault of the mesh that no offset can repair, because even thin prisms turn over. Larger folds are
-    intended crossings."""
+    A small fold is a fault of the mesh that no offset can repair. Larger folds are intended crossings."""
     all_crossings = crossing = intersecting_pairs(surface.V, surface.F)
     V, averages, half = surface.V, _averages(surface), float(np.median(np.linalg.norm(D, axis=1)))
     for _ in range(10 if len(crossing) else 0):
@@ -48,9 +47,9 @@ def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
 def flatten_contacts(
     surface: Surface, skin: Skin, D: Floats, backslash: Bools, pairs: Ints
 ) -> tuple[Floats, Floats, Ints]:
-    """Remove intersections that other repairs left; return vertices V (n, 3), offsets D (n, 3), and the remaining pairs
-    (k, 2). The sheet becomes thinner at faces that meet, to about 0.2 % if needed. Where an offset is nearly
-    parallel to a face, offset and vertex move halfway to their neighbours' mean. The round with fewest pairs wins."""
+    """Remove intersections that other repairs left; return vertices V (n, 3), offsets D (n, 3) and remaining face pairs
+    (k, 2). Offsets at these faces are shortened, to about 0.2 % if needed. Offsets nearly parallel to a face, and their
+    vertices, move halfway to their neighbours' means. The result is from the round with fewest pairs."""
     V, faces, averages = surface.V, skin.faces(backslash), _averages(surface)
     least = 0.002 * np.linalg.norm(D, axis=1)  # shortest offset; with half of it, rounding errors would be visible
     result = V, D, pairs
@@ -72,7 +71,7 @@ def flatten_contacts(
 
 
 def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
-    """Return each offset's smallest cosine (n,) to the normals, on the offset's side, of faces around its vertex."""
+    """Return the smallest cosine (n,) between an offset and the face normals, turned to its side, around its vertex."""
     side = np.where(skin.upper < surface.n, 1, -1)
     unit = D / np.linalg.norm(D, axis=1, keepdims=True)
     cosine = np.einsum("mi,mvi->mv", surface.normals, unit[surface.F]) * side
@@ -120,7 +119,7 @@ class RepairedSkin:
 def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None) -> RepairedSkin:
     """Remove intersections of the skin of a sheet with offsets D (n, 3) as far as possible.
     If the sheet crosses itself, dsfab cuts it into patches and unites their solids.
-    among : mask of the skin's faces to test; no other face intersects, for any wall diagonals. Default: all faces."""
+    among : mask of the skin's faces to test (default: all); other faces cannot intersect, however walls are divided."""
     V = surface.V
     backslash = skin.shorter_diagonals(V, D)
     pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash), among)
@@ -153,7 +152,7 @@ def _flip_diagonals(
         return backslash, pairs
     P = skin.vertices(V, D)
     for round_ in range(3):
-        walls = skin.walls(pairs)[round_ % 2 :: 1 + (round_ > 0)]  # later, every second wall: neighbours interfere
+        walls = skin.walls(pairs)[round_ % 2 :: 1 + (round_ > 0)]  # rounds 1, 2: every second wall; neighbours interact
         if not len(walls):
             break
         trial = _toggle(backslash, walls)
@@ -173,7 +172,7 @@ def _away_from(surface: Surface, crossing: Ints, D: Floats) -> Bools:
 
 
 def _thin_offsets(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, free: Bools) -> tuple[Floats, Ints]:
-    """Shorten `free` offsets at crossing faces in rounds. Return offsets and pairs of the round with fewest pairs."""
+    """Shorten `free` offsets at intersecting faces in rounds. Return the offsets with fewest pairs, and these pairs."""
     if not len(pairs):
         return D, pairs
     faces = skin.faces(backslash)

@@ -18,7 +18,7 @@ def round_to_single(V: Floats) -> Floats:
 
 
 def is_fine(V: Floats, D: Floats) -> bool:
-    """Return True if rounding V (n, 3) to single precision moves it by under 1e-3 of the median length in D (n, 3)."""
+    """Return True if rounding V (n, 3) to single precision moves it by under 1e-3 of the median length of vectors D."""
     step = np.spacing(np.float32(np.abs(V).max() * MM_PER_M)) / MM_PER_M
     return bool(step <= 1e-3 * np.median(np.linalg.norm(D, axis=1)))
 
@@ -62,7 +62,7 @@ class Skin:
     lower  : (m, 3) copies of each face's corners on the opposite side.
     p, q   : (2, r) copies of the ends of the boundary edges: first on the side of the normal, then opposite.
     rim    : (r,) the faces of the boundary edges.
-    shift  : 0 for skins V + D and V - D, 1 for V + 2 D and V, -1 for V and V - 2 D.
+    shift  : 0 for skins V + D and V - D, 1 for V + 2 D and V, -1 for V and V - 2 D (V: vertices, D: offset vectors).
     single : True if `round_to_single` rounds the vertices.
 
           p+ --- q+        upper skin        slash: diagonal q+ p-     backslash: diagonal p+ q-
@@ -80,7 +80,7 @@ class Skin:
 
     @classmethod
     def from_surface(cls, surface: Surface, shift: int = 0, single: bool = False) -> "Skin":
-        """Return the skin of a manifold sheet; its faces need not have a common orientation."""
+        """Return the skin of a manifold sheet; its faces may have mixed orientations. shift, single : as in `Skin`."""
         F, n = surface.F, surface.n
         turned = corner_sides(F, surface.edges) < 0
         copies = np.stack([F + n * turned, F + n * ~turned])
@@ -94,14 +94,14 @@ class Skin:
         return round_to_single(copies) if self.single else copies
 
     def shorter_diagonals(self, V: Floats, D: Floats) -> Bools:
-        """Return a mask (r,) of walls at boundary edges whose backslash is clearly the shorter diagonal; see `Skin`."""
+        """Return a mask (r,) of walls whose diagonal `backslash` (see `Skin`) is clearly shorter than `slash`."""
         P = self.vertices(V, D)
         back, slash = P[self.p[0]] - P[self.q[1]], P[self.q[0]] - P[self.p[1]]
         shorter: Bools = np.einsum("ri,ri->r", back, back) < (1 - 1e-9) * np.einsum("ri,ri->r", slash, slash)
         return shorter
 
     def faces(self, backslash: Bools) -> Ints:
-        """Return outward faces (2 m + 2 r, 3): upper, lower, first, then second triangles of r walls; see `Skin`."""
+        """Return outward faces (2 m + 2 r, 3): upper, lower, first triangles of walls, second triangles; see `Skin`."""
         (p, below_p), (q, below_q) = self.p, self.q
         across = backslash[:, None]
         first_triangle = np.where(across, np.stack([q, p, below_q], axis=1), np.stack([q, p, below_p], axis=1))

@@ -211,7 +211,7 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
     proven  : (m,) faces whose prisms certainly meet no other prism (see `proven_cells`); they are not tested again.
 
     An exact test finds intersections. It rounds vertices as in STL files (single precision, millimetres), except in
-    flat sheets and in sheets far from the origin. If the vertices pass the test without rounding, the solid keeps them.
+    flat sheets and in sheets far from the origin. If unrounded vertices pass the test, the solid keeps them.
 
     Repair flips wall diagonals and thins the sheet locally, down to 0.3 of D. A sheet that crosses itself is divided,
     and the solids of its parts are united. `notes` and `repairs` report the changes and the remaining intersections.
@@ -225,7 +225,7 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
     _check_upward(surface, skin, D)
     among = None if proven is None else ~proven[skin.sources()]
     repair = repair_skin(surface, skin, D, among)
-    if skin.single and len(repair.pairs) and not repair.union:  # rounding alone may cause the intersections
+    if skin.single and len(repair.pairs) and not repair.union:  # rounding alone may make faces intersect
         skin = replace(skin, single=False)
         exact = repair_skin(surface, skin, D, among)
         skin, repair = (skin, exact) if len(exact.pairs) < len(repair.pairs) else (replace(skin, single=True), repair)
@@ -245,7 +245,7 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
 
 
 def _vertices(skin: Skin, repair: RepairedSkin, F: Ints, among: Bools | None) -> Floats:
-    """Return the repaired solid's vertices: exact, or rounded if rounding is wanted and gives fewer intersections."""
+    """Return the repaired solid's vertices: exact, or rounded if `skin` rounds and this gives fewer intersections."""
     V = skin.vertices(repair.V, repair.D)
     if not skin.single:
         return V

@@ -31,10 +31,10 @@ class Overlap:
 
 
 def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
-    """Return one part for each colour (number) of the faces (m,). It extends over adjacent faces of higher number.
+    """Return one part for each colour (number) of the faces (m,). A part extends over adjacent faces of higher colours.
     clashes : (k, 2) pairs of faces of the sheet whose thickened solids meet; no part contains such a pair.
-    Where a part of colour c borders a lower number, its thickness is multiplied by 1 - 2 s; s = 0.01 (1 + c / 2).
-    At the neighbours of these border vertices, its thickness is multiplied by 1 - s."""
+    Where a part of colour c meets a lower colour, the part's thickness is multiplied by 1 - 2 s, s = 0.01 (1 + c / 2).
+    At the neighbours of these border vertices, the part's thickness is multiplied by 1 - s."""
     neighbours = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
     own_vertices = [corners_of(surface.F, colour == c, surface.n) for c in range(count)]
@@ -60,7 +60,7 @@ def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
 
 
 def _extension(surface: Surface, colour: Ints, c: int, own_vertices: Bools, clashes: Ints) -> Bools:
-    """Return a mask (m,) of faces with higher numbers that touch colour c, without pairs of faces whose solids meet."""
+    """Mark faces (m,) of higher colours that touch colour `c`, without faces whose solids meet in the extended part."""
     extension = (colour > c) & own_vertices[surface.F].any(axis=1)
     part = extension | (colour == c)
     meet = clashes[part[clashes].all(axis=1)]
@@ -69,7 +69,7 @@ def _extension(surface: Surface, colour: Ints, c: int, own_vertices: Bools, clas
 
 
 def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_vertices: Bools) -> Floats:
-    """Return vertices (n, 3). Vertices `beyond` a part move towards it by 45 % of their shortest edge to the part."""
+    """Return vertices (n, 3). A vertex `beyond` a part moves by 45 % along its shortest edge that leads to the part."""
     i, j = np.concatenate([surface.edges.ends, surface.edges.ends[:, ::-1]]).T
     used = beyond[i] & own_vertices[j]
     i, j = i[used], j[used]
@@ -120,7 +120,7 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
     for round_ in range(30):
         inseparable = _stuck(meeting, around, label)
         clashes = np.unique(np.concatenate([clashes, np.sort(meeting[~inseparable], axis=1)]), axis=0)
-        thin = np.unique(surface.F[meeting[inseparable & bool(round_)]])  # round 0 shortens no offset
+        thin = np.unique(surface.F[meeting[inseparable & bool(round_)]])  # the first round shortens no offset
         thin = thin[share[thin] > THINNEST]
         share[thin] = np.maximum(THIN * share[thin], THINNEST)
         cut = _cut_patches(label, clashes, graph)
@@ -140,7 +140,7 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
 
 
 def _collapse_short_edges(V: Floats, F: Ints, single: bool) -> tuple[Floats, Ints, Ints]:
-    """Collapse edges too short for single precision. Return the mesh with fewest intersecting pairs, and its pairs."""
+    """Collapse edges too short for single precision. Return the mesh with fewest intersections, and its face pairs."""
     step = float(np.spacing(np.float32(np.abs(V).max() * MM_PER_M))) / MM_PER_M
     result: tuple[Floats, Ints, Ints] | None = None
     for tolerance in (0.0, *(step * factor for factor in (1.0, 4.0, 16.0, 64.0))):
@@ -216,8 +216,8 @@ class PrismPart(NamedTuple):
 
 
 def prism_part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> PrismPart:
-    """Return part `overlap` of the sheet, thickened, as a closed mesh. It is split where faces touch only in a vertex.
-    corners : (m, 3, 3) offsets, metres. like : skin with the shift and rounding to use."""
+    """Return the part of the sheet in `overlap`, thickened, as a closed mesh, split where faces touch only in a vertex.
+    corners : (m, 3, 3) offsets, metres. like : skin whose `shift` and rounding (`single`) apply."""
     faces = np.flatnonzero(overlap.faces)
     F = corner_fans(surface.F[faces], edge_table(surface.F[faces]))
     _, first_corner = np.unique(F.ravel(), return_index=True)

@@ -53,7 +53,7 @@ class Facets:
         self._first = np.searchsorted(self._facet, np.arange(len(F) + 1), sorter=self._order)
 
     def nearest_separate_pair(self, size: Floats, start_face: Ints, end_face: Ints) -> int | None:
-        """Return the index of the smallest `size` (k,) whose faces lie in facets without a common point, or None."""
+        """Return the index of the smallest `size` (k,) between faces in facets without a common point, or None."""
         for k in np.argsort(size, kind="stable").tolist():
             if not np.isfinite(size[k]):
                 break

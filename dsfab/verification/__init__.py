@@ -46,7 +46,7 @@ def choose(names: Sequence[str]) -> list[Test]:
 def verify(
     tests: Sequence[Test], pairs: Sequence[Elements] = PAIRS, progress: Callable[[str, str], None] | None = None
 ) -> Iterator[VerificationRow]:
-    """Yield results for each test and mesh pattern, by each pair of membrane and bending elements, then by CalculiX."""
+    """Yield results for each test and mesh pattern: by each pair of membrane and bending elements, and by CalculiX."""
     for test in tests:
         if progress:
             progress(test.name, ", ".join(str(cells) for cells in test.cells) + " cells")

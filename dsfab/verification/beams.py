@@ -107,7 +107,7 @@ def _curved_strip() -> float:
 
 
 def _curved_plane() -> float:
-    """Return a quarter ring's end shift by unit shear, plane stress [Golovin 1881; Timoshenko and Goodier 1951, 33]."""
+    """Return a quarter ring's end shift; unit shear, plane stress [Golovin 1881; Timoshenko and Goodier 1951, 33]."""
     a, b, young, thickness = 4.12, 4.32, 1e7, 0.1
     squares = a**2 + b**2
     return float(np.pi * squares / (young * thickness * (a**2 - b**2 + squares * np.log(b / a))))

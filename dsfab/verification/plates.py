@@ -52,7 +52,7 @@ SKEWED = Material(young=1085.0, poisson=0.31)
 
 def skew_plate(cells: int, mesh: Mesh) -> Problem:
     """Return a rhombus with sides of 100 and an angle of 60 degrees, .1 thick, simply supported on two opposite sides.
-    The value is 100 D / (q a^4) times the deflection of its centre."""
+    The value is 100 D / (q a^4) times the deflection of its centre; stiffness D, load q, side a."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(100 * np.stack([uv[:, 0] + uv[:, 1] / 2, np.sqrt(3) / 2 * uv[:, 1], 0 * uv[:, 0]], axis=1), F)
     ends = is_at(uv[:, 1], 0.0) | is_at(uv[:, 1], 1.0)
@@ -77,7 +77,7 @@ def stressed_plate(cells: int, mesh: Mesh) -> Problem:
 
 
 def shaken_plate(cells: int, mesh: Mesh) -> Problem:
-    """Return the supported plate without load; the value is its lowest omega a^2 sqrt(rho h / D)."""
+    """Return the supported plate without load; value: its lowest omega a^2 sqrt(rho h / D), side a, thickness h."""
     problem = plate(cells, mesh, clamped=False)
     scale = 2 * np.pi * np.sqrt(HEAVY.density * THIN / HEAVY.bending_stiffness(THIN))
 
@@ -89,7 +89,7 @@ def shaken_plate(cells: int, mesh: Mesh) -> Problem:
 
 
 def pressed_plate(cells: int, mesh: Mesh) -> Problem:
-    """Return a simply supported unit square, pressed along x by a line load N; value: N a^2 / D at buckling."""
+    """Return a simply supported square, side a = 1, pressed along x by a line load N. Value: N a^2 / D at buckling."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
     ends = [is_at(uv[:, 0], end) for end in (0.0, 1.0)]

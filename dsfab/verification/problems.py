@@ -55,7 +55,7 @@ def is_at(values: Floats, position: float) -> Bools:
 
 
 def edges_on(surface: Surface, *lines: Bools) -> Bools:
-    """Return a mask (e,) of boundary edges with both ends on one line. lines : masks (n,) of each line's vertices."""
+    """Return a mask (e,) of boundary edges with both ends on one of the lines, given as masks (n,) of vertices."""
     is_on_line = np.logical_or.reduce([line[surface.edges.ends].all(axis=1) for line in lines])
     return np.asarray(is_on_line & surface.edges.boundary)
 
@@ -183,7 +183,7 @@ class Test:
     cells     : numbers of cells, coarse to fine.      meshes : mesh patterns.
     within    : tolerance; None for the tolerance of the quantity.
     targets   : largest allowed relative error of the elements for displacements, by number of cells.
-    limit     : value to which thin sheets converge, if it is not `reference`; targets refer to it.
+    limit     : value to which thin sheets converge, if it differs from `reference`; then `targets` refer to `limit`.
     quantity  : kind of value, which decides the tolerance.
     beyond    : text on an effect that thin-sheet theories lack; if not empty, the value may agree with `limit` instead.
     outside   : (cells, mesh) -> unknowns and value that another program calculates; None without this program."""
@@ -206,7 +206,7 @@ class Test:
 
     @property
     def tolerance(self) -> float:
-        """Accepted relative error on the finest mesh, for the membrane and bending elements that dsfab reports."""
+        """Accepted relative error on the finest mesh, for the membrane and bending elements in dsfab's report."""
         return tolerance_of(self.quantity) if self.within is None else self.within
 
 

@@ -21,10 +21,10 @@ class VerificationRow:
                and if rounding dominates.
     verdict  : `ok`: error within the test's tolerance. `off`: larger error, also on the finest mesh. `coarse`: larger
                error, but not on the finest mesh. `theory`: like `off`, but right in the thin-sheet limit. `not run`:
-               the test clamps edges, and hinges have no rotations. `refused`: the sheet is too thin for the solver.
+               the test clamps edges, which hinge elements cannot do. `refused`: the sheet is too thin for the solver.
     target   : largest allowed relative error on this mesh; None without a target.
     met      : True if the error is below the target.
-    limit    : value from which the error for `target` is measured; None if it is `reference` (see `Test.limit`).
+    limit    : value to which the error for `target` refers; None if this is `reference` (see `Test.limit`).
     of_limit : value / limit."""
 
     test: str
@@ -141,8 +141,8 @@ class Publication:
 class Published:
     """One published value, divided by the reference of its source.
     cells    : number of cells of this test's mesh; None if the source has only a `note`, such as "coarse mesh".
-    unknowns : unknowns of the source's mesh, if no mesh of the test has as many; otherwise None. If `unknowns` is not
-               None, `cells` is the number of cells of the test's next coarser mesh."""
+    unknowns : unknowns of the source's mesh, if no mesh of the test has as many; otherwise None. If given, `cells`
+               counts the cells of the finest mesh of the test that is coarser than the source's mesh."""
 
     test: str
     element: str
@@ -271,8 +271,8 @@ class Standing:
     unknowns : number in the published mesh; None if unknown.
     ours     : largest relative error of dsfab's elements on all regular mesh patterns, on meshes at least as fine as
                the published mesh; None without a comparable mesh.
-    basis    : `unknowns`: `ours` is interpolated at the published number of unknowns, or taken from dsfab's finest mesh
-               if that has fewer. `cells`: `ours` is for the published cell count, as dsfab's meshes have more unknowns.
+    basis    : `unknowns`: `ours` is interpolated at the published number of unknowns, or is from dsfab's finest mesh if
+               this has fewer unknowns. `cells`: `ours` is for the published cell count, as dsfab has more unknowns.
     outcome  : result of the comparison: our error is better than, like, or worse than the published error."""
 
     published: Published
@@ -294,7 +294,7 @@ def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> lis
 
 
 def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, float]]:
-    """Return for each cell count the most unknowns and largest error of the patterns, if every pattern has a result."""
+    """Return, for each cell count with results of all mesh patterns, the most unknowns and the largest error."""
     worst: dict[int, tuple[int, float]] = {}
     for cells in sorted({row.cells for row in rows}):
         cell_rows = [row for row in rows if row.cells == cells]
@@ -305,7 +305,7 @@ def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, floa
 
 
 def shortfalls(rows: Sequence[VerificationRow]) -> dict[str, str]:
-    """Return a line for each test that elements `PAPER` fail, with published results of constant-strain elements."""
+    """Return a line for each test that elements `PAPER` fail. It adds published values of constant-strain elements."""
     lines = {}
     for name in dict.fromkeys(row.test for row in rows):
         ours = [row for row in rows if row.test == name and row.elements == str(PAPER) and row.ratio is not None]

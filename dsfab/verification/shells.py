@@ -78,7 +78,7 @@ VESSEL, WALL, PRESSURE = Material(210e9, 0.3), 0.01, 1e5  # Vessels of radius 1 
 
 
 def pressurised_sphere(cells: int, mesh: Mesh) -> Problem:
-    """Return a closed sphere. Its poles on the three axes cannot move sideways; these supports have no reactions."""
+    """Return a closed sphere. Supports at its poles on the three axes stop sideways motion, but have no reactions."""
     V, F = octasphere(cells)
     surface = Surface(V, F)
     poles = [(np.abs(V[:, axis]) > 1 - 1e-12, "xyz".replace("xyz"[axis], "")) for axis in range(3)]
@@ -115,7 +115,7 @@ TESTS = [
         "barrel vault on stiff end walls under its own weight: sag of the middle of its free edge",
         scordelis_lo,
         targets={8: 0.015, 16: 0.008},
-        # The reference is between 0.3086 (shallow-shell theory, Scordelis and Lo 1964) and finite elements of 1985.
+        # The reference is between 0.3086 (shallow-shell theory, Scordelis and Lo 1964) and finite-element values, 1985.
         # The limit is for Kirchhoff-Love shells [Kiendl, Bletzinger, Linhard and Wuechner 2009, CMAME 198, 3902-3914].
         limit=0.300592,
     ),

@@ -57,14 +57,13 @@ TUBE, TUBE_WALL = Material(young=1e7, poisson=0.3), 0.02  # Material and thickne
 CLASSICAL = 1 / np.sqrt(3 * (1 - TUBE.poisson**2))
 """Buckling load N R / (E t^2) of a cylinder, .605 for nu = .3 [Lorenz 1908]."""
 WAVE = np.pi * np.sqrt(TUBE_WALL) / (12 * (1 - TUBE.poisson**2)) ** 0.25
-"""Half wavelength of the buckling rings of a tube of radius 1, and the length of the tube.
-The lowest modes of such a short tube are rings. The modes of a longer tube have few waves around its circumference.
-The load from the theory of shallow shells is 4 % too high for modes with few waves."""
+"""Half wavelength of the buckling rings of a tube of radius 1. The tube has this length, so its lowest modes are rings.
+Longer tubes have modes with few waves around the circumference. For these, shallow-shell loads are 4 % too high."""
 
 
 def axial_cylinder(cells: int, mesh: Mesh) -> Problem:
-    """Return a quarter of a tube pressed along its axis, on simple supports at its ends; the value is N R / (E t^2).
-    The stress before buckling is for ends that can widen, so it is uniform. In buckling modes, the ends are fixed."""
+    """Return a quarter of a tube pressed along its axis, simply supported at its ends; value: buckling N R / (E t^2).
+    Before buckling, the ends can widen, so that the stress is uniform. In buckling modes, the ends cannot widen."""
     uv, F = square(cells, 2 * max(1, round(cells * WAVE / np.pi)), mesh)
     turn = np.pi / 2 * uv[:, 0]
     surface = Surface(np.stack([np.cos(turn), np.sin(turn), WAVE * uv[:, 1]], axis=1), F)

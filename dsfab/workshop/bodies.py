@@ -131,7 +131,7 @@ def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
 
 
 def _with_ends(edge: tuple[Floats, Floats], opposite: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return a plank's edge (arc lengths, distances left of the axis), extended to edge `opposite` at oblique cuts."""
+    """Return a plank's edge (arc lengths, distances left of axis) with points of edge `opposite` at oblique ends."""
     (places, y), (opposite_places, z) = edge, opposite
     before, after = int(opposite_places[0] < places[0]), len(z) - int(opposite_places[-1] > places[-1])
     lengths = np.concatenate([opposite_places[:before], places, opposite_places[after:]])

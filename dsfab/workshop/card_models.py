@@ -76,7 +76,7 @@ def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: flo
             f"({narrow[0].id} is {length(least)}): build at 1:{larger:g} or larger, or make members "
             f"{length(NARROWEST * scale)} wide, see [pattern.width]"
         )
-    fit = 1e-4  # largest error, from a coarse mesh, of the length between two pins of the model (m)
+    fit = 1e-4  # largest error (m) that a coarse mesh may cause in the length between two pins of the model
     wanted_edge = limits.wanted_edge * np.sqrt(fit / HOLE_FIT) * scale if bolt else np.inf
     if limits.edge * scale > 1.05 * wanted_edge:
         notes.append(
@@ -109,7 +109,7 @@ def _rounded_scale(limit: float) -> float:
 
 THROUGH_ORDER = ("keep", "rim", "major", "minor")  # where two families cross, the family named first here is continuous
 ROOT_SHARE, TIP_SHARE = 0.8, 0.6  # widths of a tab at its base and tip, in panel widths
-TAB_GAP_SHARE = 0.15  # distance of a tab from the axis of the member above, in half widths
+TAB_GAP_SHARE = 0.15  # distance of a tab's tip from the axis of the crossing member, in half widths of that member
 SHARP_SINE = float(np.sin(np.radians(25.0)))  # members that cross at sharper angles are glued on each other, not cut
 
 
@@ -157,7 +157,7 @@ class _CrossingEdge:
         lock(self, "way", np.float64, (2,))
 
     def stations(self, side: int, away: float, y: Floats) -> Floats:
-        """Return arc lengths (q,) of points y metres left of an axis, `away` metres from a crossing member's axis."""
+        """Return arc lengths (q,) of points y metres left of an axis, `away` metres from the crossing member's axis."""
         nx, ny = np.array([-self.way[1], self.way[0]]) * np.sign(-self.way[1]) * side
         return np.asarray(self.s + (away - y * ny) / nx)
 
@@ -205,7 +205,7 @@ def _crossing_edge(
 @dataclass(frozen=True)
 class _PanelEnd:
     """End of a panel: arc lengths at its right and left edge, and a tab that may be a `foot` in the base plate.
-    tab : corners from right to left: arc lengths, and distances left of the axis, metres; empty without a tab."""
+    tab : corners from right to left: arc lengths, and distances left of the strip's axis (m); empty without a tab."""
 
     right: float
     left: float

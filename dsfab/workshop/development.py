@@ -109,7 +109,7 @@ def turns_within_its_width(member: Member) -> Bools:
 
 
 def uncurled_span(member: Member) -> tuple[float, float]:
-    """Return the arc lengths of a member between its sharply turning ends. Dividing a sharp bend leaves such ends."""
+    """Return the arc lengths of a member without its sharply turning ends, which result from dividing a sharp bend."""
     axis = member.curve
     reach = OBLIQUE_WIDTHS * float(np.median(member.width))
     if axis.closed or axis.length < 4 * reach:
@@ -127,7 +127,7 @@ def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floa
     if not axis.closed:
         sides = _square_ends(axis.s, sides)
     per_station = axis.length / (len(axis.s) - 1)
-    reach = min(4 * float(np.median(sides.sum(axis=1))), axis.length / 4) / per_station  # range in stations
+    reach = min(4 * float(np.median(sides.sum(axis=1))), axis.length / 4) / per_station  # smoothing range, in stations
     mode: Literal["wrap", "nearest"] = "wrap" if axis.closed else "nearest"
     calm = median_filter(sides, size=(2 * round(reach / 2) + 1, 1), mode=mode)
     calm = gaussian_filter1d(calm, max(reach, 0.5), axis=0, mode=mode)
@@ -163,7 +163,7 @@ def _course_of_ring(
 
 
 def _extension(axis: MemberAxis, end_index: int, distance: float) -> MemberAxis:
-    """Return ascending stations that continue an axis beyond an end, to second order, with the end's curvatures."""
+    """Return ascending stations on a parabola that continues an axis beyond an end, with the curvatures of this end."""
     u = distance * np.arange(1, EXTENSION_STATIONS + 1) / EXTENSION_STATIONS
     u = u[::-1] if distance < 0 else u
     P, T, N, B = axis.P[end_index], axis.T[end_index], axis.N[end_index], axis.B[end_index]
@@ -185,7 +185,7 @@ CHORD_TOLERANCE = 2e-5  # largest distance between an outline's chord and its ar
 
 @dataclass(frozen=True, eq=False)
 class Development:
-    """Strip at a `height` (m) along the normals of a course (stations on a member's axis), developed into the plane.
+    """Strip developed into the plane. It lies `height` (m) above a course (stations on an axis), along the normals.
     The developed middle line x (k, 2) begins at the origin along +x; k is the number of stations."""
 
     course: StripCourse
@@ -205,7 +205,7 @@ class Development:
 
     @cached_property
     def length(self) -> Floats:
-        """Arc length (k,) of the layer's middle line (m)."""
+        """Arc length (k,) of the layer's middle line at each station (m)."""
         steps = (self.length_ratio[1:] + self.length_ratio[:-1]) / 2 * np.diff(self.course.s)
         return np.concatenate([[0.0], np.cumsum(steps)])
 

@@ -35,7 +35,7 @@ class StripFoot:
     at_end: bool
 
     def cap(self, layer: Development) -> Floats:
-        """Return the developed outline (6, 2) of the end, counter-clockwise around the part."""
+        """Return the developed outline (6, 2) of the strip's end with the foot, counter-clockwise around the strip."""
         s = np.concatenate([self.shoulders[:2], self.tips, self.shoulders[2:]])
         cap = layer.to_plane(s, np.concatenate([self.sides[:2], self.sides[1:3], self.sides[2:]]))
         return cap if self.at_end else cap[::-1]
@@ -46,7 +46,7 @@ class BasePlane:
     """Upper face of the base plate of a model.
     point, up : (3,) point in the face, metres, and unit normal of the face.
     supports  : (q, 3) vertices of the surface with a support, metres.
-    reach     : the end of a standing strip may be this far from a support, plus the strip's width, metres.
+    reach     : metres; a standing strip ends closer to a support than `reach` plus the strip's width.
     clearance : gap between a tab and its slot, on each side, metres."""
 
     point: Floats

@@ -48,7 +48,7 @@ class Layering:
 
     @property
     def skips_crowded_names(self) -> bool:
-        """True if node names are omitted where they do not fit, as on models."""
+        """True if node names that do not fit are omitted. This is so on models."""
         return self.letters[0] < PART_LETTERS
 
     @property
@@ -65,7 +65,7 @@ class Layering:
         return self.layer_height(number - 1 if family == "major" else number + 1)
 
     def packing_layers(self, node: Node, families: dict[str, str]) -> int:
-        """Return how many layers of packing lie between the two members of a node. families : by member name."""
+        """Return how many packing layers (spacers) lie between the members of a node. families : family by member."""
         layers_a, layers_b = (self.family_layers(families[name]) for name in node.members)
         upper, lower = (layers_a, layers_b) if layers_a[0] < layers_b[0] else (layers_b, layers_a)
         return max(lower[0] - upper[-1] - 1, 0)
@@ -76,7 +76,7 @@ class Layering:
         return (END_DISTANCE + BOLT_PITCH + END_DISTANCE) * self.bolt
 
     def splice_bolts(self, width: float) -> tuple[tuple[float, float], ...]:
-        """Return places of bolts (m): along the strip from the splice, left of its axis; in one or two rows."""
+        """Return places of bolts (m) in one or two rows: along the strip from the splice, and left of its axis."""
         row = round(width / 4 / self.alike) * self.alike if self.alike else width / 4
         rows = (-row, row) if width / 4 >= 3 * self.bolt else (0.0,)  # only wide parts have two rows of bolts
         along = (END_DISTANCE * self.bolt, (END_DISTANCE + BOLT_PITCH) * self.bolt)
@@ -106,7 +106,7 @@ class _StripEnd:
         return self.name != rival.name and bool(np.linalg.norm(self.places[0] - rival.places[0]) < width)
 
     def clear_station(self, rival: "_StripEnd") -> float | None:
-        """Return the arc length from which, inwards, this strip does not overlap `rival`; None without an overlap."""
+        """Return the arc length where this strip, going inwards, no longer overlaps `rival`; None without overlap."""
         least = 0.98 * (self.width + rival.width) / 2
         away = np.asarray(cKDTree(rival.places).query(self.places)[0])
         is_far = np.linalg.norm(rival.places[0] - self.places[0]) > least
@@ -122,9 +122,8 @@ def shortened_courses(
     overhang: float,
 ) -> dict[str, StripCourse]:
     """Return courses (built parts of axes) of one layer that stop before they run into another course.
-    A course ends `overhang` metres beyond its last node before the collision; without a node there, at the collision.
-    nodes  : arc lengths of nodes on each course, metres.
-    joined : pairs of members that are notched at a common node."""
+    A course ends `overhang` metres beyond its last node before the collision; without this node, at the collision.
+    nodes : arc lengths of nodes on each course, metres. joined : pairs of members that are notched at a common node."""
     open_courses = {name: course for name, course in courses.items() if not course.closed}
     ends = [_StripEnd.from_course(name, c, at_end) for name, c in open_courses.items() for at_end in (False, True)]
     accepted, stopped = list[_StripEnd](), dict[str, StripCourse]()
@@ -146,7 +145,7 @@ def courses_without_curls(courses: Mapping[str, StripCourse], members: Sequence[
 
 
 def vanished_courses(stopped: Mapping[str, StripCourse], widths: Mapping[str, float]) -> set[str]:
-    """Return the names of members that are not built: their shortened courses are shorter than their widths (m)."""
+    """Return the names of members that are not built, because their shortened courses are shorter than `widths` (m)."""
     return {name for name, course in stopped.items() if course.end - course.begin < widths[name]}
 
 

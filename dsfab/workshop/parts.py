@@ -248,7 +248,7 @@ def alike_parts(parts: Sequence[FlatPart], distance: float, fit: float) -> list[
 
 
 def _in_place_of(model: FlatPart, part: FlatPart, turn: int, distance: float, fit: float) -> FlatPart | None:
-    """Return `part` with the shape of `model`, rotated by 180 degrees if `turn` is -1; None if they differ too much."""
+    """Return `part` in the shape of `model`, turned 180 degrees if `turn` is -1; None if the shapes differ too much."""
     if (np.abs(model.size - part.size) > 2 * distance).any() or bool(len(model.axis)) != bool(len(part.axis)):
         return None
     holes, model_holes = part.features[1], turn * model.features[1]

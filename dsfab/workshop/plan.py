@@ -133,7 +133,7 @@ def usable_sizes(options: Workshop) -> list[tuple[float, float]]:
 
 
 def _route_by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up: Floats) -> ConstructionRoute:
-    """Choose the first possible: strips bent within the limit, bars close to the surface, planks, bars farther off."""
+    """Choose the first possible route: strips within the limit, bars near the surface, planks, bars farther from it."""
     worst, layers_text = max(limits.bending, limits.shape), f"layers of {length(limits.thickness)} of strips"
     if not limits.limit:
         reason = f"{layers_text} would be bent to {worst:.2%}, and the limit of the material is not known"
@@ -249,7 +249,7 @@ class WorkshopPlan:
 def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
     """Return the workshop plan of a design, from section [workshop] of its preset.
     up : (3,) unit vector, for the base plate of a model.
-    If the stock has prices, dsfab plans with all sheet sizes, and with the shorter sheets only. The cheapest plan wins.
+    If the stock has prices, dsfab plans with all sheet sizes, and without the longer sheets. The cheapest plan wins.
     Raises PatternError if the route is impossible, a part fits on no sheet, or a library is missing."""
     if design.preset.workshop.nesting == "spyrrow":
         require_spyrrow()

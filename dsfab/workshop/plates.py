@@ -52,10 +52,9 @@ def plate_parts(
     bolt: float,
     missed_nodes: Container[str] = (),
 ) -> list[FlatPart]:
-    """Return members of a graph as plates at a height over the surface, with holes at their nodes (m).
-    normals      : (n, 3) normals at the vertices of the graph's sheet.
-    bolt         : diameter of the holes, metres.
-    missed_nodes : names of nodes without a hole."""
+    """Return members of a graph as plates at a height (m) over the surface, with holes at their nodes.
+    normals : (n, 3) normals at the vertices of the graph's sheet.
+    bolt    : diameter of the holes, metres. missed_nodes : names of nodes without a hole."""
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]
     return [_flat_plate(graph, member, normals, (height, bolt), missed_nodes) for member in members]
 
@@ -128,8 +127,8 @@ class FlattenedMesh:
 
 FINGER_LENGTH, FINGER_WIDTH = 4.0, 2.0  # length and approximate width of a finger, in sheet thicknesses
 REASSIGN_ROUNDS, LEAST_FINGERS = 4, 4.0
-"""Rounds in which small bits of a piece join its neighbour; area (in areas of a finger) below which bits are small."""
-LINE_TOLERANCE = 1e-9  # largest distance of a mesh edge from the line that divides the sheet, over the sheet's size
+"""Rounds in which small bits of a piece join a neighbouring piece; area below which bits are small, in finger areas."""
+LINE_TOLERANCE = 1e-9  # largest distance of a mesh edge from the line that divides the sheet, divided by sheet size
 
 
 @dataclass(frozen=True)
@@ -159,7 +158,7 @@ class SheetJoint:
 
 @dataclass(frozen=True)
 class SheetParts:
-    """Pieces of a sheet, and the two counts of rectangles into which it is divided: along and across."""
+    """Pieces of a sheet, and the counts of rectangles along and across the sheet."""
 
     pieces: tuple[FlatPart, ...]
     counts: tuple[int, int]
@@ -172,7 +171,7 @@ def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJ
     x = plane_coordinates(surface)
     level = Surface(np.pad(x - x.min(axis=0), ((0, 0), (0, 1))), surface.F)
     reduction = 0.0
-    for _ in range(4):  # try smaller rectangles, because a bit of its neighbour can make a piece too large
+    for _ in range(4):  # try smaller rectangles, because a piece with a bit of its neighbour can be too large
         division = _rectangles(level, [(a - reduction, b - reduction) for a, b in room], joint)
         turned = [*room, *((b, a) for a, b in room)]
         excesses = ((p, min(float(max(p.size[0] - a, p.size[1] - b)) for a, b in turned)) for p in division.pieces)
@@ -242,7 +241,7 @@ class _SheetGrid:
         return is_inside
 
     def bevels(self, which: tuple[int, int]) -> list[tuple[int, float]]:
-        """Return the axis (0 along, 1 across the sheet) and position (m) of each line where a scarf bevel begins."""
+        """Axis (0: along the sheet, 1: across) and position (m) of lines where scarf bevels of piece `which` begin."""
         if self.joint.kind != "scarf":
             return []
         half = self.joint.reach / 2

@@ -95,7 +95,7 @@ def _middle_of_bay(nodes: Floats, least: float, limit: float) -> float:
 def lapped_span(
     span: tuple[float, float], strip_span: tuple[float, float], lap: float, closed: bool
 ) -> tuple[float, float]:
-    """Return the span of a piece, longer by `lap` metres at each splice; ends without a splice do not change."""
+    """Return the span of a piece, longer by `lap` metres at each end that is not an end of an open `strip_span`."""
     begin = span[0] - lap if closed or span[0] > strip_span[0] else span[0]
     return begin, span[1] + lap if closed or span[1] < strip_span[1] else span[1]
 
@@ -111,7 +111,7 @@ def scarf_line(splices: int, lap: float) -> str:
 def lap_marks(
     layer: Development, span: tuple[float, float], full_span: tuple[float, float], lap: float, height: float
 ) -> tuple[Floats, ...]:
-    """Return the lines and texts that mark bevels. lap : half the overlap (m); `full_span` has it added at joints."""
+    """Return the lines and texts that mark bevels. lap : half the overlap (m). full_span : `span` + `lap` at joints."""
     lines = list[Floats]()
     for k, (s, end) in enumerate(zip(span, full_span, strict=True)):
         if s != end:
@@ -126,11 +126,11 @@ def lap_marks(
 
 
 def strip_fits(development: Development, room: Sequence[tuple[float, float]]) -> Callable[[float, float], bool]:
-    """Return a function that tests if a developed strip between two arc lengths fits into a rectangle of `room`."""
+    """Return a function that tests if a strip, developed between two arc lengths, fits into a stock size in `room`."""
     longest = max(np.hypot(x, y) for x, y in room) + 1e-6
 
     def fits(begin: float, end: float) -> bool:
-        (x, y), _ = development.middle_line_at(np.array([begin, end]))  # a quick test: most pieces exceed the stock
+        (x, y), _ = development.middle_line_at(np.array([begin, end]))  # compare ends first: most pieces are too long
         return float(np.linalg.norm(y - x)) <= longest and fits_stock(development.outline(begin, end), y - x, room)
 
     return fits

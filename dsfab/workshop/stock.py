@@ -15,7 +15,7 @@ from dsfab.workshop.parts import FlatPart
 
 
 def stock_choices(options: Workshop) -> list[Workshop]:
-    """Return `options`, and with prices also variants without the longer sheets, which only few parts may need."""
+    """Return `options`; if the stock has prices, also variants without the longer sheets, which few parts may need."""
     lengths = sorted({size[0] for size in options.stock}, reverse=True) if options.prices else []
     choices = [options]
     for longest in lengths[1:]:

@@ -23,7 +23,7 @@ LEGIBLE_HEIGHT, TALL_LETTER_SHARE = 0.002, 0.6  # letters on narrow parts: heigh
 
 @dataclass(frozen=True)
 class StripBolt:
-    """Bolt near an arc length s, through a point (3,) of the surface along the unit normal (3,) at that point."""
+    """Bolt near arc length s of the member's axis, through a surface point (3,) along the unit normal (3,) there."""
 
     name: str
     point: Floats
@@ -306,8 +306,8 @@ class StripLimits:
 
 
 def drilling_edge(graph: MemberGraph) -> float:
-    """Return the largest mesh edge (m) that makes typical bays (parts between nodes) exact to `HOLE_FIT`; infinite
-    without bending. Edges of length e change a bay of length L and curvature k by at most about L (e k)^2 / 8."""
+    """Return the largest mesh edge (m) for which typical bays (parts between nodes) are exact to `HOLE_FIT`; infinite
+    if no strip bends. Edges of length e change a bay of length L and curvature k by at most about L (e k)^2 / 8."""
     strips = [member for member in graph.members if is_strip(member)]
     bends = [np.abs(member.axis.kn[calm_stations(member)]) for member in strips if member.axis is not None]
     bend = float(np.quantile(np.concatenate(bends), 0.95)) if bends else 0.0  # ignores rare peaks

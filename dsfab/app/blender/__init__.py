@@ -25,7 +25,7 @@ def blender(
     ),
     force: Annotated[bool, Parameter(negative=(), help="Overwrite an existing file.")] = False,
 ) -> int:
-    """Write an add-on for Blender that builds a structure from the mesh of the active object, with this dsfab."""
+    """Write a Blender add-on that builds a structure from the active object's mesh, by this installation of dsfab."""
     from dsfab.export import atomic_file
 
     if output.suffix != ".py":

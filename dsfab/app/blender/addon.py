@@ -189,7 +189,7 @@ class Build(bpy.types.Operator):
         entry = context.preferences.addons.get(__name__)
         python = entry.preferences.python if entry and entry.preferences else PYTHON
         try:
-            mesh = folder / f"{re.sub(r'[^A-Za-z0-9]+', '_', self._source)}.obj"  # the design gets this name
+            mesh = folder / f"{re.sub(r'[^A-Za-z0-9]+', '_', self._source)}.obj"  # the design gets the file's name
             mesh_file(context.active_object, self._metres, mesh)
             words = command(python, mesh, context.scene.dsfab, folder / "built")
             # the output goes into a file, because a full pipe would stop the program

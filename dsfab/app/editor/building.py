@@ -42,7 +42,7 @@ class EditorBuild:
 class BuildRequest:
     """A request to build a preset.
     old     : design whose unchanged stages are used again.    picture : True for a picture, too.
-    mesh    : mesh file that is open in the editor. The build copies this file, and its written preset names the copy.
+    mesh    : mesh file that is open in the editor. The build copies this file, and the built preset names the copy.
     only    : a single format as in `dsfab export --to`; '' for all files of a build.
     before  : folder of an earlier build; its design is used again if its preset equals this preset."""
 
@@ -78,7 +78,7 @@ def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -
 
 
 def export_file(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
-    """Write one file like `dsfab export`, from the build in `request.before` if presets agree. Raises DsfabError."""
+    """Write one file like `dsfab export`, from the build `request.before` if it has this preset. Raises DsfabError."""
     from dsfab.app.export import CALCULIX, CALCULIX_SUFFIX, ExportRequest, write_file
     from dsfab.design.output.archive import read_archive
 

@@ -93,7 +93,7 @@ def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]
 def pattern_widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return facts about the pattern, and arrays (n, 2), a column for each family of stripes.
     half   : half the width of a stripe, in periods of its wave.
-    slope  : stripes per metre; a pattern of modes has this number if its frequency is 1.
+    slope  : stripes per metre; for a pattern of modes, stripes per metre at the frequency 1.
     shares : half-width at a vertex, divided by the mean half-width; for evenly spaced stripes."""
     pattern, options, surface = draft.pattern, draft.preset.pattern, draft.surface
     mesh = StripedMesh.from_design(draft)
@@ -166,7 +166,7 @@ def _lines_per_metre(surface: Surface, x: Floats) -> float:
 
 
 def _mark_arrays(surface: Surface, load: LoadCase, reaction: Floats, middle: Floats) -> dict[str, Floats]:
-    """Return arrows (k, 6): place (m) and sum (N) of nearby forces; and places (k, 3) of supports. middle : origin."""
+    """Return places (m) and sums (N) of nearby forces (k, 6), and places (m) of supports (k, 3). Origin: `middle`."""
     acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
     V = surface.V - middle
     loads = [_gathered_forces(V, load.force, acts & load.loaded, POINT_LOAD_SPACING, surface.size)]

@@ -53,7 +53,7 @@ def index_page(static: Mapping[str, bytes], token: str) -> tuple[bytes, str]:
 def widget_module() -> str:
     """Return the whole page as one module for anywidget: widget.js, which contains all other files in packed form.
     Imports of './x.js' become imports of 'dsfab/x.js', because a packed module has no relative imports [HTML Standard].
-    The module `NOTEBOOK` replaces the server's module `HTTP`, under the name of `HTTP`."""
+    The module `NOTEBOOK` takes the place and the name of the module `HTTP`, which needs a server."""
     texts = {name: content.decode() for name, content in static_files().items()}
     modules = {name: text for name, text in texts.items() if name.endswith(".js") and name != WIDGET}
     modules[HTTP] = modules.pop(NOTEBOOK)

@@ -117,15 +117,14 @@ class Session:
         return self._set_opened(self.current_preset.open_toml(text))
 
     def open_variant(self, number: int) -> dict[str, Any]:
-        """Open the preset of a variant; the result's key `changes` holds the changes that the user has made to it."""
+        """Open the preset of a variant. The result's key `changes` holds the user's changes to this preset."""
         variant = self.variants[number]
         with self._lock:
             is_open = variant.opened is self._opened
             return {**(self.start() if is_open else self._set_opened(variant.opened)), "changes": dict(variant.changes)}
 
     def ask_mesh(self, name: str, unit: str | None, data: str) -> dict[str, Any]:
-        """Start a job that opens a mesh file, which the page has sent, in another process. Raises DsfabError.
-        data : content of the file in base64."""
+        """Start a job that opens a mesh file (base64) from the page, in another process. Raises DsfabError."""
         suffix = Path(name).suffix.lower()
         if suffix not in MESH_SUFFIXES:
             raise DsfabError(
@@ -194,7 +193,7 @@ class Session:
         return {"job": self.jobs.submit("export" if only else "build", lambda progress: self._build(request, progress))}
 
     def ask_members(self, judged: bool) -> int:
-        """Start a job that measures members, with utilisation if `judged`. Raises DsfabError before the first draft."""
+        """Start a job that measures members, with utilisation if `judged`. Raises DsfabError if no draft exists yet."""
         with self._lock:
             shown = self._shown
         if shown is None:
@@ -216,7 +215,7 @@ class Session:
         return self._model(shown, 0) if shown else b""
 
     def model(self, have: int) -> bytes:
-        """Return the last draft, or only widths if its version is `have` (on the page). Raises DsfabError if none."""
+        """Return the last draft; only widths if the page has its version `have`. Raises DsfabError for no draft."""
         with self._lock:
             shown = self._shown
         if shown is None:

@@ -52,7 +52,7 @@ class Outputs:
         return next(word for word in _numbered_names(name) if not self.foreign_files(word))
 
     def publish(self, files: Path, name: str) -> Path:
-        """Move all files from the folder `files` to the folder of the build; return this folder. Raises DsfabError."""
+        """Move all files in `files` to the folder of the build; return the build's folder. Raises DsfabError."""
         folder = self.folder(name)
         with atomic_folder(folder) as partial:
             for path in files.iterdir():
@@ -99,7 +99,8 @@ class OpenedPreset:
     decided: tuple[Decision, ...] = ()
 
     def preset_with(self, changes: Mapping[str, Any]) -> Preset:
-        """Return the preset with new values at dotted keys. Raises PresetError for invalid values or new files."""
+        """Return the preset with new values at dotted keys.
+        Raises PresetError for invalid values, for another mesh file, and for added drawing files."""
         preset = with_overrides(self.preset, changes)
         if _mesh_file(preset) != _mesh_file(self.preset):  # the page must not choose files on this machine
             raise PresetError(
@@ -124,7 +125,7 @@ class OpenedPreset:
     def command(self, changes: Mapping[str, Any]) -> tuple[str, bool]:
         """Return the command that builds the changed preset, and whether the user must save the preset first."""
         preset = self.preset_with(changes)
-        if self.words and self.decided and MATERIAL in changes:  # else the command would propose another thickness
+        if self.words and self.decided and MATERIAL in changes:  # `dsfab build` must not propose another thickness
             changes = {"statics.thickness": preset.statics.thickness, **changes}
         sets = [word for key, value in changes.items() for word in ("--set", f"{key}={_value_text(value)}")]
         command = shlex.join(["dsfab", "build", *self.words, *sets])

@@ -1,7 +1,7 @@
-"""Multifrontal Cholesky factorisation: nested dissection, memory and BLAS threads.
+"""Multifrontal Cholesky factorisation with nested dissection, and functions for memory and BLAS threads.
 
-The unknowns of a part of the mesh form a dense matrix, the front. The elimination of a front leaves an update matrix.
-The solver adds this matrix to the front of a later separator."""
+Separators divide the mesh into parts. The unknowns of a part or separator form a dense matrix, the front. The
+elimination of a front leaves an update matrix. The solver adds this matrix to the front of a later separator."""
 
 import ctypes
 import os
@@ -198,11 +198,11 @@ class Fronts:
 
     @classmethod
     def from_matrix(cls, K: csr_array, points: Floats, node: Ints) -> Self:
-        """Analyse the pattern of K (N, N), point by point. Unknown i is on point node[i]."""
+        """Analyse the sparsity pattern of K (N, N), point by point. Unknown i belongs to point node[i]."""
         used, node = np.unique(node, return_inverse=True)
         points, n, N = points[used], len(used), K.shape[0]
         keys = dissection_keys(point_graph(K, node, n), points, N)
-        # along a curve, neighbours in a part get similar numbers; adding the results of fronts is then fast
+        # along a space-filling curve, neighbours in a part get similar numbers, so adding updates to fronts is fast
         sequence = np.lexsort((morton_positions(points), keys))
         rank = np.empty(n, dtype=np.int32)
         rank[sequence] = np.arange(n)
@@ -234,7 +234,7 @@ class Fronts:
 
 
 def _touched_points(row: Index, column: Index, front_start: Ints) -> tuple[list[Ints], list[list[int]]]:
-    """From entries below the diagonal, return later points that each front changes (with fill-in), and child fronts."""
+    """For each front, return the later points that it changes (with fill-in), and the fronts whose updates it gets."""
     n = int(front_start[-1])
     front = np.repeat(np.arange(len(front_start) - 1), np.diff(front_start))
     outside = front[row] != front[column]
@@ -305,7 +305,7 @@ class Multifrontal:
 
 
 def _add_update(pivot_rows: Numbers, rest: Numbers, update: Numbers, positions: Ints) -> None:
-    """Add a child's update (upper triangle) to a front at `positions`. Neighbouring columns go together, for speed."""
+    """Add the update (upper triangle) of a child front to a front at `positions`, in blocks of neighbouring columns."""
     k = len(pivot_rows)
     inner = int(np.searchsorted(positions, k))
     ends = np.flatnonzero((np.diff(positions) != 1) | (positions[1:] == k)) + 1
@@ -319,7 +319,7 @@ def _add_update(pivot_rows: Numbers, rest: Numbers, update: Numbers, positions: 
 
 
 def _partial_factorisation(pivot_rows: Numbers, rest: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-    """Return L, P and the update (upper triangle) of a front. The arguments are its transposed lower triangle."""
+    """Return L, P and the update (upper triangle) of a front. Arguments: the front's transposed lower triangle."""
     k, is_complex = len(pivot_rows), np.iscomplexobj(pivot_rows)
     potrf, trsm, rank_k = (zpotrf, ztrsm, zherk) if is_complex else (dpotrf, dtrsm, dsyrk)
     if not k:

@@ -63,7 +63,7 @@ class SuperLU:
 
 def elimination_order(K: csr_array, points: Floats, node: Ints) -> Ints:
     """Return the order (N,) for the elimination of the unknowns of K (N, N), by nested dissection of their points.
-    The points of a part follow a space-filling curve. Parts are small: SuperLU itself joins columns to dense blocks."""
+    The points of a part follow a space-filling curve. Small parts suffice: SuperLU itself joins columns to blocks."""
     used, node = np.unique(node, return_inverse=True)
     points = points[used]
     keys = dissection_keys(point_graph(K, node, len(used)), points, K.shape[0], leaf=24)
@@ -147,7 +147,7 @@ class Pardiso:
         nothing = np.zeros((self._upper.shape[0], 1), dtype=self._upper.dtype)
         self._call(ANALYSE, nothing)
         analysis, permanent, work = (1024 * int(self._solver.iparm[k]) for k in (14, 15, 16))
-        freed = 700.0 * len(nothing)  # bytes of the assembly and of the analysis
+        freed = 700.0 * len(nothing)  # bytes that assembly and analysis have freed: 700 for each unknown
         release_freed_memory(freed)
         require_memory(max(analysis, permanent + work))
         self._call(FACTORISE, nothing)
@@ -236,7 +236,7 @@ class Multigrid:
         self._K = K
         self._place, size = _positions_in_blocks(self._node)
         full = K.tocoo()
-        spare = np.setdiff1d(np.arange(size), self._place)  # unknowns that a point lacks get 1 on the diagonal
+        spare = np.setdiff1d(np.arange(size), self._place)  # rows without an unknown get 1 on the diagonal
         blocks = coo_array(
             (
                 np.concatenate([full.data, np.ones(len(spare))]),

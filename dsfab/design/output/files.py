@@ -46,7 +46,7 @@ class OpenedSurface(NamedTuple):
     twins: Ints
 
     def offsets(self, corners: Floats) -> Floats:
-        """Return vectors (n', 3) of half a thickness for the cut surface, from those (m, 3, 3) at corners of faces."""
+        """Return vectors (n', 3), half a thickness, at vertices of the cut surface; `corners`: vectors (m, 3, 3)."""
         vectors = np.zeros((self.surface.n, 3))
         vectors[self.surface.F] = np.where(self.turned[:, None, None], -corners[:, [0, 2, 1]], corners)
         return vectors
@@ -127,7 +127,7 @@ def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
 def _shortest_path(
     count: int, starts: Ints, ends: Ints, turns: Ints, lengths: Floats, source: int, target: int
 ) -> Ints:
-    """Return edges in order; (0,) for no path. Nodes i, i + count / 2 are copies; an edge with `turns` 1 swaps them."""
+    """Return the path's edges in order, or (0,). Nodes i and i + count / 2 are copies; `turns` 1 leads to the copy."""
     half = count // 2
     tails = np.concatenate([starts, starts + half])
     heads = np.concatenate([ends + half * turns, ends + half * (1 - turns)])
@@ -143,7 +143,7 @@ def _shortest_path(
 
 
 def _turned_for_smooth_seam(surface: Surface, rounds: int = 1000) -> Bools:
-    """Return faces (m,) to reverse. Then at most half of each face's outline borders faces with opposite normals."""
+    """Return faces (m,) to reverse. Then at most half of each face's outline touches faces with opposite normals."""
     h0, h1 = surface.edges.pairs.T
     f, g, (a, b) = h0 // 3, h1 // 3, half_edges(surface.F)
     lengths = np.linalg.norm(surface.V[a[h0]] - surface.V[b[h0]], axis=1)
@@ -344,8 +344,8 @@ def divided_sheet(sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) ->
 
 
 def largest_fields(fields: Floats, F: Ints, chart: Ints) -> Ints:
-    """Return the chart of each face (m,), which is the number of a field. A face keeps its chart if the field of this
-    chart is the largest at one of its corners. Otherwise the face gets the field that is the largest at its centre."""
+    """Return the number (m,) of a field for each face. A face keeps its number in `chart` if this field is the largest
+    at one of its corners. Otherwise the face gets the field that is the largest at its centre."""
     corners = fields[F]
     own_field = np.take_along_axis(corners, chart[:, None, None], axis=2)[:, :, 0]
     is_hidden = (own_field < corners.max(axis=2)).all(axis=1)

@@ -35,7 +35,7 @@ Naming = Callable[[str], str]  # function that returns the IFC identifier of an 
 
 class Place(NamedTuple):
     """Numbers of the IFC entities that all elements refer to; `material` and `properties` are 0 if unknown.
-    placement : placement of the roof.    part : placement of each part, relative to the roof."""
+    placement : placement of the roof, which holds all parts.    part : placement of each part, relative to the roof."""
 
     body: int
     building: int
@@ -80,7 +80,7 @@ def building(entities: StepEntities, name: str, details: Details, naming: Naming
 
 
 def roof(entities: StepEntities, place: Place, name: str, elements: list[int], naming: Naming) -> None:
-    """Add the roof with its placement, and the material and properties of its elements."""
+    """Add the structure as an IFC roof with its placement, and the material and properties of its elements."""
     title, listed = step_string(one_line(name)), references(elements)
     roof_entity = entities.add(
         f"IFCROOF('{naming('roof')}',$,'{title}',$,'diffusion structure',#{place.placement},$,$,.FREEFORM.)"
@@ -101,7 +101,7 @@ def _on_site(entities: StepEntities, context: int, origin: tuple[float, float, f
 
 
 def surface_style(entities: StepEntities, name: str, colour: Sequence[float]) -> int:
-    """Add a named colour (values from 0 to 1); return the number of its entity."""
+    """Add a surface style with a name and a colour (values from 0 to 1); return the number of the style's entity."""
     rgb = entities.add(f"IFCCOLOURRGB($,{','.join(map(real, colour))})")
     shading = entities.add(f"IFCSURFACESTYLESHADING(#{rgb},0.)")
     return entities.add(f"IFCSURFACESTYLE('{step_string(name)}',.BOTH.,(#{shading}))")

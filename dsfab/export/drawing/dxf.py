@@ -105,7 +105,7 @@ def _add_view(document: Any, view: DrawingView, shift: Floats, height: float, to
 
 
 def add_polyline(space: Any, points: Floats, flat: bool, layer: str) -> Any:
-    """Add a polyline (k, 3) to a drawing and return its entity."""
+    """Add a polyline (k, 3) to a DXF drawing; return its DXF entity. flat : True if all points have the same z."""
     closed = len(points) > 2 and bool((points[0] == points[-1]).all())
     points = points[:-1] if closed else points
     if not flat:

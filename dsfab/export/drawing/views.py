@@ -80,7 +80,7 @@ class _DepthPicture:
 
     @classmethod
     def from_mesh(cls, X: Floats, F: Ints, low: Floats, high: Floats, cell: float) -> "_DepthPicture":
-        """Find the depth in each cell from points on triangles F (m, 3) of a mesh X (n, 3), at most 0.7 cells apart."""
+        """Find the depth in cells from points, at most 0.7 cells apart, on triangles F (m, 3) of a mesh X (n, 3)."""
         shape = np.ceil((high - low) / cell).astype(np.int64) + 3
         depth = np.full(int(shape.prod()), -np.inf)
         corners = X[F]
@@ -99,7 +99,7 @@ class _DepthPicture:
         return cls(low, cell, depth.reshape(shape))
 
     def hides(self, points: Floats, margin: float) -> Bools:
-        """Mark points (k, 3) that lie more than `margin` behind the sheet in all 3 x 3 grid cells around the point."""
+        """Mark points (k, 3) if the sheet is over `margin` nearer to the eye in all 3 x 3 cells around the point."""
         cell_index = ((points[:, :2] - self.low) / self.cell).astype(np.int64) + 1
         cell_index = np.clip(cell_index, 1, np.array(self.depth.shape) - 2)
         nearest = np.full(len(points), np.inf)
@@ -158,7 +158,7 @@ def views_on_paper(part: Part, title: tuple[float, float]) -> tuple[float, list[
 
 
 def _scale(rows: list[list[DrawingView]], title: tuple[float, float]) -> float:
-    """Return the largest standard scale at which all rows fit above the title block, or the last row beside it."""
+    """Return the largest standard scale at which all rows fit above the title block (the last row also beside it)."""
     extents = np.concatenate([view.extent for row in rows for view in row])
     power = 10.0 ** np.floor(np.log10(extents.max() / max(PAPER)) - 1)
     while True:

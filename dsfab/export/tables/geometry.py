@@ -110,7 +110,7 @@ def encode_nodes(part: Part) -> Iterator[bytes]:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the rows of members back and compare them with those of the part."""
+    """Read the rows of members back and compare them with the members of the part."""
     rows = _rows(path)
     check_ids(part, "members", [row["id"] for row in rows])
     return length_error(part, sum(float(row["length_mm"]) for row in rows))

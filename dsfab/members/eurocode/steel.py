@@ -58,7 +58,7 @@ def section_checks(section: Rectangle, forces: Floats, fd: float) -> CheckRatios
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     V, torsion = np.hypot(Vy, Vz) / section.area, np.abs(Mt) / section.Wt
     tau = fd / np.sqrt(3)
-    nearly = 0.95  # limit of V / shear resistance in this formula; above it, the check of shear governs
+    nearly = 0.95  # largest V / shear resistance for `plastic` and `rho`; above it, the check of shear governs
     plastic = V / tau / np.maximum(1 - torsion / tau, V / tau / nearly + 1e-12)
     rho = np.where(plastic > 0.5, (2 * np.minimum(plastic, nearly) - 1) ** 2, 0.0)
     n, strength_share = N / (section.area * fd), 1 - rho
@@ -105,7 +105,7 @@ def _by(lying: Floats, if_lying: Floats, if_upright: Floats) -> Floats:
 
 
 def _interaction(strong: list[Floats], weak: list[Floats], tilted: Floats) -> Floats:
-    """Return the larger of the ratios (6.61) and (6.62). tilted : M / M_Rd / chi_LT about the strong axis.
+    """Return the larger of the ratios [EN 1993-1-1, (6.61), (6.62)]. tilted : M / M_Rd / chi_LT about the strong axis.
     strong, weak : relative slenderness, N / N_b,Rd, M / M_Rd and C_m for this axis."""
     (lam_s, n_s, _, C_s), (lam_w, n_w, m_w, C_w) = strong, weak
     k_ss = C_s * (1 + 0.6 * np.minimum(lam_s, 1) * n_s)

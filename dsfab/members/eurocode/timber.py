@@ -48,7 +48,7 @@ class TimberFactors:
 def timber_checks(
     bays: MemberBays, forces: Floats, grade: TimberGrade, elastic: float, duration: Duration, factors: TimberFactors
 ) -> CheckRatios:
-    """Return force divided by resistance, for bays under forces (b, 5, 6).
+    """Return force divided by resistance. forces : (b, 5, 6), six section forces at five sections of each of b bays.
     duration : duration of the shortest load.
     elastic  : Young's modulus, Pa. Bending a layer into shape gives the stress elastic * thickness * curvature / 2."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
@@ -77,7 +77,7 @@ class Stresses:
 
 
 def stresses(section: Rectangle, forces: Floats, bent: Floats, grade: TimberGrade) -> Stresses:
-    """Return the stresses from forces (b, 5, 6). bent : (b, 5) initial bending stress, Pa, added to |My| / Wy."""
+    """Return `Stresses` from forces (b, 5, 6). bent : (b, 5) initial bending stress, Pa, added to |My| / Wy."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     shear_area = K_CR[grade.product] * section.area
     return Stresses(
@@ -99,7 +99,7 @@ def _bending(section: Rectangle, stress: Stresses, grade: TimberGrade) -> tuple[
 def section_checks(
     section: Rectangle, stress: Stresses, over: float, lengthy: Floats, grade: TimberGrade
 ) -> CheckRatios:
-    """Check b bays at 5 sections each. over : gamma_M / k_mod.  lengthy : (b, 1) factor on tension, long LVL [3.4]."""
+    """Check b bays at 5 sections each. over : gamma_M / k_mod. lengthy : (b, 1) factor of tension in long LVL [3.4]."""
     y, z = (over * ratio for ratio in _bending(section, stress, grade))
     bent = np.maximum(y + K_M * z, K_M * y + z)
     tension = over * lengthy * np.maximum(stress.axial, 0.0) / grade.ft
@@ -131,7 +131,7 @@ def beam_factor(slenderness: Floats) -> Floats:
 
 
 def stability_checks(slim: Rectangle, stress: Stresses, over: float, length: Floats, grade: TimberGrade) -> CheckRatios:
-    """Check buckling of bays. slim : narrowest sections. length : (b, 1) buckling length, m. over : gamma_M / k_mod."""
+    """Check buckling. slim : bays' narrowest sections. length : (b, 1) buckling length, m. over : gamma_M / k_mod."""
     pressed = over * np.maximum(-stress.axial, 0.0).max(axis=1, keepdims=True) / grade.fc
     largest = Stresses(*(np.max(value, axis=1, keepdims=True) for value in vars(stress).values()))
     y, z = (over * value for value in _bending(slim, largest, grade))

@@ -52,7 +52,7 @@ class Beams:
         return Beams(ends[chosen], *shape, self.member[chosen], self.stout[chosen])
 
     def and_links(self, ends: Ints, normal: Floats, width: Floats) -> "Beams":
-        """Return these beams and k more beams, which link the nodes `ends` (k, 2). width : (k,) widths of the links."""
+        """Return these beams and k beams that link nodes `ends` (k, 2). width : (k,), m. normal : (k, 3), local z."""
         none = np.zeros(len(ends))
         return Beams(
             np.concatenate([self.ends, ends]),
@@ -65,7 +65,7 @@ class Beams:
 
 
 def beams_along(joints: AxisJoints) -> Beams:
-    """Return the beams along all axes and the beams of `joints.links`. Nodes inside bays are added to `joints`."""
+    """Return the beams along the axes of all members, and for `joints.links`. New nodes are added to `joints`."""
     rows = list[BeamRow]()
     for number, member in enumerate(joints.members_with_axis):
         for begin, end in pairwise(_stations(joints, member)):
@@ -116,17 +116,17 @@ def _bay(
 
 
 def _sides(member: Member) -> Floats:
-    """Return the widths left and right of the axis; for a disc, which has no inner edge, at least area / length / 2."""
+    """Return a member's widths left and right of its axis; for a disc (no inner edge), at least area / length / 2."""
     return member.sides if member.kind != "disc" else np.maximum(member.sides, member.area / member.length / 2)
 
 
 def _divide_bay(
     member: Member, span: tuple[float, float], joint_widths: tuple[float, float], least: int
 ) -> tuple[Floats, Floats]:
-    """Return arc lengths (k + 1,) that divide a bay into joints and beams, and extra widths (k,), 0 for beams."""
+    """Return arc lengths (k + 1,) that divide a bay into joints and beams, and extra widths (k,) of joints; 0: beam."""
     (s, t), axis = span, member.curve
     half = fitting(np.array(joint_widths) / 2, t - s)
-    half[half < 0.05 * member.mean_width] = 0.0  # half joints shorter than this are left out
+    half[half < 0.05 * member.mean_width] = 0.0  # joints whose half length is smaller are left out
     fine, clear = np.linspace(s, t, 17), np.linspace(s + half[0], t - half[1], 17)
     if axis.closed:
         fine, clear = fine % member.length, clear % member.length
@@ -137,7 +137,7 @@ def _divide_bay(
     count = max(least, min(int(np.ceil(parts)), int((t - s) / (0.5 * member.mean_width))))
     cuts = np.linspace(s + half[0], t - half[1], count + 1)
     spread = np.zeros(count)
-    into = 0.5  # forces spread into the crossing member at 45 degrees
+    into = 0.5  # extra width / width of the crossing member, because forces spread into this member at 45 degrees
     if half[0]:
         cuts, spread = np.concatenate([[s], cuts]), np.concatenate([[into * joint_widths[0]], spread])
     if half[1]:
@@ -158,7 +158,7 @@ class BeamPlaces:
 def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
     """Return the nearest beam to each place (q, 3), and the nearest point on it. points : (n, 3) nodes of the beams."""
     a, b = points[beams.ends[:, 0]], points[beams.ends[:, 1]]
-    count = 9  # samples along each beam; the nearest beam is sought among those of the six samples nearest to a place
+    count = 9  # samples along each beam; candidates for the nearest beam contain one of the place's six nearest samples
     samples = (a[:, None] + np.linspace(0, 1, count)[:, None] * (b - a)[:, None]).reshape(-1, 3)
     candidates = cKDTree(samples).query(places, k=min(6, len(samples)))[1].reshape(len(places), -1) // count
     direction = b - a
@@ -220,10 +220,10 @@ def supports_at_nodes(load: LoadCase, surface: Surface, points: Floats, beams: B
     np.maximum.at(least, group, _blocks(load, surface)[vertices])
     turned = np.zeros(len(which), dtype=bool)
     np.logical_or.at(turned, group, clamped[vertices])
-    block = least > 0.2 * around  # a fixed area wider than 0.2 of the beams' width prevents rotation
+    block = least > 0.2 * around  # a fixed area wider than 0.2 x the width of the node's beams prevents rotation
     still = turned | (block & fixed[:, :3].all(axis=1))
     fixed[:, 3:] |= still[:, None]
-    apart = np.linalg.norm(place - points[which], axis=1) > 0.02 * around  # farther supports need a link
+    apart = np.linalg.norm(place - points[which], axis=1) > 0.02 * around  # supports farther from the node need a link
     return NodeSupports(which, place, apart & ~block, fixed, spring, np.maximum(reach, 0.25 * around))
 
 

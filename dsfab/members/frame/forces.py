@@ -84,7 +84,7 @@ def _cut_cells(s: Floats, lengths: Floats, period: float) -> tuple[Ints, Ints]:
 
 
 def _line(level: Floats) -> tuple[Floats, Ints]:
-    """Return ends of each triangle's line `level` = 0: barycentric weights, and sides; side k begins at corner k."""
+    """Return both ends of the line `level` = 0 in triangles: barycentric weights, and sides (side k from corner k)."""
     ahead = np.roll(level, -1, axis=1)
     crossed = (level > 0) != (ahead > 0)
     order = np.argsort(~crossed, axis=1, kind="stable")[:, :2]
@@ -103,7 +103,7 @@ def _as_sections(surface: Surface, face: Ints, plane: Ints, P: Floats, corner: F
     length = np.linalg.norm(direction, axis=1)
     along = direction / np.maximum(length, np.finfo(float).tiny)[:, None]
     across = np.cross(along, surface.normals[face])
-    ahead = corner[np.arange(len(face)), level.argmin(axis=1)] - a  # to the corner with the largest arc length
+    ahead = corner[np.arange(len(face)), level.argmin(axis=1)] - a  # vector to the corner with the largest arc length
     across *= np.sign(np.einsum("ci,ci->c", ahead, across))[:, None]
     free = surface.edges.boundary[surface.edges.of[face]]
     rows, ends = np.nonzero(free[np.arange(len(face))[:, None], _edge_number(surface, face, edges)])
@@ -132,9 +132,8 @@ class MemberForces:
 
     member : name of the member.    s : (k,) metres along its axis.    bay : (k,) names of the bay's nodes, "N012 N013".
     width  : (k,) width of the section, metres.
-    forces : (k, 6) N, Vy, Vz in newtons and Mt, My, Mz in newton metres, by case and combination.
-             Positive N is tension. Positive My stretches the side of the normal, positive Mz the right side.
-             Mt acts about the axis."""
+    forces : for each case and combination, (k, 6): N, Vy, Vz in newtons, and Mt (about the axis), My, Mz in newton
+             metres. Positive N is tension, positive My stretches the normal's side, positive Mz the right side."""
 
     member: str
     s: Floats
@@ -155,7 +154,7 @@ class MemberForces:
 
 
 def member_forces(graph: MemberGraph, forces: Mapping[str, SectionForces]) -> dict[str, MemberForces]:
-    """Return forces by member, for members with an axis and a bay (part between two nodes). forces : of the sheet."""
+    """Return forces by member, from section forces of the sheet. Members without an axis and two nodes are left out."""
     by_member = {}
     for member in graph.members:
         s, bays = _stations(graph, member)
@@ -197,7 +196,7 @@ def _force_sums(
 
 
 def _edge_forces(cut: Sections, section_forces: SectionForces, graph: MemberGraph, normals: Floats) -> Floats:
-    """Return forces (e, 3), N, of the twisting moment on free edges. Each is divided by `PLANES` (cuts per station)."""
+    """Return forces (e, 3), N, of the twisting moment on free edges, divided by `PLANES` (cuts of each station)."""
     source = graph.source[cut.end_face]
     frame = section_forces.frame[source]
     v, s = (np.einsum("cai,ci->ca", frame, x) for x in (cut.end_across, cut.end_out))

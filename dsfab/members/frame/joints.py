@@ -16,7 +16,7 @@ SAME = 0.25
 
 
 def fitting(halves: Floats, length: float) -> Floats:
-    """Return lengths (2,), m, of the joints at a bay's ends: `halves`, reduced if their sum exceeds 0.8 of the bay."""
+    """Return how far joints reach into a bay at its ends (2,), m: `halves`, scaled to a sum of at most 0.8 `length`."""
     clear = 0.2
     return halves * min(1.0, (1 - clear) * length / max(float(halves.sum()), 1e-30))
 
@@ -67,7 +67,7 @@ class AxisJoints:
         return max((neighbour.mean_width for neighbour in self.other_members(number, member)), default=0.0)
 
     def normal_at(self, number: int) -> Floats:
-        """Return the normal (3,) of the surface at a node on an axis; zero if no axis has the node."""
+        """Return the normal (3,) of the surface at a node on an axis; the zero vector for other nodes."""
         for member in self.other_members(number):
             for s, k in self.on[member.id]:
                 if k == number and member.axis is not None:
@@ -84,7 +84,7 @@ class AxisJoints:
 
 
 def joints_at_nodes(graph: MemberGraph) -> AxisJoints:
-    """Return the joints at the nodes of a graph. Members without an axis have none. `join_ends` joins members' ends."""
+    """Return the joints at a graph's nodes. Nodes of members without an axis are left out; see also `join_ends`."""
     joints = AxisJoints(graph)
     joints.on = {member.id: [] for member in joints.members_with_axis}
     for node in graph.nodes:
@@ -140,8 +140,8 @@ def join_ends(joints: AxisJoints) -> None:
 
 
 def _join_touching(joints: AxisJoints, trees: Trees) -> None:
-    """Join member ends without a node to members that touch them: free ends to all members, other ends only to members
-    that also end there, as in a star. Ends with a node get no links, which would make the frame too stiff."""
+    """Join member ends to members that touch them: free ends to all members, ends that continue in a member only to
+    members that also end there, as in a star. Members with a common node there get no link: it would be too stiff."""
     surface = joints.graph.sheet.surface
     middle = surface.V[surface.edges.ends].mean(axis=1)
     borders = [np.unique(surface.edges.of[member.cells]) for member in joints.members_with_axis]
@@ -224,7 +224,7 @@ def _samples(member: Member) -> tuple[Floats, Floats]:
 
 def add_hubs(joints: AxisJoints) -> None:
     """Add a hub (central node) and spokes (links to the hub) to each member of kind "disc" with 3 nodes or more. The
-    spokes of a disc are together as wide as its closed axis is long. Under a load on the hub, clamped spokes deflect
+    widths of a disc's spokes add up to the length of its closed axis. Under a load on the hub, clamped spokes deflect
     0.73 times as much as the plate, simply supported spokes 1.15 times [Timoshenko, Woinowsky-Krieger 1959, 19]."""
     for member in joints.members_with_axis:
         nodes = sorted({number for _, number in joints.on[member.id]})

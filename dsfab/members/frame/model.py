@@ -263,9 +263,9 @@ STOUT = 0.35
 class FrameAgreement:
     """Comparison of a frame with its sheet, for one case. Ribs of this sheet have the torsional stiffness of bars.
     compliance, displacement : compliance and largest displacement of the frame, divided by those of the sheet.
-    stout : the larger of two shares of the elastic energy. Frame: share in links, and in bays with `Frame.stout` above
-            `STOUT`. Sheet: share outside of members with an axis.
-    twist : largest displacement of this sheet / largest displacement of a thin sheet without this stiffness."""
+    stout : the larger of two shares of elastic energy: the share of the frame's energy in links, and in bays with
+            `Frame.stout` above `STOUT`; and the share of the sheet's energy outside of members with an axis.
+    twist : largest displacement of this sheet / that of a thin sheet without the torsional stiffness of bars."""
 
     case: str
     compliance: float
@@ -275,7 +275,7 @@ class FrameAgreement:
 
     @property
     def slender(self) -> bool:
-        """True if nearly all energy is in slender bays; then beams should agree with the sheet within 10 %."""
+        """True if nearly all energy is in long, narrow bays; beams should then agree with the sheet within 10 %."""
         few = 0.15
         return self.stout <= few
 

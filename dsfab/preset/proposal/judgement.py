@@ -63,7 +63,7 @@ class JudgedReading:
 
 
 def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float = 1.0) -> JudgedReading:
-    """Return the reading with its score, 0 if the sheet could move freely. usual : factor of `up` on the score."""
+    """Return a way of support with its score, 0 if the sheet could move freely. usual : score factor for `up`."""
     if reading.kind == "object":
         return JudgedReading(reading, DRAWN * usual, up)
     surface, supported = shape.surface, reading.vertices(shape.surface)
@@ -99,7 +99,7 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
 
 
 def _steadiness(shape: Shape, reading: SupportReading, supported: Bools, upward: Floats, is_line: bool) -> float:
-    """Return 1 if steady; less if the sheet may tip, swing or lift. is_line : a long support, which can be clamped."""
+    """Return 1 for steady supports, less if the sheet may tip, swing or lift. is_line : True for one long support."""
     if reading.kind in ("wall", "floor"):
         return 1.0
     if reading.kind == "hung" and len(reading.places) == 1 and reading.places[0].name != "upper rim":
@@ -167,7 +167,7 @@ def likely_units(shape: Shape) -> list[tuple[str, float]]:
 
 @dataclass(frozen=True, eq=False)
 class SupportChoice:
-    """The readings (ways to support) of a surface with their scores, the best first, and its unit.
+    """The ways to support a surface with their scores, the best first, and the surface's unit.
     unit  : chosen unit.    units : probability of each possible unit; empty if the unit is known."""
 
     ranking: tuple[JudgedReading, ...]
@@ -191,7 +191,7 @@ class SupportChoice:
 
     @property
     def rivals(self) -> list[JudgedReading]:
-        """At most two readings with nearly the best score; at most one for each axis other than the best axis."""
+        """At most two ways of support with nearly the best score. Axes other than the best axis have at most one."""
         rivals = [rival for rival in self.ranking[1:] if rival.score > CLOSE * self.best.score]
         best_on = {rival.up: rival for rival in reversed(rivals)}
         return [rival for rival in rivals if rival.up == self.best.up or rival is best_on[rival.up]][:2]
@@ -225,7 +225,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
             shapes[up] = Shape(Surface(shapes[up].surface.V * metres_per(units[up][0][0]), coarse.F))
         z = shapes[up].surface.V[:, 2]
         factor *= UNDER if z.min() < -0.2 * np.ptp(z) else 1.0
-        factor *= usual[up] / max(usual.values())  # an axis is less probable if it makes the unit unusual
+        factor *= usual[up] / max(usual.values())  # an axis is less probable if it suggests an unusual unit
         candidates += [(factor, up, reading) for reading in _readings(shapes[up], stand)]
     if not candidates:
         raise PresetError(_no_word(stand, [reading for shape in shapes.values() for reading in readings(shape)]))
@@ -235,7 +235,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
 
 
 def _ranking(shapes: Mapping[Up, Shape], candidates: Sequence[tuple[float, Up, SupportReading]]) -> list[JudgedReading]:
-    """Return ways to support with scores, the best first, without ways of low `form` (highest possible score)."""
+    """Return ways to support with scores, the best first. Ways whose highest possible score is too low are left out."""
     ranking = list[JudgedReading]()
     for factor, up, reading in sorted(candidates, key=lambda candidate: -candidate[0] * candidate[2].form):
         highest = factor * reading.form

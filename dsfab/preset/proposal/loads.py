@@ -19,7 +19,7 @@ LINE_OF_COMMENT = {
     "services": "Pa on the plan area: a placeholder for lights and pipes that hang from the surface",
     "wind": "Pa, velocity pressure: a placeholder for your site [EN 1991-1-4, 4.5]",
 }
-PRESSURE = {"snow": 1000.0, "people": 5000.0, "services": 300.0, "wind": 500.0}  # Placeholders, Pa.
+PRESSURE = {"snow": 1000.0, "people": 5000.0, "services": 300.0, "wind": 500.0}  # Pa; placeholders for values of codes.
 AROUND = 0.3  # A surface is a tower if the horizontal part of its area vector is below this fraction of its area.
 
 

@@ -20,7 +20,7 @@ TABLES = {"support": "[[surface.support]]", "load": "[[surface.load]]"}
 
 def drawn_marks(user_mesh: UserMesh) -> dict[str, Marks]:
     """Return the marks by layer: support, load, keep and void. Return {} for file formats without layers.
-    Raises SurfaceError for a file with marks whose z axis does not point upwards."""
+    Raises SurfaceError if the file has marks and its z axis does not point upwards."""
     path = Path(str(user_mesh.keys.get("file", "")))
     if path.suffix.lower() not in DRAWINGS:
         return {}

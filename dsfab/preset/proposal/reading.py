@@ -39,7 +39,7 @@ Z_UP = (".3mf", ".3dm", ".dxf", ".glb", ".gltf", ".ifc")
 """Suffixes of files in which z is vertical, by the format or its usual program. glTF files are rotated when read."""
 MOSTLY_Z = (".stl", ".step", ".stp", ".brep")  # Suffixes of files in which z mostly is the vertical axis.
 Y_UP = 0.7  # Factor on the scores of supports if y is the vertical axis; few programs use a vertical y axis.
-GROUND = 1e-3  # Largest depth below the ground that counts as zero, divided by the size.
+GROUND = 1e-3  # Largest depth below y = 0 that counts as zero, divided by the size of the surface.
 
 
 def possible_axes(surface: Surface, suffix: str = "", usual: str | None = None) -> dict[Up, float]:
@@ -170,7 +170,7 @@ def mesh_in_file(
 
 
 def _file_decisions(raw: RawMesh, better: RawMesh, scan: bool, mesh: SurfaceInFile) -> Iterator[Decision]:
-    """Yield notes on a file: parts read or left out, remarks, repairs, parallel sheets. better : `raw` after repair."""
+    """Yield notes on parts read or left out, repairs, parallel sheets, and remarks. better : `raw` after repair."""
     if raw.record.surface_words:
         yield Decision("file", f"read: {raw.record.surface_words}")
     if raw.record.mark_words:
@@ -249,7 +249,6 @@ def size_doubt(sides: Sequence[float], unit: str) -> str:
 
 
 def _unit_words(surface: Surface, chosen: SupportChoice, declared: str | None, option: str | None) -> str:
-    """Return the decision on the unit, as text: the surface's size in this unit, and in other probable units."""
     sides, unit = np.ptp(surface.V, axis=0).tolist(), chosen.unit
     words = f"{unit}{', as the file says' if declared == unit else ''}: it is {_box(surface)}"
     alternatives = sizes_in_other_units(sides, unit, USUAL)

@@ -11,9 +11,9 @@ from dsfab.core.arrays import Bools, Floats, Ints, lock, point_tuple
 from dsfab.preset.proposal.shape import DEPTH, NECK, RISE, STRIP, Edge, Shape, is_scalloped
 from dsfab.surface import Ball, Boundary, Box, Surface, link_components
 
-DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25  # `SupportReading.form`: supports are shown by the shape, usual, or possible.
+DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25  # `SupportReading.form` if the shape shows supports; if usual; if possible.
 RARER = 0.8  # Factor on `SupportReading.form` for hanging surfaces and for walls, because roofs are more frequent.
-LEFT = 0.7  # Factor on `SupportReading.form` if necks or hollows of the surface (see `Shape`) stay without support.
+LEFT = 0.7  # Factor on the score `SupportReading.form` if necks or hollows (see `Shape`) stay without support.
 SAG = 0.15  # Smallest sag of a hanging roof, divided by its height.
 WALLS = 0.8  # `_edge_form` above which an outer edge is level and low enough to stand on walls.
 APART = 12.0  # Largest distance between posts along a strip, metres.
@@ -83,7 +83,7 @@ def readings(shape: Shape) -> list[SupportReading]:
 
 
 def distinct_readings(shape: Shape) -> list[SupportReading]:
-    """Return the ways to support a shape. Of ways with nearly equal supports, the way with the highest `form` stays."""
+    """Return different ways to support a shape. Of ways with nearly equal supports, only the best is kept."""
     distinct = list[tuple[SupportReading, Bools]]()
     for reading in readings(shape):
         supported = reading.vertices(shape.surface)
@@ -94,7 +94,7 @@ def distinct_readings(shape: Shape) -> list[SupportReading]:
 
 
 def _of_what_it_leaves(shape: Shape, reading: SupportReading) -> SupportReading:
-    """Return the reading (way of support), with a lower `form` (score) if necks, or hollows of a roof, stay free."""
+    """Return a way of support, with a lower score `form` if it leaves necks, or hollows of a roof, without support."""
     free = len(shape.heads) * (reading.word not in ("loops", "walls")) + len(shape.lugs) * (reading.word != "hung")
     ponds = len(shape.inner_hollows) > 0 and not shape.heads and reading.kind == "roof"
     ponds = ponds and reading.word not in ("hollows", "columns")
@@ -125,7 +125,7 @@ def _edge_place(edge: Edge) -> SupportPlace:
 
 
 def _whole(shape: Shape, edges: Sequence[Edge], name: str) -> tuple[SupportPlace, ...]:
-    """Return whole edges as supports. A support has its edge's number if no other edge's length is within 5 %."""
+    """Return whole edges as supports. A support has its edge's number if no other edge is within 5 % of its length."""
     places = []
     for edge in edges:
         rivals = [rival for rival in shape.edges if abs(rival.length / edge.length - 1) < 0.05]
@@ -143,12 +143,11 @@ def _column_heads(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _edge_form(shape: Shape) -> float:
-    """Return 1 if the outer edge is level and not above the centre of mass, like an edge on walls, else less than 1."""
+    """Return 1 if the outer edge is level and not above the centre of mass, as on walls; less for other edges."""
     return _mean([edge.levelness * shape.lowness(edge) for edge in shape.outer])
 
 
 def _walls(shape: Shape) -> Iterator[SupportReading]:
-    """Yield walls below a level outer edge with columns inside, if the shape has column heads."""
     if shape.heads and (form := _edge_form(shape)) > WALLS:
         places = (
             *_whole(shape, shape.outer, "wall"),
@@ -207,7 +206,7 @@ def _whole_edges(shape: Shape) -> Iterator[SupportReading]:
     floor = max(_roof(shape), float(shape.is_floor))
     drop = _mean([edge.z.mean() for edge in shape.outer]) - _mean([edge.z.mean() for edge in shape.large])
     is_vault = bool(shape.large) and shape.rise > 0.05 * shape.width and abs(drop) < 0.05 * shape.rise
-    loss = LEFT if is_vault else 1.0  # a vault's inner edge, as low as its outer edge, is probably a support, too
+    loss = LEFT if is_vault else 1.0  # a vault's inner and outer edge are equally low, so both probably have supports
     yield SupportReading("edge", kind, _whole(shape, shape.outer, name), DRAWN * loss * floor * _mean(outer))
     below = drop > max(0.3 * shape.rise, 0.015 * shape.width)
     usual = loss * (DRAWN if below else USUAL) * _roof(shape)

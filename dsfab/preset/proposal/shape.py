@@ -82,7 +82,7 @@ class Edge:
 
     @cached_property
     def length(self) -> float:
-        """Length, metres."""
+        """Length of the edge, metres."""
         return polyline_length(np.vstack([self.points, self.points[:1]]) if self.closed else self.points)
 
     @property
@@ -105,7 +105,7 @@ class Edge:
 
     @cached_property
     def straight_levelness(self) -> float:
-        """Levelness of an edge on a straight wall or beam. Only the ratio of rise to length of the edge counts."""
+        """1 for a level edge, 1/2 if rise / length is `SLOPE`, for an edge on a straight wall or beam."""
         return float(1 / (1 + (np.ptp(self.z) / max(self.length, 1e-12) / SLOPE) ** 2))
 
     def valleys(self, height: float, shortest: float) -> Iterator[tuple["Edge", float]]:
@@ -199,7 +199,7 @@ class Shape:
 
     @property
     def is_raised(self) -> bool:
-        """True above the ground: the rise is under `HEAD` (too low to stand under), or the lowest z is over `HEAD`."""
+        """True for a raised surface: too low for people below (rise < `HEAD`), or lowest z at or above `HEAD`."""
         return self.rise < HEAD or HEAD <= self.surface.V[:, 2].min() <= 1.5 * self.surface.size
 
     @cached_property
@@ -244,7 +244,7 @@ class Shape:
         return float(middle[2] - np.median(around)) / radius if len(around) else 0.0
 
     def lowness(self, edge: Edge) -> float:
-        """Return 1 for an edge at or below the centre of mass, 0 at the top; 1 for any edge of an almost flat sheet."""
+        """Return 1 for an edge at or below the centre of mass, 0 at the surface's top. Almost flat sheets: always 1."""
         rise = (edge.z.mean() - self.middle[2]) / max(self.surface.V[:, 2].max() - self.middle[2], 1e-9)
         return 1.0 if self.rise < 0.05 * self.width else float(np.clip(1 - rise, 0, 1))
 

@@ -27,7 +27,7 @@ class Sizes:
     """Proposed lengths in metres.
     edge    : edge length of the mesh; 0 if the user's mesh does not change.
     own     : mean edge length of the user's mesh.
-    span    : shorter side of the plan (see `shorter_side`). For a roof with a far smaller span, this span.
+    span    : shorter side of the plan (see `shorter_side`); or the span of a roof, if it is far smaller than this side.
     bridged : span between the supports if it is far longer than the shorter side of the plan, else 0."""
 
     span: float
@@ -51,8 +51,8 @@ class Sizes:
     def with_feet(self, surface: Surface, feet: Sequence[Floats], roof: bool = False) -> "Sizes":
         """Return the sizes for a surface on feet (k, 3). The span is twice the distance in plan from the feet to the
         farthest vertex. If the span of a roof is far smaller than the plan's shorter side, as around a courtyard, all
-        lengths follow from the span. If the span far exceeds this side, spacing and thickness are larger. The thickness
-        is then 1.1 times that for the geometric mean of span and side, because bending is largest at clamped ends."""
+        lengths follow from the span. If the span is far longer than this side, spacing and thickness are larger. The
+        thickness then suits a span of 1.1 sqrt(span x side), because bending is largest at clamped ends."""
         if is_figure(surface) or not feet:
             return self
         distance, _ = cKDTree(np.concatenate(feet)[:, :2]).query(surface.V[:, :2])

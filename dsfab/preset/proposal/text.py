@@ -38,7 +38,7 @@ def proposal_text(user_mesh: UserMesh, plan: ProposedValues, keys: Mapping[str, 
     keys : keys of [surface] that define the mesh.    notes : reason of each decision, by topic."""
     size, stands, marks = plan.size, plan.stands, plan.marks
     surface, stand = user_mesh.surface, () if "support" in marks else stands
-    file = "" if "origin" in keys else str(keys.get("file"))  # curves in the file do not have the new origin
+    file = "" if "origin" in keys else str(keys.get("file"))  # curves in the file keep the old origin
     tables = list(mark_tables(marks, file, str(keys.get("unit")), size, size.edge or surface.mean_edge))
     head = [
         f"# {user_mesh.name}: made by `dsfab new`; every value is a proposal. Units: metres, newtons, pascals.",

@@ -55,7 +55,7 @@ class MemberFaces:
 
 def drawn_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
     """Return the faces of all bars and plates; in a plan without bars, the faces of all members that have parts.
-    Faces: uppermost layer of strips, two sides and upper edge of planks, one side of plates; fills only with planks."""
+    Strips: uppermost layer. Planks: two sides and upper edge. Plates: one side. Fills are drawn only with planks."""
     assert plan.graph is not None
     if plan.bars:
         return bar_faces(plan, palette)

@@ -40,7 +40,7 @@ LAYERS_UNCHECKED = (
     "effects of moisture, grain and knots; distances of bolts from edges and ends (see the material's standard)",
     "bearings: the parts that hold the structure at its supports",
 )
-"""Risks of bent layers that dsfab does not check, for the last page of the book."""
+"""Risks of bent layers that dsfab does not check, for the last page of `assembly.pdf`."""
 
 
 def assembly_pdf(plan: WorkshopPlan, design: Design) -> bytes:

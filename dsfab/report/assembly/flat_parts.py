@@ -148,8 +148,8 @@ def table_pages(
     places: Sequence[float],
     note: str,
 ) -> list[PartsPage]:
-    """Return pages of a table, first column bold, in parts side by side. size : rows of a part, and parts on a page.
-    places : distances of the columns from the left edge of a part, mm. Columns from 50 mm on are flush right."""
+    """Return pages of a table, first column bold, in blocks side by side. size : rows per block, and blocks per page.
+    places : distances of the columns from the left edge of a block, mm. Columns from 50 mm on are flush right."""
     down, columns = size
 
     def draw(paper: Paper, page_rows: Sequence[Sequence[str]]) -> None:

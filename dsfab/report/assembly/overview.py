@@ -212,7 +212,7 @@ def _ordered_steps(
     z = surface.V @ up
     heights = {member.id: float(z[surface.F[member.cells]].min()) for member in graph.members}
     span = max(max(heights.values()) - min(heights.values()), 1e-9)
-    level = 0.02  # members are sorted by name if height difference / height of structure is smaller
+    level = 0.02  # if height difference / height of structure is below this, members are sorted by name
     entries = [
         (number, round(heights[member.id] / span / level), k, member.id)
         for k, member in enumerate(graph.members)

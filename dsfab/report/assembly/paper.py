@@ -145,7 +145,7 @@ class Paper:
             self.canvas.circle(x, y, diameter / 2 * MM)
 
     def faces(self, faces: FaceList, fitted: DrawingTransform) -> None:
-        """Draw faces at places from `fitted`, as one string of PDF operators. A call per face is ten times as slow."""
+        """Draw faces, placed by `fitted`, as one string of PDF operators. A call per face is ten times as slow."""
         P = (fitted.to_paper(faces.corners) * MM).reshape(-1, 8)
         dark = 0.55 * faces.colours
         rows = np.concatenate([faces.colours, P, dark, P[:, :4], P[:, 4:]], axis=1)

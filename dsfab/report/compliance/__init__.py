@@ -30,7 +30,7 @@ __all__ = ["FILES", "Findings", "compliance_document", "write_report"]
 
 
 def compliance_document(findings: Findings, rows: Sequence[Mapping[str, Any]], pictures: FindingsPictures) -> Document:
-    """Return the report as a document. rows : rows of `results.json` for several shares of material."""
+    """Return the compliance report as a document. rows : rows of `results.json` for several shares of material."""
     from dsfab.preset.file import preset_toml
 
     preset, library_versions = findings.task.preset, versions()

@@ -140,7 +140,7 @@ def chart_images(findings: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[
 
 @contextmanager
 def lettering(**settings_of_chart: Any) -> Iterator[None]:
-    """Use the fonts of a report for all charts in a `with` block. settings_of_chart : other settings of matplotlib."""
+    """Use the fonts of a report for all charts in a `with` block. settings_of_chart : more settings of matplotlib."""
     import logging
 
     import matplotlib as mpl
@@ -239,7 +239,7 @@ class FindingsPictures:
         return self.band_figure(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
 
     def displacement(self, answered: AnsweredLoad, limit: float, caption: str) -> ReportFigure:
-        """Draw the deformed sheet, coloured by displacement to `limit`, m. `{factor}` in `caption`: magnification."""
+        """Draw the deformed sheet, coloured by displacement, 0 to `limit` (m). `{factor}` in `caption`: enlargement."""
         sheet, u = self.findings.structure.sheet.surface, answered.equilibrium.u
         # the largest displacement is magnified to 7 % of the surface's size, or less
         factor = round_number_above(0.07 * self.findings.task.surface.size / float(np.linalg.norm(u, axis=1).max())) / 2

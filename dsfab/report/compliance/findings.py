@@ -93,7 +93,7 @@ def round_number_above(value: float) -> float:
     return float(next(power * step for step in (1.0, 2.0, 2.5, 5.0, 10.0) if power * step >= value * (1 - 1e-9)))
 
 
-SAFE_BUCKLING_FACTOR = 5.0  # least safe factor; real shells buckle at 1/5 to 1/2 of the linear factor
+SAFE_BUCKLING_FACTOR = 5.0  # smallest factor that is safe; real shells buckle at 1/5 to 1/2 of the linear factor
 
 LABELS = {
     "full": "Whole sheet, uncut",
@@ -123,7 +123,7 @@ class Findings:
     """Comparison of a design with competitors of the same mass, and comparisons for other shares of material, if any.
     A design without equilibrium (`carries` is False) has no `judgement` and no `fields`.
     command : command line that repeats the comparison.
-    share   : share of material of the design if its widths were scaled; else None."""
+    share   : share of material to which the widths of the design were scaled; None if they were not scaled."""
 
     compared: Comparison
     volumes: Sequence[tuple[float, Comparison]]
@@ -157,7 +157,7 @@ class Findings:
 
     @property
     def judgement(self) -> Judgement:
-        """Compliance of the design, its response to each load, and the verdict on their accuracy."""
+        """Compliance of the design, its response to each load, and the verdict on the accuracy of these results."""
         assert self.design.judgement is not None
         return self.design.judgement
 
@@ -174,7 +174,7 @@ class Findings:
 
     @cached_property
     def cut_load_sums(self) -> Mapping[str, Floats]:
-        """Sum (3,) of each case and combination on the cut sheet, newtons; empty if a load meets no material."""
+        """Sum of forces (3,) of each case and combination on the cut sheet, N; empty if a load meets no material."""
         if not self.carries:
             return {}
         task, structure = self.task, self.structure
@@ -237,7 +237,7 @@ class Findings:
 
     @cached_property
     def checks(self) -> list[CheckLine]:
-        """Checks of supports, compliance, theory, balance, mesh and limits; only one check without equilibrium."""
+        """Checks of supports, compliance, theory, balance, mesh and limits. Without equilibrium, there is only one."""
         if not self.carries:
             reason = f"no: {self.design.error}"
             return [CheckLine("Carries its loads", "fail", reason, "equilibrium with its supports")]

@@ -1,4 +1,4 @@
-"""Sections of a compliance report, also of the report on a design that cannot carry its loads."""
+"""Sections of a compliance report. A design that cannot carry its loads has other sections."""
 
 from collections.abc import Mapping, Sequence
 

@@ -37,7 +37,7 @@ def checks_table(checks: list[CheckLine], number: CaptionNumbers, caption: str) 
 
 
 def key_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return the key results of the first page."""
+    """Return the table of key results for the first page of the report. number : counters for captions."""
     moving_case, moving = findings.decisive_case("displacement")
     stressed_case, stressed = findings.decisive_case("stress")
     several = len(findings.cases) > 1
@@ -123,7 +123,7 @@ def _kept_words(design: Competitor, sheet: Surface | None) -> str:
 
 
 def loads_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return the sums of forces of each case and combination, on the cut sheet if it carries every load."""
+    """Return a table of forces: sums for each case and combination, on the cut sheet if it carries all, else uncut."""
     task, rows = findings.task, []
     cases = task.statics.cases
     uncut = {name: case.load.force.sum(axis=0) for name, case in cases.items()}
@@ -376,7 +376,7 @@ def _rival_row(findings: Findings, competitor: Competitor) -> tuple[str, ...]:
 
 
 def volumes_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return compliances divided by that of the whole sheet, for each share of material."""
+    """Return a table of compliances for each share of material, divided by the compliance of the whole sheet."""
     names = [competitor.name for competitor in findings.volumes[0][1].competitors if competitor.name != "full"]
     rows = []
     for share, compared in findings.volumes:
@@ -398,7 +398,7 @@ def _ratio(competitor: Competitor, full: float) -> str:
 
 
 def versions_table(versions: Mapping[str, str], number: CaptionNumbers) -> Table:
-    """Return the versions of dsfab and of the libraries that a result depends on."""
+    """Return a table of the versions of dsfab and of the libraries that a result depends on."""
     return Table(number.table("Versions."), ("Part", "Version"), list(versions.items()), 2, "", (1, 3))
 
 

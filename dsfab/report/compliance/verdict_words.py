@@ -60,7 +60,7 @@ def alternative_banners(findings: Findings) -> list[Banner]:
 
 
 def comparison_sentences(findings: Findings) -> list[str]:
-    """Return a sentence for each competitor: how much stiffer or softer the design is."""
+    """Return a sentence for each competitor: how much stiffer or softer the design is than the competitor."""
     lines = [_rival_sentence(findings, rival) for rival in findings.compared.rivals]
     return lines or ["The design was compared with no other structure."]
 
@@ -106,7 +106,7 @@ def _thinner_sentence(findings: Findings, rival: Competitor) -> str:
 
 
 def thinner_sheet_words(findings: Findings) -> str:
-    """Return sentences that compare a thinner whole sheet with the design, by share of material; '' without a sheet."""
+    """Return sentences on which is stiffer at each share of material: design or thinner sheet; '' without a sheet."""
     pairs = [
         (f"{share:.0%}", _compliance_range(compared.design), _compliance_range(compared["thinner"]))
         for share, compared in findings.volumes

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 def answer_facts(design: Design, case: "CaseResult | StaticsResult") -> dict[str, Any]:
     """Return stress, energy and requested results of the uncut sheet under one load, in SI units.
-    `answered_by` names the finite elements. If reports do not use these elements, stress and energy are left out.
+    The fact `answered_by` names the finite elements. Stress and energy are left out for elements that reports omit.
     Requested frequencies and buckling factors are lists, which are empty if the results are missing."""
     answers, questions, areas = case.answers, design.preset.statics.analyses, design.surface.areas
     stress, facts = answers.stress, dict[str, Any](answered_by=str(answers.elements))
@@ -95,7 +95,7 @@ def mode_lines(design: Design) -> list[str]:
 
 def equilibrium_facts(design: Design, load: "LoadCase", answer: Equilibrium) -> dict[str, Any]:
     """Return compliance, largest displacement, residuals, and sums of loads and reactions of one equilibrium.
-    Compliance and displacement are left out if reports may not show results of the finite elements of `answer`."""
+    Compliance and displacement are left out for finite elements whose results reports may not show."""
     moved = {"compliance_J": answer.compliance, "largest_displacement_m": answer.largest_displacement}
     return {
         **(moved if answer.elements.is_reported else {}),

@@ -202,7 +202,7 @@ def _check_facts(check: "Check") -> dict[str, Any]:
 
 
 def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Yield lines on smallest features and pieces, and a table: all limits of the preset, unmet limits of dsfab."""
+    """Yield lines on smallest features and pieces; then a table of the preset's limits and of dsfab's unmet limits."""
     sizes = {name: facts[name] for name in ("smallest_member", "smallest_gap", "thinnest_wall") if facts[name]}
     words = [f"{name.replace('_', ' ')} {length(value['m'])}" for name, value in sizes.items()]
     usual_width = facts["member_widths"]["at_share_of_walls"].get("50%")

@@ -19,7 +19,7 @@ class Cells:
 
     start    : (c + 1,) index into `corner` of each polygon's first corner; the last entry is len(corner) = h.
     corner   : (h,) vertices. An index into `corner` is called a slot.
-    sides_on : (h,) line of the side from each slot: row of `CutLines`; 0 for no line; -1 - l on level l of a split."""
+    sides_on : (h,) row of `CutLines` for the side from each slot; 0 without a line. A split uses -1 - l for level l."""
 
     start: Ints
     corner: Ints
@@ -43,7 +43,7 @@ class Cells:
 
     @cached_property
     def owner(self) -> Ints:
-        """(h,) the polygon of each slot (index into `corner`)."""
+        """(h,) for each slot (index into `corner`), the number of its polygon."""
         return np.repeat(np.arange(len(self.sizes)), self.sizes)
 
     @cached_property
@@ -87,7 +87,7 @@ class Cells:
         return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[slots], self.sides_on[slots])
 
     def with_new_lines(self, lines: Ints) -> "Cells":
-        """In `sides_on`, replace each mark -1 - l, for a side on level l, by lines[l, polygon], a row of `CutLines`.
+        """Replace marks of levels by rows of `CutLines`: in `sides_on`, -1 - l (level l) becomes lines[l, polygon].
         lines : (levels, c); a dimension may be 1 if all levels, or all polygons, have the same line."""
         side = np.flatnonzero(self.sides_on < 0)
         if not len(side):
@@ -173,7 +173,8 @@ def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
 
 
 def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
-    """Return triangles with the highest least quality, and their rows. rating[i, j] : least quality, corners i to j."""
+    """Divide each polygon (g, s) into triangles so that the worst quality is best; return also the triangles' polygons.
+    rating[i, j] : worst quality in the best division of the polygon with the corners i, ..., j."""
     g, size = polygons.shape
     if size == 3:
         return polygons, np.arange(g)
@@ -228,7 +229,7 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
 
 SNAP_FLOOR = 1e-9
 """Smallest fraction for snapping (a value moves onto a near level, see `cut`); it applies even at snap = 0."""
-TIP = 1e-3  # Largest snap fraction (see `cut`) if one edge of a stripe moves and the stripe's opposite edge stays.
+TIP = 1e-3  # Largest snap fraction (see `cut`) for moving only one edge of a stripe; the opposite edge stays.
 
 
 def nearest_levels(x: Floats, levels: Floats) -> Floats:
@@ -242,11 +243,9 @@ def nearest_levels(x: Floats, levels: Floats) -> Floats:
 def snap_values(
     x: Floats, levels: Floats, sides: tuple[Ints, Ints], difference: Floats, fraction: float, free: Bools
 ) -> Floats:
-    """Move values x (n,) onto levels (k,) nearby.
-
-    A value moves by at most `fraction` of the largest change of x on the edges at its vertex.
-    sides : both vertices of each edge.    difference : change of x on each edge.    free : (n,) mask of movable values.
-    """
+    """Move each value x (n,) at a vertex onto the nearest of the levels (k,), if this level is close.
+    A value moves by at most `fraction` times the largest `difference` on the edges at its vertex.
+    sides : both vertices of each edge.    difference : change of x on each edge.    free : (n,) movable values."""
     level = nearest_levels(x, levels)
     gap = np.abs(x - level)
     may_snap = gap <= fraction * difference.max(initial=0.0) + _rounding(x)
@@ -266,7 +265,7 @@ def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) 
     steps, limit = level - x, fraction * reach + _rounding(x)
     gap = np.abs(steps)
     share = gap * limit[:, ::-1]
-    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # equally near: the larger step is chosen
+    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # equally near to levels: take the larger step
     upper_nearer = (share[:, 0] < share[:, 1]) | tie
     chosen = np.stack([upper_nearer, ~upper_nearer], axis=1)
     step = np.where(chosen, steps, 0).sum(axis=1)

@@ -25,8 +25,8 @@ from dsfab.surface.fields import CornerField
 class PolygonField:
     """A `CornerField` on the vertices of a mesh of polygons.
 
-    lead   : (n',) one face around each vertex.    values : (n', 1 or 2) the field at the vertices, in the face `lead`.
-    sign, shift : (h,) for polygon corners: the field in the polygon's parent face is sign * value + shift.
+    lead   : (n',) for each vertex, the face in which its values hold.    values : (n', 1 or 2) see `CornerField.x`.
+    sign, shift : (h,) for polygon corners: in the polygon's own uncut face, the field is sign * value + shift.
     blank  : (h,) True for polygon corners without a value."""
 
     mesh: PolygonMesh
@@ -61,7 +61,7 @@ class PolygonField:
         face, sign, shift = mesh.face, np.ones(len(mesh.face)), np.zeros(len(mesh.face))
         turned_slots = np.flatnonzero(
             field.changed_faces[face] | field.changed_faces[lead][mesh.cells.corner]
-        )  # sign stays 1, and shift stays 0, at all polygon corners that are not in `turned_slots`
+        )  # at all other polygon corners, sign is 1 and shift is 0
         if len(turned_slots):
             vertex, slot_face = mesh.cells.corner[turned_slots], face[turned_slots]
             lead_face, support_vertex = lead[vertex], mesh.support[vertex]
@@ -72,7 +72,7 @@ class PolygonField:
         return cls(mesh, field, values, lead, sign, shift, field.blank[face])
 
     def value_index(self, side: int) -> Ints:
-        """Return indices (h,) of corners in values.ravel(). side : 0 for z + d, 1 for z - d (field z, half-width d)."""
+        """Return indices (h,) in values.ravel() of z + d (side 0) or z - d (side 1). z : field. d : half-width."""
         return self._lower if side else self._upper
 
     @cached_property
@@ -108,13 +108,13 @@ class PolygonField:
         return changed
 
     def side_values(self, side: int, foreign: Bools | None = None) -> SideValues:
-        """Return the field at both ends of polygon sides. foreign : (h,) sides without own value; default: `blank`."""
+        """Return the field at both ends of sides. foreign : (h,) see `SideValues`; default: `blank`."""
         return SideValues.from_slots(
             self.mesh.cells, self.slot_values(side), self.blank if foreign is None else foreign
         )
 
     def after_split(self, split: Split, side: int, lines: Ints) -> "PolygonField":
-        """Return the field after a split at levels. side : edge of stripes, 0 for z + d, 1 for z - d (half-width d).
+        """Return the field z after a split at levels of z + d (side 0) or z - d (side 1). d : half-width of stripes.
         lines : (l, 1) row of `CutLines` for each level."""
         mesh, following = self.mesh.after_split(split, lines), self.mesh.cells.following
         cut = self.slot_values(side)
@@ -129,7 +129,7 @@ class PolygonField:
         return PolygonField._from_leads(mesh, self.field, np.concatenate([self.values, new_values]), lead)
 
     def turned_edges(self) -> tuple[Bools, Bools]:
-        """Find edges where the field changes sign; return two masks (h,): sides in their first and second polygon."""
+        """Return masks (h,) of sides where the field changes sign: in the edge's first, and in its second polygon."""
         cells = self.mesh.cells
         a, b = cells.corner, cells.next_values(cells.corner)
         leading, second = np.zeros((2, len(a)), dtype=bool)
@@ -158,7 +158,7 @@ def corner_band(
     If the field changes its sign across a mesh edge, this edge first gets vertices at all levels.
 
     snaps : snap fractions (see `cut`): for moves of whole stripes, and for moves of one edge of a stripe (see `TIP`).
-    size  : size of the surface, m.    edges : (l, 2) rows of `CutLines` for the edges z + d and z - d at each level."""
+    size  : size of the surface, m.    edges : (l, 2) rows of `CutLines`: z + d = level, z - d = level (see `cut`)."""
     void = (mesh.void | mesh.again) & ~field.blank[mesh.parent]
     if field.wanted is not None and void.any():
         void &= _cells_to_cut(mesh, field.wanted)
@@ -177,7 +177,7 @@ def corner_band(
 
 
 def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
-    """Return a mask (c,) of void polygons without a field value that have stripes on most of their outline."""
+    """Return a mask (c,) of void polygons without a field value, with material along over half of their outline."""
     inner = mesh.void & blank[mesh.parent]
     if not inner.any():
         return inner
@@ -194,7 +194,7 @@ def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
 
 
 def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
-    """Return a mask (c,) of openings, and of material in `mesh.again`, whose mean `wanted_share` is above one half."""
+    """Return a mask (c,) of polygons to cut: in openings, or in `mesh.again`, with mean `wanted_share` over a half."""
     least = 0.5  # an opening or a face is cut if the mean of `wanted_share` is larger
     crossed = mesh.again & (wanted_share > least)[mesh.parent]
     if not mesh.void.any():
@@ -246,7 +246,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved))
 
     def with_snapped_values(self, side: int) -> "StripeCut":
-        """Move the upper (side 0) or lower (side 1) edges of stripes onto vertices within the snap fraction `tip`."""
+        """Move edges of stripes onto vertices within the snap fraction `tip`. side : 0 for z + d, 1 for z - d."""
         x = self.seen.values.ravel()
         a, b, difference = self._side_ends(side)
         free = np.ones(len(x), dtype=bool)
@@ -254,7 +254,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved.reshape(self.seen.values.shape)))
 
     def with_turned_edges(self, side: int) -> "StripeCut":
-        """Add vertices to edges where the field changes sign, where its values in the first polygon equal levels."""
+        """Add vertices to edges where the field changes sign: where the values of the first polygon equal a level."""
         leading, second = self.seen.turned_edges()
         owner = self.seen.mesh.cells.owner
         if not self.active[owner[leading | second]].any():
@@ -268,8 +268,8 @@ class StripeCut:
 
     def cut_along_levels(self, side: int, above: bool) -> tuple["StripeCut", Ints]:
         """Cut the polygons `active` along edges of stripes: where z + d (side 0) or z - d (side 1) equals a level.
-        Return also each polygon's strip (c',); strip j has j levels below it. z : field. d : half-width of stripes.
-        above : True puts a polygon that lies on a level into the strip above."""
+        Return also the number (c',) of levels below each polygon. z : field. d : half-width of stripes.
+        above : True counts a level as below a polygon that lies on this level."""
         state = self.with_snapped_values(side)
         for _ in range(ROUNDS):
             seen, mesh = state.seen, state.seen.mesh

@@ -31,7 +31,7 @@ LEVEL_GAP = 1e-6  # Levels closer to each other than this fraction of the field'
 Field = Floats | CornerField | DividedField
 DividedAgain = Callable[[PolygonMesh, int, Bools], Bools]
 """Function that returns a mask (c,) of material that the next fields may divide too. Arguments: the mesh of polygons;
-number k of the latest field; a mask (m,) of faces without field k, and of the neighbours of these faces."""
+number k of the latest field; a mask (m,) of faces where field k has no value, and of neighbours of these faces."""
 
 
 def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05) -> Sheet:
@@ -84,7 +84,7 @@ def polygons_along(
     mesh: PolygonMesh | None = None,
 ) -> PolygonMesh:
     """Cut a surface as `cut_polygons` does. values, levels : results of `checked_lines`.
-    divided_again : selects, after each field, material that the next fields may cut too; default: no material."""
+    divided_again : see `DividedAgain`; by default, a field does not cut the material of earlier fields."""
     if not 0 <= snap <= 0.4:
         raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
     divided, on_parts = _division(fields)
@@ -133,7 +133,7 @@ def _tip_snap(snap: float) -> float:
 def _plain_splits(
     mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Split polygons at levels `lines` of x; return splits, and a mask of material. edges : rows of `CutLines`."""
+    """Split polygons where field x has a value in `lines`; return splits, material mask. edges : rows of `CutLines`."""
     if x.ndim == 2:
         return _band(mesh, x, lines, snap, size, edges)
     split = clean_split(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, Snapping(snap, size))
@@ -143,8 +143,8 @@ def _plain_splits(
 def _band(
     mesh: PolygonMesh, x: Floats, levels: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Split void cells at levels of x[:, 0], then of x[:, 1], the edges of stripes; return splits and a material mask.
-    The second split uses the vertices of the first split, so the two edges meet in a vertex where the stripe ends."""
+    """Split void cells at the edges of stripes: levels of x[:, 0], then of x[:, 1]. Return splits and a material mask.
+    Where a stripe ends, its edges meet in a vertex, because the second split uses the vertices of the first split."""
     cells, X, void = mesh.cells, mesh.X, mesh.void | mesh.again
     if not len(levels):
         return [], np.zeros(len(void), dtype=bool)
@@ -163,8 +163,7 @@ def _band(
 
 
 def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints, Ints]:
-    """Divide polygons into triangles; return also the polygon (m',) of each triangle, and its lines (`Sheet.sides_on`).
-
+    """Divide polygons into triangles; return also each triangle's polygon (m',), and lines of its sides (m', 3).
     parent : (c,) uncut face of each polygon. Raises PatternError for triangles without area."""
     F, cell = triangulate(cells, X)
     try:
@@ -181,7 +180,7 @@ def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Int
 def checked_lines(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike]
 ) -> tuple[list[Floats], list[Floats]]:
-    """Return the values (n,) or (n, 2) of each field, and its distinct levels; raise errors as `cut` does."""
+    """Check fields and levels; return each field's values (n,) or (n, 2), and distinct levels. Errors: see `cut`."""
     values = [_checked_field(surface, k, f) for k, f in enumerate(fields)]
     return values, [_checked_levels(k, x, lines) for k, (x, lines) in enumerate(zip(values, levels, strict=True))]
 
@@ -201,7 +200,7 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
 
 
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
-    """Return distinct levels of field k. Of equal levels, pairs drop out for a field (n,), one stays for (n, 2)."""
+    """Return distinct levels of field k. Equal levels cancel in pairs for a field (n,); for (n, 2), one remains."""
     values = np.asarray(levels, dtype=np.float64)
     if values.ndim != 1 or not np.isfinite(values).all() or (np.diff(values) < 0).any():
         raise PatternError(f"the levels of field {k} must be finite and ascending")
@@ -232,7 +231,7 @@ def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
 
 
 def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
-    """Return a sheet in which polygons from `recut_polygons`, after a cut, replace their cells `source` (c,)."""
+    """Return the sheet with polygons in place of cells. mesh : `recut_polygons`, then cut. source : (c,) the cells."""
     surface = sheet.surface
     stay = np.ones(surface.m, dtype=bool)
     stay[source] = False

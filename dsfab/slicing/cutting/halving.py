@@ -1,7 +1,7 @@
 """Halving: where lines of a family lie too close together, only each second or fourth line remains.
 
-At halving level h, line k remains if k is a multiple of 2^h. A line may end only on a line of the other family, so
-no level changes inside an opening. The second family is halved after the first, between lines of the first."""
+At halving level h, line k remains if k is a multiple of 2^h. A line may end only on a line of the other family.
+Thus an opening has one level. The second family is halved after the first, between lines of the first."""
 
 from dataclasses import dataclass, replace
 
@@ -15,8 +15,8 @@ from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import link_components
 
 GAIN = 0.45
-"""`halve_lines` uses `uncapped_target` if log2(P95 / P5) of spacings then falls by more than GAIN. P : percentile.
-The additional removal of lines makes structures up to a tenth softer."""
+"""`halve_lines` replaces `target` by `uncapped_target` if this lowers log2(P95 / P5) of spacings by more than GAIN.
+P5, P95 : percentiles. Then more lines are removed, which makes structures up to a tenth softer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,11 +52,11 @@ def halve_lines(
     level_limits: tuple[int, int],
     uncapped_target: tuple[Floats, Floats] | None = None,
 ) -> LineHalving:
-    """Halve two families of lines: remove every second line, once or more. Lines lie where the phase (n, 1) is whole.
+    """Remove every second line of two families, once or more. Lines lie where the phase (n, 1) is a whole number.
 
     target          : (m,) ideal number of halvings, for each family. An opening gets the rounded mean (`split_value`).
     level_limits    : largest number of halvings of each family.
-    uncapped_target : (m,) targets without limits, used if they make spacings more even by `GAIN`."""
+    uncapped_target : (m,) ideal numbers without limits; they replace `target` if spacings become more even (`GAIN`)."""
     mesh, uncapped_target = PolygonMesh.from_surface(surface), uncapped_target or target
     level = np.zeros((surface.m, 2), dtype=np.int64)
     if not any(level_limits):
@@ -111,8 +111,8 @@ def _with_lines(
 
 
 def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
-    """Mark inner edges on every `period`-th line (smaller period of two polygons), or beside faces without the field.
-    An edge is on a line if the middles of its polygons are in different strips. Rounding errors do not change this."""
+    """Mark inner edges on every p-th line, or beside faces where `field` has no value. p : least `period` at the edge.
+    An edge is on a p-th line if the middles of its polygons are in different strips. So rounding errors do no harm."""
     slot_a, slot_b, slot_at_start = mesh.neighbours
     seen, owner = PolygonField.from_field(mesh, field), mesh.cells.owner
     y = seen.slot_values(0)
@@ -126,8 +126,8 @@ def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
 
 
 def _levels(mesh: PolygonMesh, walls: Bools, target: Floats, uncapped_target: Floats, level_limit: int) -> Ints:
-    """Return how often lines are halved in each polygon: the mean of `target` in its opening, rounded (`split_value`).
-    Means of `uncapped_target` are used instead if they reduce the spread of spacings by more than `GAIN`."""
+    """Return how often lines are halved in each polygon, `level_limit` at most: the rounded mean of `target` in its
+    opening (`split_value`). `uncapped_target` (see `halve_lines`) is used if it evens out spacings by over `GAIN`."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, open_ = mesh.cells.owner, ~walls
     count, opening = link_components(len(mesh.parent), owner[slot_a[open_]], owner[slot_b[open_]])

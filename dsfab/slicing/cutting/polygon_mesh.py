@@ -22,12 +22,12 @@ class PolygonMesh:
     """Convex polygons on vertices X (n', 3), metres.
 
     F       : (m, 3) faces of the uncut surface.
-    weights : (n', n) barycentric weights of the vertices on the uncut vertices.
+    weights : (n', n) barycentric weights: each vertex is a weighted mean of uncut vertices.
     parent  : (c,) uncut face of each polygon.    family : (c,) number of the field with material here, or `VOID`.
     again   : (c,) mask of material that is cut again by the next fields.
     also    : (c,) at a crossing, number of the second field with material in the polygon; else `VOID`.
     stubs   : number of removed and straightened stripes.
-    lines   : lines of the polygons' sides, see `Cells.sides_on`."""
+    lines   : the lines to which `Cells.sides_on` refers."""
 
     F: Ints
     cells: Cells
@@ -63,12 +63,12 @@ class PolygonMesh:
 
     @classmethod
     def from_cells(cls, F: Ints, cells: Cells, X: Floats, weights: csr_array, parent: Ints, family: Ints) -> Self:
-        """Return a mesh without crossings (material of two fields). X : (n', 3), metres. Others : see `PolygonMesh`."""
+        """Return a mesh in which no polygon is material of two fields. Arguments: see `PolygonMesh`."""
         count = len(family)
         return cls(F, cells, X, weights, parent, family, np.zeros(count, dtype=bool), np.full(count, VOID))
 
     def with_material(self, k: int, material: Bools, blank: Bools) -> Self:
-        """Return the mesh with material (c,) of field k. New material in faces `blank` (no field k) is a crossing."""
+        """Return the mesh with material (c,) of field k. New material in faces `blank` (no field k) gets `also` = k."""
         new_material = material & self.void
         joint = (material & ~new_material & self.again) | (new_material & blank[self.parent])
         family, also = np.where(new_material, k, self.family), np.where(joint, k, self.also)
@@ -95,7 +95,7 @@ class PolygonMesh:
         return np.asarray(self.weights.indices[self.weights.indptr[:-1]])
 
     def after_split(self, split: Split, lines: Ints | None = None) -> "PolygonMesh":
-        """Return the mesh after a split. lines : (l or 1, c' or 1) row of `CutLines` (level, polygon); None: none."""
+        """Return the mesh after a split. lines : (l or 1, c' or 1) row of `CutLines` (level, polygon), or None."""
         weights = weights_after_split(self.weights, split)
         cells = split.cells.with_new_lines(np.zeros((1, 1), dtype=np.int64) if lines is None else lines)
         names, source = ("parent", "family", "again", "also"), split.source
@@ -104,9 +104,9 @@ class PolygonMesh:
 
     @cached_property
     def neighbours(self) -> tuple[Ints, Ints, Ints]:
-        """Slots (indices into `Cells.corner`) of inner edges: three arrays (p,).
-        Arrays one and two: slot of the edge in its first and in its second polygon. Array three: slot in the second
-        polygon with the same vertex as array one."""
+        """Slots (indices into `Cells.corner`) at inner edges: three arrays (p,).
+        Array one: start of the edge in its first polygon. Array two: start of the edge in its second polygon.
+        Array three: corner of the second polygon at the vertex of array one."""
         a, b = self.cells.corner, self.cells.next_values(self.cells.corner)
         order, _, edge = equal_key_groups(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
         pair = np.flatnonzero(np.diff(edge[order]) == 0)
@@ -154,7 +154,7 @@ def corner_places(F: Ints, vertex: Ints) -> Ints:
 
 
 def weights_after_split(weights: csr_array, split: Split) -> csr_array:
-    """Append barycentric weights (k, n) of a split's new vertices; a row has at most three, at corners of a face."""
+    """Append barycentric weights (k, n) of a split's new vertices. A row has up to three weights: a face's corners."""
     new_weights = split.new_weights(weights.shape[0]) @ weights
     data, indices = (
         np.concatenate([getattr(part, name) for part in (weights, new_weights)]) for name in ("data", "indices")
@@ -166,9 +166,9 @@ def weights_after_split(weights: csr_array, split: Split) -> csr_array:
 @dataclass(frozen=True, eq=False)
 class Contacts:
     """Stretches (k,) of outline along which two parts (p,) touch.
-
     parts  : (k, 2) both parts; the second is -1 at an edge of the surface or at an anchor.    length : (k,) metres.
-    links  : (l, 2) pairs of adjacent stretches on an outline: i for stretch i of parts[i, 0], i + k of parts[i, 1].
+    links  : (l, 2) pairs of adjacent stretches on a part's outline. Stretch i has the number i on the outline of
+             parts[i, 0], and the number i + k on the outline of parts[i, 1].
     around : (p,) length of each part's outline, metres. Anchor: vertex at which stripes may end."""
 
     parts: Ints
@@ -230,15 +230,14 @@ class Contacts:
         return np.asarray((places == 1) & (np.bincount(part, length, len(gone)) < self.around / 2))
 
     def single_contacts(self, gone: Bools) -> tuple[Ints, Ints]:
-        """Return parts (k,) that touch one neighbour only, on one stretch, and the neighbours. gone : removed parts."""
+        """Return parts (k,) with only one stretch of contact, and the neighbours there. gone : (p,) removed parts."""
         part, neighbour, _, _ = self._remaining(gone)
         is_single = (np.bincount(part, minlength=len(gone))[part] == 1) & (neighbour >= 0)
         return part[is_single], neighbour[is_single]
 
     def islands(self, before: Bools, gone: Bools, stays: Bools) -> Bools:
-        """Return a mask (p,) of parts that are connected without the parts `before`, but not without the parts `gone`.
-        A connection leads to an edge of the surface, to an anchor, or to a part in `stays` (p,).
-        before, gone : (p,) masks of removed parts, before and after a removal. The result leaves out `gone`."""
+        """Return a mask (p,) of parts that a removal cuts off from surface edges, anchors, and parts in `stays` (p,).
+        before, gone : (p,) masks of removed parts, before and after this removal. The result leaves out `gone`."""
         return self._has_ground(before, stays) & ~self._has_ground(gone, stays) & ~gone
 
     def _has_ground(self, gone: Bools, stays: Bools) -> Bools:
@@ -260,7 +259,7 @@ class Contacts:
 
 
 def adjacent_sides(group: Ints, ends: Ints, count: int) -> tuple[Ints, Ints]:
-    """Return pairs (l,), (l,) of sides (k,) with the same group and a common vertex; ends : (k, 2) vertices < count."""
+    """Return pairs (l,), (l,) of sides in the same group (k,) with a common vertex. ends : (k, 2) vertices < count."""
     key = (group[:, None] * count + ends).ravel()
     order = sorted_order(key)
     meet = np.flatnonzero(np.diff(key[order]) == 0)

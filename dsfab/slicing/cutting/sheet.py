@@ -56,7 +56,7 @@ class SheetPart:
 
     @cached_property
     def walls(self) -> Bools:
-        """(e,) mask of the boundary edges of the part that lie inside `cut_surface`."""
+        """(e,) mask of the part's boundary edges that lie in the interior of `cut_surface`."""
         return np.asarray(self.surface.edges.boundary & ~self.cut_surface.edges.boundary[self.parent_edges])
 
 
@@ -67,7 +67,7 @@ class LineKind(IntEnum):
     RIM = 1  # the boundary of the uncut surface
     END = 2  # edges of the uncut mesh at which stripes end, because the stripes have no field in the next face
     LEVEL = 3  # an edge of a stripe, or the outline of a kept region
-    FILLET = 4  # the arc of a round corner; straight chords replace the arc
+    FILLET = 4  # the arc of a round corner, replaced by straight chords
     STRIP = 5  # the outline of added material: a bridge, a straight bar, or a strip that widens a member
     DISC = 6  # the outline of a disc of material, added where material touched only in a point
     CHORD = 7  # straight lines along which spikes were cut off
@@ -95,7 +95,7 @@ class CutLines:
 
     @property
     def count(self) -> int:
-        """Number of lines."""
+        """Number of lines, including `NONE`, `RIM` and `END`."""
         return len(self.kind)
 
     def with_more(self, kind: LineKind, count: int, field: int = -1, circle: Floats | None = None) -> "CutLines":
@@ -198,7 +198,7 @@ class Sheet:
 
     def carry_corners(self, x: Floats, F: Ints) -> Floats:
         """Interpolate values x (m, 3, k) at the corners of uncut faces F (m, 3); return (n', k) at the vertices.
-        A vertex takes the values of its first cell's parent face. In other faces they may differ (Moebius strip)."""
+        A vertex takes values of the uncut face of its first cell. Other faces may have other values (Moebius strip)."""
         corner = np.full(self.surface.n, -1)
         corner[self.surface.F[::-1, ::-1].ravel()] = np.arange(3 * self.surface.m)[::-1]
         parent = self.parent[corner // 3]
@@ -212,7 +212,7 @@ class Sheet:
 
     def vertices_between(self, surface: Surface, marks: Bools, edges: Bools | None = None) -> Bools:
         """Return a mask (n', ...) of the vertices that lie on or between marked vertices (n, ...) of the uncut surface.
-        edges : (e, ...) marked edges of the uncut surface; default: the edges that the marks span (`spanned_edges`).
+        edges : (e, ...) marked edges of the uncut surface; default: the edges from `spanned_edges`.
         A vertex inside a face counts if all three edges of the face are marked, and not all are on the boundary."""
         result: Bools = np.asarray(self.carry(marks.astype(np.float64)) >= ON_SIMPLEX)
         table = surface.edges
@@ -259,7 +259,7 @@ class Sheet:
 
     @cached_property
     def lines_of_edges(self) -> Ints:
-        """(m', 3) index in `lines` of each half-edge. If it has no line, it gets the line of its opposite half-edge."""
+        """(m', 3) index in `lines` of each half-edge. A half-edge without a line gets the line of its opposite."""
         line, twin = self.sides_on.ravel(), self.surface.edges.twins
         return np.where((line == 0) & (twin >= 0), line[twin], line).reshape(-1, 3)
 

@@ -32,7 +32,7 @@ class Split:
 
     @classmethod
     def unchanged(cls, cells: Cells, active: Bools) -> "Split":
-        """Return a split in which no level cuts a polygon: `strip` is 0 for the polygons `active` (c,), else -1."""
+        """Return a split that cuts no polygon. `strip` is 0 (no level below) for polygons `active` (c,), else -1."""
         no_index, no_value = np.empty(0, dtype=np.int64), np.empty(0)
         new_vertices = _NewVertices(no_index, no_index, no_value, no_index, no_value)
         return cls(cells, np.arange(len(cells.sizes)), np.where(active, 0, -1), *new_vertices)
@@ -68,7 +68,7 @@ class SideValues:
 
     @classmethod
     def from_slots(cls, cells: Cells, y: Floats, foreign: Bools | None = None) -> "SideValues":
-        """Return values at both ends of sides. y : (h,) field at corners. foreign : (h,) sides without an own value."""
+        """Return values at both ends of sides. y : (h,) field at corners. foreign : (h,) see `SideValues`."""
         if foreign is None or not foreign.any():
             return cls(y, cells.next_values(y), np.empty(0, dtype=np.int64), y)
         start, end = y.copy(), cells.next_values(y)
@@ -91,7 +91,7 @@ class SideValues:
         return cls(start, end, which, y)
 
     def places(self, cells: Cells, levels: Floats, only: Ints | None = None) -> tuple[Ints, Ints]:
-        """Return the places (h,) of starts and ends of sides: 2 j with j levels below, or 2 j + 1 if also on a level.
+        """Return places of the starts (h,) and ends (h,) of sides: with j levels below, 2 j + 1 on a level, else 2 j.
         only : sides (k,) to evaluate, as slots (see `Cells`); all other sides get 0."""
         if only is not None:
             start, end = np.zeros((2, len(self.start)), dtype=np.int64)
@@ -109,7 +109,7 @@ class SideValues:
 @dataclass(frozen=True, eq=False)
 class _Sides:
     """Crossings of polygon sides (h,) with the levels of a field.
-    low, count : levels at or below the lower end, and levels strictly between the ends (0 if no polygon here is cut).
+    low, count : numbers of levels: at or below the lower end; strictly between the ends (0 if the side is not cut).
     first : the new vertex nearest to the lower end. Polygons with a common side share its new vertices.
     up    : True if the side runs from the lower to the higher end.    flat : True if the side lies wholly on a level.
     along : True if the numbers of the new vertices increase from the side's start to its end.
@@ -149,10 +149,10 @@ def split_cells(
     """Cut the active polygons by straight chords between the points of their sides where a field has a level value.
     Two polygons get the same vertices on their common edge, even if sign or shift of the field differ between them.
 
-    levels : (l,) strictly ascending. A side on a level gets the strip of the previous side.    n : number of vertices.
+    levels : (l,) strictly ascending. A side on a level is in the same strip (between two levels) as the side before it.
     active : (c,) mask of polygons. Inactive polygons only get new vertices on sides that they share with active ones.
     above  : (l,) True puts a polygon on this level into the strip above; default: into the even strip, which is void.
-    live   : (h,) sides that get new vertices even without an active polygon."""
+    live   : (h,) sides that get new vertices even without an active polygon.    n : number of vertices."""
     above = np.arange(len(levels)) % 2 == 1 if above is None else above
     only = None
     if live is not None and not active.any():  # only polygons with a side in `live` can change
@@ -200,7 +200,7 @@ def _sides(
     places: tuple[Ints, Ints],
     live: Bools | None,
 ) -> tuple[_Sides, _NewVertices]:
-    """Return crossings of sides with levels, and shared new vertices. slots : index of sides in x, `places`, `live`."""
+    """Return crossings of sides with levels, and shared new vertices. slots : the sides' numbers in x, places, live."""
     a, b = cells.corner, cells.next_values(cells.corner)
     start, end, start_place, end_place = x.start[slots], x.end[slots], places[0][slots], places[1][slots]
     up = start < end
@@ -236,7 +236,7 @@ def _sides(
 
 
 def _with_new_corners(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
-    """Return polygons with new corners, and sides' strips. Flat sides take the previous strip; not all are flat."""
+    """Return polygons with new corners, and strips of sides. Sides on a level (not all are) take the strip before."""
     count = sides.count + 1
     offset = np.concatenate([[0], np.cumsum(count)])
     side = np.repeat(np.arange(len(count)), count)
@@ -253,14 +253,14 @@ def _flat_sides_relabelled(cells: Cells, strip: Ints, flat: Bools) -> Ints:
         return strip
     slot = np.where(flat, -1, np.arange(len(strip)))
     source = np.maximum.accumulate(slot)
-    before = source < cells.start[:-1][cells.owner]  # flat first sides of a polygon take the polygon's last strip
+    before = source < cells.start[:-1][cells.owner]  # flat sides at a polygon's start: its last other side counts
     source[before] = cells.per_polygon(np.maximum, slot)[cells.owner[before]]
     return np.asarray(strip[source])
 
 
 def _strip_polygons(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells, Ints, Ints]:
-    """Divide each polygon into one for each strip: the sides in this strip, closed by chords. Each side gives its first
-    corner. A side also gives its last corner if the next side is in another strip."""
+    """Divide each polygon into a new polygon for each strip: the sides in this strip, closed by chords. Each side gives
+    its first corner to the new polygon, and also its last corner if the next side is in another strip."""
     key = sides.owner * (level_count + 2) + strip + 1
     order = sorted_order(key)
     leaves = (strip[sides.following] != strip)[order]
@@ -285,7 +285,7 @@ def _with_pieces(
     pieces_of_split: tuple[Cells, Ints, Ints],
     new_vertices: _NewVertices,
 ) -> Split:
-    """Replace the polygons `which` by their pieces. sides_on, strip : all sides and polygons before the replacement."""
+    """Return the split with pieces in place of the polygons `which`. sides_on, strip : of old sides, old polygons."""
     pieces, row, label = pieces_of_split
     count = np.ones(len(strip), dtype=np.int64)
     count[which] = np.bincount(row, minlength=len(which))
@@ -345,7 +345,7 @@ def clean_split(
 
 
 def collapsed_corners(split: Split, X: Floats, size: float) -> Ints:
-    """Return vertices (k,) of new cells that have no area. X : (n, 3) positions. size : size of the surface, m."""
+    """Return vertices (k,) of cells without area that a split made. X : (n, 3) positions. size : surface size, m."""
     divided = np.flatnonzero(np.bincount(split.source)[split.source] > 1)
     if not len(divided):
         return divided

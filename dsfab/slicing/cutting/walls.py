@@ -74,7 +74,7 @@ class Walls:
         return cell.reshape(-1, 3)
 
     def walls_ahead(self, wall: Ints, steps: Ints) -> tuple[Ints, Bools]:
-        """Return for each wall (k,) the wall `steps` (k,) walls later in its chain, and a mask of walls that exist."""
+        """Return for each wall (k,) the wall `steps` places ahead in its chain, and a mask (k,): True if it exists."""
         chain = self.chain[wall]
         begin, size = self.begin[chain], self.begin[chain + 1] - self.begin[chain]
         position = wall - begin + steps
@@ -183,7 +183,7 @@ class Stretches:
         return cls(low, high, np.append(np.arange(len(chain)), over), before)
 
     def covers(self, chain: Ints, place: Floats) -> Bools:
-        """Return a mask (k,) of places in these parts of chains. place : m along `chain`. Parts must be disjoint."""
+        """Return a mask (k,) of places that lie in these parts. place : m along `chain`. Parts must be disjoint."""
         if not len(self.low):
             return np.zeros(len(place), dtype=bool)
         order = np.argsort(self.low)
@@ -192,7 +192,7 @@ class Stretches:
         return np.asarray((index >= 0) & (x <= self.high[order][np.maximum(index, 0)]))
 
     def overlaps(self, stretches: "Stretches", count: int) -> Bools:
-        """Return a mask (count,) of these parts of chains that overlap parts of `stretches`, which must be disjoint."""
+        """Return a mask (count,) of these parts: True if they overlap parts of `stretches`, which must be disjoint."""
         if not len(stretches.low):
             return np.zeros(count, dtype=bool)
         order = np.argsort(stretches.low)

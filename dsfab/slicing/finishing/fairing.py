@@ -22,9 +22,8 @@ BEND = 0.4  # Length b in `faired_walls`, in wall segments; a larger length make
 
 class Freedom(NamedTuple):
     """Directions in which wall vertices (k,) may move without leaving their uncut edge or face.
-
     along : (k, 2, 3) up to two unit vectors; 0 for a missing direction.
-    share : (k, 2, 3) change of the weights on uncut vertices `column` (k, 3), per metre of a move in each direction.
+    share : (k, 2, 3) change of barycentric weights on uncut vertices `column` (k, 3), per metre in each direction.
     most  : (k,) largest move, metres: a tenth of the mesh edge."""
 
     vertex: Ints
@@ -55,7 +54,7 @@ def faired_walls(sheet: Sheet) -> Sheet:
 
 def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
     """Return the possible moves of vertices (k,). weights : (k, n) their barycentric weights on the uncut vertices.
-    A vertex on a mesh edge can move along this edge, a vertex in a face anywhere in the face. No uncut vertex moves."""
+    A vertex on an uncut edge can move along this edge, a vertex in an uncut face in this face. Uncut vertices stay."""
     column, weight = weight_entries(weights)
     has_weight = weight > 0
     count = has_weight.sum(axis=1)
@@ -123,7 +122,7 @@ def _lateral(sheet: Sheet, p: Ints) -> Floats:
 
 
 def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
-    """Return factors of points P (k, order + 1, 3) in a derivative along a line, and lengths (k,) to integrate it."""
+    """Return factors of points P (k, order + 1, 3) in a finite difference, and lengths (k,) to integrate it."""
     length = np.maximum(np.linalg.norm(np.diff(P, axis=1), axis=2), least[:, None])
     u = np.concatenate([np.zeros((len(P), 1)), np.cumsum(length, axis=1)], axis=1)
     gap = u[:, :, None] - u[:, None, :] + np.eye(order + 1)
@@ -132,7 +131,7 @@ def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
 
 
 def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array, Floats]:
-    """Return A and `value`. Row k of A x moves is the sum over j of value[k, j] . (move of vertex q[k, j])."""
+    """Return a matrix A, and `value`. Row k of A @ step is the sum over j of value[k, j] . (move of vertex q[k, j])."""
     k, j = np.nonzero(place[q] >= 0)
     free_vertex = place[q[k, j]]
     data = np.einsum("pi,pci->pc", value[k, j], free.along[free_vertex])
@@ -171,7 +170,7 @@ class Division:
     weights: csr_array
 
     def subset(self, chosen: Bools) -> "Division":
-        """Return the division of the chosen (k,) walls alone."""
+        """Return this division with only the chosen (k,) walls."""
         rows = np.flatnonzero(chosen)
         return Division(self.wall[rows], self.V[rows], self.weights[rows])
 

@@ -40,9 +40,8 @@ class DiscStops:
 
 
 def rolled_arcs(sheet: Sheet, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
-    """Yield corners (p,) where discs of `radius` metres, rolled along walls, touch two walls, and arcs (p,) for them.
-
-    In the first set, each corner is a wall vertex of the tip, near its disc; in the second set, the farthest vertex.
+    """Yield two sets of corners (p,), and arcs (p,) for them, in tips where a rolling disc of `radius` metres stops.
+    A corner is a wall vertex of a tip: in the first set, a vertex near the disc; in the second, the farthest vertex.
     On a curved surface, an arc may fit at one of these vertices only.
     taken : parts of walls; corners on these parts are left out."""
     flat, walls = flat_openings_of(sheet), sheet.walls
@@ -89,7 +88,7 @@ def _stops(flat: FlatOpenings, loops: list[Floats], radius: float) -> DiscStops:
 
 
 def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
-    """Return points (p, 2) where loops turn left by over `SHARPEST`, and right-hand unit normals before and after."""
+    """Return left turns (p, 2) of loops, over `SHARPEST`, and right unit normals of the edges before and after."""
     empty = np.empty((0, 2))
     points, rights = [empty], ([empty], [empty])
     for loop in loops:
@@ -104,7 +103,7 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 
 
 def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
-    """Return discs that stop before narrow tips of openings, and in each tip a near and the farthest wall (p,)."""
+    """Return discs that stop before narrow tips of openings; for each tip, a wall near the disc, and the farthest."""
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
     chain_start, chain_size = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
@@ -116,7 +115,7 @@ def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: floa
     touched = _distance(flat.start, loops)[wall] < (1 + 3e-3) * radius
     for to_wall in (stop.before, stop.behind):
         foot = (stop.middle + radius * to_wall)[row]
-        touched &= np.linalg.norm(start - foot, axis=1) > 0.1 * radius  # not near the points of contact
+        touched &= np.linalg.norm(start - foot, axis=1) > 0.1 * radius  # vertices near points of contact do not count
     free = np.bincount(row, touched, len(count)) == 0
     distance = np.linalg.norm(start - stop.middle[row], axis=1)
     close_by = distance < 1.2 * radius
@@ -136,15 +135,15 @@ COLUMNS = ("wall", "circle", "normal", "distance", "ray", "ray_distance")
 
 @dataclass(frozen=True, eq=False)
 class Fillets:
-    """Round corners of openings: at each corner (k,) an arc, which fills the void beyond its chords.
+    """Round corners of openings: at each corner (k,) an arc. The void beyond the arc's chords becomes material.
 
-    normal, distance : (k, c, 3), (k, c) outward normals of planes through the chords, and metres from the origin.
-    ray, ray_distance : (k, 2, 3), (k, 2) normals of planes through the rays, and metres from the origin.
+    normal, distance : (k, c, 3), (k, c) planes through an arc's chords: outward normals, and metres from the origin.
+    ray, ray_distance : (k, 2, 3), (k, 2) planes through an arc's two rays: normals, and metres from the origin.
     wall : (k,) the walls that begin at the corners.    circle : (k, 7) see `CutLines`.
     pair : (p, 2) number of an arc, and of a void cell that the arc fills at least in part.
 
     Two rays lead from an arc's centre through its ends. Void outside of the rays stays. Arcs have rays only where they
-    could otherwise fill void far from the corner. An arc with fewer planes has normals of 0 in place of the rest."""
+    could otherwise fill void far from the corner. If an arc has under c chords, or no rays, the other normals are 0."""
 
     wall: Ints
     circle: Floats
@@ -164,11 +163,11 @@ class Fillets:
         return np.asarray(self.circle[:, 6])
 
     def beyond_chords(self, arc: Ints, X: Floats) -> Floats:
-        """Return the signed distance (p,), m, of each point X (p, 3) from its arc: the largest over chords' planes."""
+        """Return how far (p,), m, points X (p, 3) lie beyond the chords of their arcs; negative inside all chords."""
         return np.asarray((np.einsum("pci,pi->pc", self.normal[arc], X) - self.distance[arc]).max(axis=1))
 
     def outside_rays(self, arc: Ints, X: Floats) -> Floats:
-        """Return the signed distance (p,), m, of points X (p, 3) from their arcs' rays: the larger over both planes."""
+        """Return how far (p,), m, points X (p, 3) lie outside the two rays of their arcs; negative between the rays."""
         return np.asarray((np.einsum("pci,pi->pc", self.ray[arc], X) - self.ray_distance[arc]).max(axis=1))
 
     def subset(self, chosen: Bools) -> "Fillets":
@@ -219,7 +218,7 @@ def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
 
 
 def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
-    """Return the arcs as chords in space, and a mask of arcs that touch no other wall and no edge of the surface."""
+    """Return the arcs' chords in space, and a mask of arcs that touch only their corner's walls and no surface edge."""
     walls, surface, void_neighbours = corners.walls, corners.walls.surface, corners.walls.void_neighbours
     flat, distance = arcs.chords()
     normal = np.einsum("kcj,kji->kci", flat, corners.frames[corner_rows])
@@ -259,7 +258,7 @@ def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: boo
 
 
 def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
-    """Mark arcs that fill void only near their corner. At a fold, an arc could also fill void far from its corner."""
+    """Mark arcs that fill void only near their corner. At a fold, the arc's planes may also reach void far from it."""
     surface, (arc, cell) = corners.walls.surface, fillets.pair.T
     reach = 1.1 * np.maximum(arcs.way_a, arcs.way_b)
 
@@ -268,7 +267,7 @@ def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fille
         flat = np.einsum("p...i,pji->p...j", X - corners.origin[row][:, None], corners.frames[row])
         return np.asarray(np.linalg.norm(flat, axis=-1) > reach[arc][:, None])
 
-    far_rows = beyond_reach(arc, surface.V[surface.F[cell]]).any(axis=1)  # cells within reach need no check
+    far_rows = beyond_reach(arc, surface.V[surface.F[cell]]).any(axis=1)  # cells near the corner need no check
     arc, X = arc[far_rows], surface.V[surface.F[cell[far_rows]]]
     bad = np.zeros(len(corner_rows), dtype=bool)
     for c in range(fillets.normal.shape[1]):
@@ -334,7 +333,7 @@ def _with_fillets(sheet: Sheet, fillets: Fillets) -> Sheet:
 
 
 def _colours(arc: Ints, corner: Ints) -> Ints:
-    """Group arcs so that cells of two arcs in a group have no common vertex. A mixed order of arcs gives few groups."""
+    """Return a group for each arc. Cells of two arcs in a group share no vertex. A mixed order of arcs saves groups."""
     vertex, arc = corner.ravel(), np.repeat(arc, 3)
     count = int(arc.max()) + 1
     rank = np.argsort(np.argsort(np.arange(count) * GOLDEN % 1))
@@ -353,7 +352,7 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
 def _filled_corners(
     mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
 ) -> tuple[PolygonMesh, Ints, Bools]:
-    """Cut polygons along chords of `arc` (-1: no arc). Return the mesh, old polygon numbers, and polygons to fill."""
+    """Cut polygons along chords of their arc (-1: none). Return the mesh, old polygon numbers, and a mask to fill."""
     arc = np.where(mesh.void, arc, -1)
     source, beyond = np.arange(len(arc)), np.zeros(len(arc), dtype=bool)
     planes = [(fillets.ray[:, k], fillets.ray_distance[:, k], True) for k in range(fillets.ray.shape[1])]
@@ -379,7 +378,7 @@ def _filled_corners(
 
 
 def _heights(mesh: PolygonMesh, arc: Ints, active: Bools, normal: Floats, distance: Floats, snap: Floats) -> Floats:
-    """Return heights (n',), m, of vertices of polygons `active` beyond the plane of their arc; 0 if below `snap`."""
+    """Return heights (n',), m, of vertices of `active` polygons above a plane of their arc; 0 if less than `snap`."""
     slots = mesh.cells.slots(np.flatnonzero(active))
     vertex, arc_of_slot = mesh.cells.corner[slots], arc[mesh.cells.owner[slots]]
     height = np.einsum("ki,ki->k", normal[arc_of_slot], mesh.X[vertex]) - distance[arc_of_slot]

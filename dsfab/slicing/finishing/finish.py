@@ -139,7 +139,7 @@ class FinishedSheet:
     shape: str = ""
 
     def with_cells(self, cells: Sheet, **counts: int) -> "FinishedSheet":
-        """Return this sheet with new cells after a pass. Add `counts` (by name of the pass) to the sheet's counts."""
+        """Return this sheet with new cells. counts : numbers of changes by name of the pass, to add to its counts."""
         return replace(self, cells=cells, counts=self.counts + Counter(counts))
 
 
@@ -223,7 +223,7 @@ def _with_round_corners(
         if attempt == ROUNDING_ROUNDS:
             break
         better, bridges, places = _bridged_or_widened(sheet.cells, rounded.cells, options)
-        if not (bridges or places) or places > previous_count:  # nothing changed, or more widened places than before
+        if not (bridges or places) or places > previous_count:  # no change, or more places widened than last time
             break
         sheet, previous_count = sheet.with_cells(better, bridged=bridges, widened=places), places or previous_count
     return rounded
@@ -252,7 +252,7 @@ def _bridged_or_widened(cells: Sheet, rounded: Sheet, options: FinishingOptions)
 def _with_least_widths(
     sheet: FinishedSheet, uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None
 ) -> FinishedSheet:
-    """Add strips at narrow places. Then improve the cells, because tiny edges of strips harm finite elements."""
+    """Add strips at narrow places. Then flip and collapse edges of cells, because tiny edges harm finite elements."""
     if trial and trial.latest.cells is sheet.cells and trial.least and trial.least[0] == options.least:
         result = trial.least[1]
     else:
@@ -294,7 +294,7 @@ class TrialCut:
         return cls(inputs, options, cells, unrounded, rounded)
 
     def is_cut_of(self, inputs: tuple[object, object, object]) -> bool:
-        """Return whether this cut was made from the same objects: fields, levels and `Tidy` rules."""
+        """Return whether this cut was made from `inputs` (fields, levels, `Tidy` rules); equal copies do not count."""
         return all(a is b for a, b in zip(self.inputs, inputs, strict=True))
 
     def serves(self, inputs: tuple[object, object, object], options: FinishingOptions) -> bool:

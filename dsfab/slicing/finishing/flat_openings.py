@@ -87,7 +87,7 @@ def flat_openings_of(sheet: Sheet) -> FlatOpenings:
 
 
 def nearest_in_plane(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
-    """Find the nearest places to points (k, 2) on edges (m, 2), or at vertices (m, 1). V : (n, 2) their positions."""
+    """Find the nearest places to points (k, 2) on edges (m, 2), or at vertices (m, 1). V : (n, 2) vertex positions."""
     return nearest_places(np.pad(points, ((0, 0), (0, 1))), np.pad(V, ((0, 0), (0, 1))), simplices)
 
 
@@ -126,13 +126,13 @@ class NarrowPart:
 
 def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
     """Yield parts of openings that are too narrow for a disc of `radius` metres: necks, long dead ends, whole openings.
-    For a dead end, `NarrowPart.runs` are walls beside its entrance. Left out: pointed tips, rings of equal width."""
+    The `runs` of a dead end are the walls beside its entrance. Pointed tips, and rings of equal width, are left out."""
     if not len(flat.wall):
         return
     parts = (flat.shape - offset_shape(flat.room(radius), (1 + 4 * SMOOTH) * radius)).decompose()
     loops = [
         part.to_polygons() for part in parts if part.area() > 1e-3 * radius**2
-    ]  # leave out smaller parts, which are rounding errors
+    ]  # parts with a smaller area are rounding errors
     outlines = [np.asarray(loop[0]) for loop in loops if len(loop) == 1]
     if not outlines:
         return
@@ -174,7 +174,7 @@ def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
 
 
 def _is_alley(run: Floats, radius: float) -> bool:
-    """Return whether a dead end is long and does not narrow to a point. run : (r, 2) wall around the dead end."""
+    """Return whether a dead end of an opening is long and not pointed (see `LONG`). run : (r, 2) wall around it."""
     mouth, middle = float(np.linalg.norm(run[-1] - run[0])), (run[0] + run[-1]) / 2
     length = float(np.linalg.norm(run - middle, axis=1).max())
     x, y = (run - middle).T
@@ -183,9 +183,9 @@ def _is_alley(run: Floats, radius: float) -> bool:
 
 
 def _mouth_sides(run: Floats, radius: float) -> tuple[Floats, Floats]:
-    """Return the walls (s, 2) on both sides of a dead end's entrance. run : (r, 2) wall around the dead end."""
+    """Return stretches (s, 2) of `run` (r, 2), the wall around a dead end of an opening, beside its entrance."""
     place = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
-    low, high = 1.2 * radius, 3.2 * radius  # a side lies between these distances (m) from an end of `run`
+    low, high = 1.2 * radius, 3.2 * radius  # a stretch lies between these distances (m) from an end of `run`
     sides = []
     for begin, end in ((low, high), (place[-1] - high, place[-1] - low)):
         stations = np.concatenate([[begin], place[(place > begin) & (place < end)], [end]])

@@ -21,10 +21,9 @@ NOWHERE = np.empty((0, 2, 3))
 
 
 def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, widest: bool = False) -> Floats:
-    """Return points (k, 2, 3) on both walls of openings where they are narrower than `least` metres, narrowest first.
-
-    apart  : least distance between two pairs of points, metres.    tips : True to include pointed ends of openings.
-    widest : True to sort the narrow places from widest to narrowest."""
+    """Return pairs of points (k, 2, 3) on both walls of openings narrower than `least` metres, narrowest pair first.
+    apart  : least distance between the middles of two pairs, metres.    tips : True to include openings' pointed ends.
+    widest : True to sort the pairs from widest to narrowest."""
     if not cells.has_openings:
         return NOWHERE
     void = cells.void_part
@@ -33,7 +32,7 @@ def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, wi
 
 
 def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
-    """Return points (k, 2, 3) on both sides of members narrower than `least` metres and than `LOCAL` x median width."""
+    """Return points (k, 2, 3) on both sides of members with a width under `least` m and `LOCAL` x median width."""
     if not cells.has_openings:
         return NOWHERE
     material = cells.material_part
@@ -113,8 +112,8 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
 
 def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tuple[Sheet, int]:
     """Add bridges, `width` or `width` / 2 metres wide, where openings of `rounded` are narrower than `least` metres.
-    Return also the number of bridges. Widths are measured in space, so necks at folds are found.
-    `bridged_necks` misses these necks."""
+    Return also the number of bridges.    rounded : sheet to measure, such as `cells` with round corners.
+    Widths are measured in space. So necks at folds are found, which the flat openings of `bridged_necks` can hide."""
     for slim in (1.0 * width, 0.5 * width):  # a narrower bridge may fit where a broad one does not
         better, count = bridged_at(cells, narrow_gaps(rounded, least, 2 * slim), slim)
         if count:
@@ -146,7 +145,7 @@ def _necks_and_lost_openings(cells: Sheet, width: float) -> tuple[list[Neck], Bo
         number, share = flat.nearest_walls(part.narrowest())
         wall = flat.wall[number]
         ends = walls.points(wall, share)
-        if np.linalg.norm(ends[1] - ends[0]) < width:  # an opening can look narrower in its plane than in space
+        if np.linalg.norm(ends[1] - ends[0]) < width:  # narrow in space, and not only in the opening's plane
             necks.append(Neck(ends, (int(wall[0]), int(wall[1]))))
     return necks, lost
 
@@ -179,7 +178,7 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
 
 
 def _way_around(walls: Walls, wall: Ints) -> Floats:
-    """Return distances (k,), m, along outlines between the walls of each pair (k, 2); inf for two outlines."""
+    """Return distances (k,), m, along the outline between two walls (k, 2); inf if they are on different outlines."""
     chain, place = walls.chain[wall], walls.place[wall]
     direct = np.abs(place[:, 1] - place[:, 0])
     around = np.where(walls.closed[chain[:, 0]], np.minimum(direct, walls.total[chain[:, 0]] - direct), direct)
@@ -193,7 +192,7 @@ SNAP = 0.05  # Vertices at most this far from a strip's side move onto the side;
 
 class LeastWidths(NamedTuple):
     """The cells after all changes, and numbers of filled openings, of bridges, and of strips that widen members.
-    merged, necks : slits filled, and bridges built, after members were widened."""
+    merged, necks : numbers of slits filled, and of bridges built, after members were widened."""
 
     cells: Sheet
     filled: int
@@ -207,10 +206,9 @@ def with_least_widths(
     cells: Sheet, gap: float, member: float, merge: Merging = "none", neck: float = 0.0
 ) -> LeastWidths:
     """Add material where openings are narrower than `gap` metres, or members narrower than `member` metres.
-    A limit of 0 has no effect. Members wider than `LOCAL` x `usual_width`, or between two edges of the surface, are
-    not widened.
-    merge : slits to fill after members are widened. Wider members make openings narrower.
-    neck  : metres; openings that are still narrower after widening get bridges."""
+    A limit of 0 has no effect. Members over `LOCAL` x `usual_width`, or between two surface edges, are not widened.
+    merge : which slits to fill after widening, because wider members make openings narrower.
+    neck  : after widening, openings narrower than `neck` metres get bridges."""
     cells, filled = _without_specks(cells, gap)
     member = min(member, LOCAL * usual_width(cells)) if member else 0.0
     bridged, widened = 0, 0
@@ -263,7 +261,7 @@ def _with_side_strips(cells: Sheet, member: float) -> tuple[Sheet, int]:
     """Add strips beside members narrower than `member`, except at edges of the surface; return also the strip count."""
     if not len(places := members_under(cells, member, 1.5 * member)):
         return cells, 0
-    half = np.array([1.1 * member / 2, 1.5 * member])  # margin for walls that are not parallel
+    half = np.array([1.1 * member / 2, 1.5 * member])  # factor 1.1 : margin for walls that are not parallel
     wall, ends = cells.walls.nearest(places.reshape(-1, 3))
     inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # mask of ends that lie on walls
     strips = []

@@ -32,9 +32,8 @@ class Tidy:
         lock(self, "anchor", np.bool_, (None,))
 
     def divided_again(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
-        """Return a mask (c,) of stripes of field k that touch faces in the mask `blank` or in `astray[k]`.
-
-        Later fields also divide the polygons of these stripes, because finishing may remove these stripes.
+        """Return a mask (c,) of the stripes of field k that touch a face in `blank` or in `astray[k]`.
+        Finishing may remove these stripes, so later fields also divide them.
         blank : (m,) faces without values of field k, and the faces beside them."""
         own_polygons = (mesh.family == k) | (mesh.also == k)
         if not self.striped[k] or not own_polygons.any():
@@ -59,7 +58,7 @@ def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> 
     close_values = {k: x for k, x in enumerate(closed) if x is not None}
     if not close_values or not mesh.void.any():
         return mesh, 0
-    _, opening = np.unique(mesh.part_labels(mesh.void), return_inverse=True)  # number 0: the material
+    _, opening = np.unique(mesh.part_labels(mesh.void), return_inverse=True)  # 0 for material, 1, 2 ... for openings
     area = np.where(mesh.void, mesh.cells.areas(mesh.X)[0], 0.0)
     total = np.bincount(opening, area)
     family, also, closed_openings = mesh.family, mesh.also, np.zeros(len(total), dtype=bool)
@@ -87,7 +86,7 @@ def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]
 
 
 def dependent_polygons(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Bools:
-    """Return a mask (c,) of the polygons `nodes` (c,), and of stripes that would be dead ends without these nodes."""
+    """Return a mask (c,) of polygons in `nodes` (c,), and of stripes that are dead ends if `nodes` are removed."""
     part, gone, stays = _parts(mesh, tidy, nodes)
     gone[part[nodes]] = True
     return _loose_polygons(mesh, tidy.anchor, part, gone, stays)[0] & ~mesh.void
@@ -95,14 +94,14 @@ def dependent_polygons(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Bools:
 
 def between_crossings(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Ints:
     """Return the number (c,) of the stripe part in which each polygon lies; -1 at crossings and outside stripes.
-    Crossings and polygons of the mask `nodes` (c,) divide stripes. A connected piece of `nodes` is a part, too."""
+    Stripes are divided at crossings and at polygons in `nodes` (c,). Each connected piece of `nodes` is a part, too."""
     part, _, stays = _parts(mesh, tidy, nodes)
     single_stripe = ~mesh.void & ~stays[part] & ((mesh.also == VOID) | nodes)
     return np.where(single_stripe, part, -1)
 
 
 def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bools]:
-    """Divide polygons into parts at crossings and `nodes`; return also masks of void parts and of parts to keep."""
+    """Return each polygon's part (c,), divided at crossings and `nodes`; and masks of void and of unstriped parts."""
     striped, material = np.array(tidy.striped), ~mesh.void
     kind = np.where(mesh.void | striped[mesh.family], mesh.family, KEPT)
     kind[mesh.also != VOID] = CROSSING
@@ -117,8 +116,8 @@ def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bo
 
 
 def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, stays: Bools) -> tuple[Bools, Bools]:
-    """Return masks of polygons: (1) `gone` parts and dead ends, (2) islands cut off from supports and surface edges.
-    When no dead ends remain, a part with a single neighbour joins this neighbour, and the search repeats."""
+    """Return masks (c,): (1) `gone` parts and dead ends; (2) islands, cut off from anchors, surface edges, kept parts.
+    When no dead ends are left, parts with a single neighbour join this neighbour, and the search repeats."""
     before = gone
     while True:
         touching = Contacts.from_parts(mesh, part, anchor)
@@ -166,19 +165,19 @@ def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[Field], levels: Sequen
 
 
 def nodes_of(mesh: PolygonMesh) -> Bools:
-    """Return a mask (c,) of nodes. A node is material that joins ends of stripes where their field has no values."""
+    """Return a mask (c,) of nodes: material that joins ends of stripes in faces where their field has no values."""
     return np.asarray((mesh.also == mesh.family) & ~mesh.void)
 
 
 def _old_nodes(mesh: PolygonMesh, corner_fields: dict[int, CornerField]) -> Bools:
-    """Return a mask (c,) of nodes: material faces that the cut did not divide, without values of their own field."""
+    """Return a mask (c,) of nodes that are whole uncut faces: material of field k where field k has no values."""
     alone = np.bincount(mesh.parent, minlength=len(mesh.F))[mesh.parent] == 1
     blank = [(mesh.family == k) & field.blank[mesh.parent] for k, field in corner_fields.items()]
     return np.asarray(alone & np.any(blank, axis=0))
 
 
 def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: Floats) -> tuple[Ints, Ints]:
-    """Return polygons (q,) of `blank` at which middle lines of stripes of field k end, and the vertex (q,) of each end.
+    """Return polygons (q,) in `blank` (c,) at which middle lines of stripes of field k end, and each end's vertex (q,).
     An end between two vertices gets a unique negative number. An end at a vertex may be listed for two polygons."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, following, corner = mesh.cells.owner, mesh.cells.following, mesh.cells.corner
@@ -188,7 +187,7 @@ def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: F
     slots = np.stack([outer, following[outer]])
     z = np.stack([_middle(mesh, field, outer, slot) for slot in slots])
     level = nearest_levels(z.ravel(), levels).reshape(z.shape)
-    on_level = np.abs(z - level) < 1e-6  # True if the middle line ends at the vertex; limit in periods
+    on_level = np.abs(z - level) < 1e-6  # True if a stripe's middle line ends at the vertex; 1e-6 is in periods
     low, high = np.sort(np.where(on_level, level, z), axis=0)
     between = np.searchsorted(levels, high, "left") - np.searchsorted(levels, low, "right")
     inside = np.repeat(owner[inner], np.maximum(between, 0))
@@ -212,7 +211,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
         slots = slice(cells.start[node], cells.start[node + 1])
         parts = _without_free_corners(mesh.X[cells.corner[slots]], has_neighbour[slots])
         polygons += [cells.corner[slots][part] for part in parts]
-        ends = [(part, (part + 1) % cells.sizes[node]) for part in parts]  # sides at cut-off corners get line 0
+        ends = [(part, (part + 1) % cells.sizes[node]) for part in parts]  # sides along a cut get 0 (no line)
         sides_on += [cells.sides_on[slots][part] * (np.roll(part, -1) == end) for part, end in ends]
         source += [node] * len(parts)
         void += [k > 0 for k in range(len(parts))]
@@ -228,7 +227,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
 
 
 def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:
-    """Cut corners without neighbours at their sides off a convex polygon X (s, 3); return the rest, then corners."""
+    """Cut corners with free sides (no neighbour) off a convex polygon X (s, 3); return the rest, then these corners."""
     count, every = len(X), np.arange(len(X))
     least = 1e-3 * _area(X)  # smaller corners are not cut off
     marked = has_neighbour | np.roll(has_neighbour, 1)

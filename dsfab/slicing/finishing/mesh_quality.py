@@ -114,7 +114,7 @@ class CellMesh:
 
     @cached_property
     def line_ends(self) -> Ints:
-        """(n',) sum of the vertex numbers of a vertex's neighbours along `lines`. With two, u and w: u = sum - w."""
+        """(n',) for each vertex, sum of its neighbours' numbers along `lines`. With only two, u and w: u = sum - w."""
         total = np.zeros(len(self.surface.V), dtype=np.int64)
         a, b = self.surface.edges.ends[self.lines].T
         np.add.at(total, a, b)
@@ -221,7 +221,7 @@ def collapse_edges(cut: CellMesh, tolerance: float, zone: Bools) -> Change:
 
 
 def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
-    """Return `sides_on` after v moved onto w in `cells` (v, w, x): the cells have no area, sides v-x and w-x coincide.
+    """Return `sides_on` after v moved onto w. The `cells` with corners v, w, x have no area: v-x and w-x coincide.
     The neighbouring cell across side v-x gets the line of the cut that lies on side v-x or w-x."""
     row, F = np.arange(len(cells)), sheet.surface.F[cells]
     place = (onto[F] != F).argmax(axis=1)
@@ -253,9 +253,9 @@ def _within_faces(cut: CellMesh, moves: CollapseMoves) -> CollapseMoves:
 
 
 def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> CollapseMoves:
-    """Select the moves that keep `CellMesh.lines` connected, and that move lines by at most `tolerance` metres.
+    """Select moves v -> w that keep `CellMesh.lines` connected, and that move lines by at most `tolerance` metres.
     A vertex on a line may move along the line, or to a vertex without lines. Boundary vertices stay on the boundary.
-    An edge between material and void may also collapse if exactly three lines meet at each of its ends."""
+    An edge between material and void may collapse even where exactly three lines meet at each of its ends."""
     v, w, _ = moves
     count = np.bincount(cut.surface.edges.ends[cut.lines].ravel(), minlength=len(cut.surface.V))
     rim = on_boundary(cut.surface.edges, len(cut.surface.V))
@@ -294,8 +294,8 @@ def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves
 
 
 def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F: Ints) -> Bools:
-    """Return which moves v -> w keep the mesh a surface [Dey et al. 1999], and never merge two lines into one.
-    Common neighbours of v and w must lie opposite to edge v-w. row, F : the move and the corners of cells around v."""
+    """Return a mask of moves v -> w that keep the mesh a surface [Dey et al. 1999], and never merge two lines into one.
+    Common neighbours of v and w must lie opposite to edge v-w. row, F : move, and corners, of cells around v."""
     star_vertices = np.repeat(row, 3), F.ravel()
     is_neighbour = (star_vertices[1] != moves.v[star_vertices[0]]) & (star_vertices[1] != moves.w[star_vertices[0]])
     pair = distinct(star_vertices[0][is_neighbour] * len(cut.surface.V) + star_vertices[1][is_neighbour])
@@ -329,7 +329,7 @@ def flip_edges(cut: CellMesh, zone: Bools) -> Change:
     parent = parent[f]
     new_angle = np.minimum(cut.angles(first_cell, parent), cut.angles(second_cell, parent))
     old_angle = np.minimum(cut.smallest_angle[f], cut.smallest_angle[e])
-    better = np.flatnonzero(new_angle > GAIN * old_angle)  # a and b share no edge yet: it would cross the edge c-d
+    better = np.flatnonzero(new_angle > GAIN * old_angle)  # no edge a-b exists, because it would cross c-d
     better = better[np.argsort(-(new_angle - old_angle)[better], kind="stable")]
     zone = np.zeros(len(zone), dtype=bool)
     zone[first_cell[better]] = zone[second_cell[better]] = True

@@ -14,7 +14,7 @@ CHORD = float(np.radians(34))
 
 @dataclass(frozen=True, eq=False)
 class Arcs:
-    """Arcs (k,) in planes, from wall a to wall b, counter-clockwise around `centre` (k, 2).
+    """Arcs (k,) in planes, at corners of two walls: from wall a to wall b, counter-clockwise around `centre` (k, 2).
 
     foot_a, foot_b : (k, 2) points of contact with the walls.
     way_a, way_b   : (k,) distance from the corner to these feet along the walls, metres.
@@ -92,7 +92,7 @@ def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | No
 
 
 def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]:
-    """Return centres (k, 2) of circles that touch the first walls of a and b, and a mask of centres in void."""
+    """Return centres (k, 2) of circles that touch the first segments of polylines a and b, and a mask: True in void."""
     u, v = (unit_vectors(line[:, 1] - line[:, 0]) for line in (a, b))
     left_normal, right_normal = np.stack([u[:, 1], -u[:, 0]], axis=1), np.stack([-v[:, 1], v[:, 0]], axis=1)
     centre, in_void = circle_centres(a[:, 0], left_normal, b[:, 0], right_normal, radius)
@@ -155,7 +155,7 @@ class Corners:
         return Stretches.from_chains(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
 
     def with_arc_feet(self, tips: "Corners", arcs: Arcs) -> "Corners":
-        """Return the corners that no arc (p,) at the corners `tips` cuts off. Arc ends become corners with `turn` 0."""
+        """Return the corners without those that arcs (p,) at `tips` cut off. Arc ends become corners with `turn` 0."""
         walls, chain = self.walls, self.walls.chain[tips.first]
         free = ~tips.stretches(arcs).covers(walls.chain[self.first], self.place)
         feet = np.concatenate([tips.place - arcs.way_a, tips.place + arcs.way_b]) % np.tile(walls.total[chain], 2)
@@ -201,7 +201,7 @@ class Corners:
 
     @cached_property
     def rooms(self) -> tuple[Floats, Floats]:
-        """Lengths (k,), (k,) of the walls before and after each corner that the corner's arc may use, metres.
+        """Lengths (k,), (k,) of wall, metres, that the arc at each corner may use before and after the corner.
         Two neighbouring corners share the wall between them in the ratio of their `tangents`."""
         t, (ahead, behind) = self.tangents, self.wall_lengths
 
@@ -224,7 +224,7 @@ class Corners:
 
     @cached_property
     def origin(self) -> Floats:
-        """(k, 3) start of each corner's wall `first`, metres. The start is the origin of the corner's `frames`."""
+        """(k, 3) vertex at each corner, where the wall `first` starts, metres. It is the origin of `frames`."""
         return np.asarray(self.walls.surface.V[self.walls.start[self.first]])
 
     def circles(self, rows: Ints, arcs: Arcs) -> Floats:
@@ -235,15 +235,14 @@ class Corners:
 
     def arcs(self, rows: Ints, radius: Floats) -> tuple[Arcs, Floats]:
         """Return arcs of radii (p,), metres, at corners `rows` (p,), and factors (p,) for the radii of a next attempt.
-
-        A factor is 1 if the arc fits, `SMALLER` if the arc does not touch both walls, and between them otherwise."""
+        A factor is 1 if the arc fits, `SMALLER` if it does not touch both walls, `SMALLER` to 1 if it is too long."""
         reach = 2 * radius * self.tangents[rows] + radius
         ahead, behind = (np.minimum(length[rows], reach) for length in self.wall_lengths)
         arcs = tangent_arcs(self.wall_line(rows, ahead, back=True), self.wall_line(rows, behind, back=False), radius)
         ways = np.array([arcs.way_a, arcs.way_b])
         rooms = np.array(self.rooms)[:, rows]
         least = np.divide(rooms, ways, out=np.full_like(ways, np.inf), where=ways > 0).min(axis=0)
-        fits = 0.995  # margin for rounding errors; `rooms` has a larger margin of 2 %
+        fits = 0.995  # margin of 0.5 % for rounding errors; the lengths in `rooms` already have a margin of 2 %
         factor = np.where(least >= fits, 1.0, np.maximum(fits * least, SMALLER))
         return arcs, np.where(arcs.touching, factor, SMALLER)
 
@@ -266,7 +265,7 @@ class Corners:
         return np.asarray(np.einsum("pqi,pji->pqj", points, self.frames[rows]))
 
     def between_feet(self, rows: Ints, arcs: Arcs, vertex: Ints) -> Bools:
-        """Return which vertices (p,) lie on the wall that an arc cuts off, or at most 2 % of the radius beyond it."""
+        """Return a mask (p,) of vertices on the walls between the ends of an arc, or up to 2 % of its radius beyond."""
         walls = self.walls
         wall = np.full(walls.surface.n, -1)
         wall[walls.start] = np.arange(len(walls.start))

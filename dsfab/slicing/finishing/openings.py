@@ -59,11 +59,11 @@ class Openings:
 
     @cached_property
     def narrowness(self) -> Floats:
-        """(o,) width of each opening / width of the narrower member beside it: the median along the opening's walls.
-        Only walls with an opposite wall count. If they are under 5 % of the walls, as in a triangle, the width is the
-        side of the square of equal area. From 5 to 25 %, the result is a weighted harmonic mean of the median ratio
-        and the ratio with the square. The width is at least 2 area / perimeter. The ratio is infinite without
-        members, and for openings at the edge of the surface with few opposite walls."""
+        """(o,) width of each opening / width of the narrower member beside it: median along walls with opposite walls.
+        If under 5 % of the walls have an opposite wall, as in a triangle, the width is the side of a square of equal
+        area. From 5 to 25 %, the result is a weighted harmonic mean of the ratios with these two widths.
+        The width is at least 2 area / perimeter. The ratio is infinite without members, and for openings at the edge
+        of the surface with few opposite walls."""
         across, wall, member = self._crossings, np.flatnonzero(self.void.walls), self._member_widths
         label, has_ratio = self.label[across.face], ~np.isnan(self._width_ratio)
         between = weighted_medians(self._width_ratio, across.weight, label, self.count)
@@ -87,16 +87,15 @@ class Openings:
 
     @cached_property
     def crowded_slits(self) -> Bools:
-        """(o,) mask of slits where members are crowded: slits with a `narrowness` under a limit.
-        In a dense pattern (small median of `narrowness`), the limit is smaller than `NARROWER` (see `CROWDING`).
-        So not all openings are filled."""
+        """(o,) mask of slits whose `narrowness` (width relative to the member beside the slit) is under a limit.
+        In patterns with narrow openings, the limit is under `NARROWER` (see `CROWDING`), so that some slits stay."""
         area = np.where(np.isfinite(self.narrowness), np.bincount(self.label, self.void.surface.areas, self.count), 0.0)
         usual = float(weighted_medians(self.narrowness, area, np.zeros(self.count, dtype=np.int64), 1)[0])
         least = NARROWER * min(1.0, max(0.0, (1 + usual) / CROWDING - 1))
         return self.slits & (self.narrowness < split_value(self.narrowness, least, ALIKE))
 
     def slits_between(self, family: Bools) -> tuple[int, float]:
-        """Return the number of slits mostly beside cells `family` (m',), and the share of the cells' walls at slits."""
+        """Return how many slits lie mostly at cells `family` (m',), and the share of these cells' walls at slits."""
         own_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         own_edges[self.void.cut_surface.edges.of[family]] = True
         wall = self._crossings.walls[:, 0]
@@ -113,7 +112,7 @@ class Openings:
 
     @cached_property
     def _width_ratio(self) -> Floats:
-        """(k,) width of the opening on each line across it, divided by the narrower member's width; NaN if none."""
+        """(k,) opening width / width of the narrower member, on each line across an opening; NaN without members."""
         member = self._member_widths[self.void.parent_edges[self._crossings.walls]]
         return np.asarray(self._crossings.width / np.fmin(*member.T))
 
@@ -125,7 +124,7 @@ class Openings:
 
     @cached_property
     def _member_widths(self) -> Floats:
-        """Member width at each wall, NaN at other edges. Above 2.5 x the median, members meet: the median counts."""
+        """Member width at each wall; NaN at other edges. The median replaces widths over 2.5 medians (crossings)."""
         wall_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         wall_edges[self.void.parent_edges[self.void.walls]] = True
         surface, sheet_edges = self.material.surface, self.material.parent_edges
@@ -238,7 +237,7 @@ class Strip:
 
     @classmethod
     def from_wall(cls, sheet: Sheet, wall: int, ends: Floats, half: Floats) -> "Strip | None":
-        """Return a strip from a wall across an opening, along points `ends` (2, 3); None if the points are equal."""
+        """Return a strip from `wall` across an opening, along the line between `ends` (2, 3); None for equal ends."""
         surface, first_cell = sheet.surface, int(sheet.walls.void_cells[wall])
         direction = ends[1] - ends[0]
         gap = float(np.linalg.norm(direction))
@@ -312,7 +311,7 @@ def _fill_strips(cells: Sheet, strips: list[Strip], snap: float) -> Sheet:
 
 
 def _without_pockets(cells: Sheet, before: int, width: float) -> Sheet:
-    """Fill small openings beside strips. A vertex with the number `before` or a larger number belongs to a strip."""
+    """Fill small openings beside strips. before : vertex count before the strips; later vertices belong to strips."""
     openings = openings_of(cells)
     if openings is None:
         return cells

@@ -21,7 +21,7 @@ from dsfab.surface.topology import edge_table
 Rule = Literal["join", "split"]
 
 DISC_ROUNDS = 3  # Maximum number of rounds that put discs around point contacts. A disc can create a new contact.
-CORNER_ROUNDS = 2  # Maximum number of rounds that change only corners of cells, which creates no new contact.
+CORNER_ROUNDS = 2  # Maximum number of rounds that change only corners of cells. They create no new point contact.
 
 
 class PinchResult(NamedTuple):
@@ -33,12 +33,11 @@ class PinchResult(NamedTuple):
 
 def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchResult:
     """Fill ("join") or cut out ("split") discs of `radius` metres around pinches, which are point contacts of material.
-
-    If pinches remain after three rounds, only the corners of cells at a pinch change, up to a distance of
-    min(radius, 0.4 edge length). New material takes the family of the first material cell at its pinch.
+    If pinches remain after three rounds, only the corners of cells at pinches change: along each edge from a pinch, up
+    to min(radius, 0.4 x edge length). New material takes the family of the first material cell at its pinch.
 
     Raises PatternError without material, for an impossible `radius` or `rule`, and for pinches that remain. "join"
-    fails where the surface itself meets in a single vertex."""
+    fails where the surface itself has a point contact."""
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the radius {radius} for repairs at point contacts must be a positive length in metres")
     if rule not in ("join", "split"):
@@ -110,7 +109,7 @@ def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
 
 
 def _corner_distance(sheet: Sheet, pinches: Ints, radius: float) -> Floats:
-    """Return a field (n',): 0 at point contacts, and `radius` at min(radius, 0.4 length) along each edge from there."""
+    """Return a field (n',): 0 at pinches, and `radius` on their edges at the distance min(radius, 0.4 edge length)."""
     V, ends = sheet.surface.V, sheet.surface.edges.ends
     x = np.full(len(V), radius / 0.4)
     for p, q in (ends.T, ends[:, ::-1].T):

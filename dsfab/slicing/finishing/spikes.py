@@ -36,7 +36,7 @@ class Spike(NamedTuple):
     snap: float
 
     def heights(self, X: Floats) -> Floats:
-        """Return metres (k,) by which points X (k, 3) lie beyond the tooth's base. Distances under `snap` become 0."""
+        """Return heights (k,) of points X (k, 3) over the tooth's base, metres. Heights within +-`snap` become 0."""
         height = (X - self.origin) @ self.outward
         return np.asarray(np.where(np.abs(height) < self.snap, 0.0, height))
 
@@ -80,7 +80,7 @@ def _member_width(cells: Sheet) -> float:
 
 
 def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
-    """Return count and length of walls from the start of `tip` to re-entrant corners before (step -1) or behind (1)."""
+    """Return (wall count, metres) from the start of wall `tip` to re-entrant corners before (step -1) or behind (1)."""
     corners, length, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
         (previous_wall, wall), exists = walls.walls_ahead(np.array([tip, tip]), step * np.array([k - 1, k]))

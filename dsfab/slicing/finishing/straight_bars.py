@@ -60,7 +60,7 @@ class FairBar:
         start, end = _walls(mesh, self.cells)
         t, y = self._places((start + end) / 2)
         ahead = (end - start) @ np.cross(self.across, self.normal)
-        side = np.where(ahead > 0, -1, 1)  # -1: right of the axis, where the old bar's sides run towards its end
+        side = np.where(ahead > 0, -1, 1)  # -1: right of the axis; there, the old bar's walls run in the axis direction
         between_ends, weight = (t > 0) & (t < 1), np.sqrt(np.abs(ahead))
         basis = np.stack([t * (1 - t), t**2 * (1 - t), side * (1 - t), side * t], axis=1)
         equations = (basis * weight[:, None])[between_ends], (y * weight)[between_ends]
@@ -135,7 +135,7 @@ def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
     return np.array(contacts)
 
 
-ASKEW = 0.25  # A straight bar replaces an old bar only if its `deviation` is larger than this.
+ASKEW = 0.25  # A straight new bar replaces an old bar only if the `deviation` of the new bar is larger than this.
 UNEVEN = 0.12  # An evenly bent bar replaces an old bar only if the `deviation` of the new bar is larger than this.
 FAR = 1.5  # A new bar replaces an old bar only if the `deviation` of the new bar is smaller than this.
 SNAP = 0.02  # A vertex this near to a bar's side moves onto the side; as a fraction of the bar's width.
@@ -171,7 +171,7 @@ def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field])
 
 
 def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy) -> list[FairBar]:
-    """Return disjoint new bars, each for a node and its stripes (and a crossing), or stripes near a singular point."""
+    """Return disjoint new bars that replace nodes with their stripes and crossings, or stripes near singular points."""
     bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
     for lumps, seeds in ((with_crossings(mesh, nodes), nodes), (nodes, nodes), (none, near_singular)):
         label = mesh.part_labels(_with_touching_stretches(mesh, lumps | seeds, between_crossings(mesh, tidy, lumps)))
@@ -197,8 +197,8 @@ def _with_touching_stretches(mesh: PolygonMesh, seeds: Bools, part: Ints) -> Boo
 
 
 def _with_fair_bar(mesh: PolygonMesh, bar: Bools, fair_bar: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
-    """Replace polygons `bar` by `fair_bar`; return the mesh, or None if the area changes `LARGER` times or more.
-    Return also the old number of each polygon."""
+    """Replace the polygons `bar` by `fair_bar`; return the mesh, and the old number of each polygon.
+    The mesh is None if the new area is at least `LARGER` times the old area, or the old area `LARGER` times the new."""
     opening = mesh.part_labels(mesh.void | bar)
     inside, source = np.isin(opening, opening[bar]) & (opening >= 0), np.arange(len(bar))
     line = mesh.lines.count + np.arange(2)

@@ -24,9 +24,9 @@ from dsfab.slicing.finishing.loose_ends import Tidy, dependent_polygons, nodes_o
 from dsfab.surface import link_components
 
 LARGE = 1.6
-"""Stubs are removed only if the new opening is smaller than LARGE x the median size. 5 % of openings are larger."""
+"""Where a stub is removed, the new opening must be smaller than LARGE x the median. 5 % of openings are larger."""
 EYELET, LARGER = 0.5, 2.5
-"""An eyelet is an opening smaller than EYELET times a neighbouring opening. For eyelets, LARGER replaces `LARGE`."""
+"""An eyelet (opening) has under EYELET x a neighbour's 4 area / perimeter. For eyelets, LARGER replaces `LARGE`."""
 GOOD = 1.1  # Stubs (ends of stripes) stay if all openings beside them are larger than GOOD x the median size.
 SMALL = 0.6  # Stubs (ends of stripes) stay if the opening without them would be smaller than this size.
 TURN = float(np.radians(110))
@@ -141,14 +141,14 @@ class _Bars:
 
     @cached_property
     def lumps(self) -> Bools:
-        """(b,) mask of bars inside a single opening, whose size (4 area / perimeter) would grow without the bar."""
+        """(b,) mask of bars beside one opening. Without the bar, the opening's size (4 area / perimeter) would grow."""
         return np.asarray(
             (self.opening_count == 1) & (self.sizes_without_each > np.maximum(1.02 * self.extremes[1], SMALL))
         )
 
     @cached_property
     def eyelets(self) -> Bools:
-        """(b,) mask of bars between several openings, which join to an opening of suitable size without the bar.
+        """(b,) mask of bars between several openings. Without the bar, the openings join to one of suitable size.
         If several of these bars touch the same opening, either all of them are marked or none."""
         smallest, limits = self.extremes
         ratio = np.divide(smallest, limits, out=np.full_like(smallest, np.inf), where=limits > 0)
@@ -176,7 +176,7 @@ class _Bars:
 
 
 def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyond: Ints) -> Bools:
-    """Return which bars' neighbours stay connected without any bars. contact_sides : (h,) sides at other material."""
+    """Return a mask (b,) of bars that touch at most one part of the material outside bars, at `contact_sides` (h,)."""
     rest = mesh.part_labels(~mesh.void & (label < 0))
     touching = np.stack([label[mesh.cells.owner[contact_sides]], rest[beyond[contact_sides]]], axis=1)
     bar = np.unique(touching, axis=0)[:, 0]
@@ -184,7 +184,7 @@ def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyon
 
 
 def _turns(mesh: PolygonMesh, label: Ints, side: Ints) -> Floats:
-    """Return how sharply (b,) the outline turns without each bar, radians. side : bars' sides at other material."""
+    """Return the sharpest turn (b,), radians, of the outline without each bar. side : bars' sides at other material."""
     cells, count = mesh.cells, len(mesh.X)
     bar, ends = label[cells.owner[side]], np.stack([cells.corner[side], cells.next_values(cells.corner)[side]], axis=1)
     place = link_components(len(side), *adjacent_sides(bar, ends, count))[1]
@@ -209,7 +209,7 @@ def _angles(mesh: PolygonMesh) -> Floats:
 
 
 def _below_limits(x: Floats, limit_of_each: float | Floats) -> Bools:
-    """Return a mask (k,) of values x (k,) below their limits. Nearly equal values are all below, or all above."""
+    """Return a mask (k,) of values x (k,) below their limits. Nearly equal values with equal limits count alike."""
     limits = np.broadcast_to(limit_of_each, x.shape)
     result = np.zeros(len(x), dtype=bool)
     for threshold in np.unique(limits):

@@ -42,8 +42,8 @@ class Chart:
 
 
 def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None = None) -> Chart:
-    """Return the chart of a surface that `halve_lines` divided.
-    phases : fields of both families, whole numbers also on lines that halving removes; default: `halved.phases`."""
+    """Return the chart of a surface that `halve_lines` divided. phases : fields of both families, default
+    `halved.phases`. Lines that halving removes also have whole numbers as phases."""
     mesh, phases = halved.mesh, phases or halved.phases
     surface, cell, _ = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     slot = _corner_slots(mesh, surface.F, cell)
@@ -63,7 +63,7 @@ def equal_row_groups(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
     """Group rows with equal keys (k,) and equal numbers (k, r); return each group's first row, and each row's group."""
     order, begins, group_of = equal_key_groups(key)
     lead = order[begins][group_of]
-    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # sort only rows unlike the first row of their key
+    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # sort only rows unlike the first row of equal key
     lead = lead.copy()
     if len(different):
         table = np.column_stack([key[different], rows[different]])
@@ -112,8 +112,8 @@ class StripeChart:
 
     @classmethod
     def from_chart(cls, chart: Chart, d: Floats, kept_values: Floats) -> Self:
-        """Return stripes with the phases of the chart.
-        d : (n, 2) half widths, kept_values : (n,) values of `kept`; both at the uncut vertices."""
+        """Return stripes with the phases of the chart, from values at the uncut vertices.
+        d : (n, 2) half widths of stripes, in periods.    kept_values : (n,) positive in material other than stripes."""
         has_phase = np.asarray((chart.scale[chart.surface.F] > 0).all(axis=1))
         nearest_whole = np.rint(chart.z)
         z = np.where(np.abs(chart.z - nearest_whole) < ON, nearest_whole, chart.z)
@@ -138,7 +138,7 @@ class StripeChart:
         return np.asarray(x[self._corner])
 
     def steep(self, k: int) -> Bools:
-        """Return a mask (m,) of faces where phase k is not constant: its slope x the surface's size is over 1e-9."""
+        """Return a mask (m,) of faces where phase k is known and not constant: slope x `surface.size` is over 1e-9."""
         return self.known[:, k] & (self.slope[k] * self.surface.size > 1e-9)
 
     @cached_property
@@ -287,7 +287,7 @@ def _pieces(chart: StripeChart, k: int) -> _Pieces:
 
 
 def _barycentric(z: Floats, slot: Ints) -> Floats:
-    """Return barycentric coordinates (s, 3) of points with z = 0 at `slot` (see `_Pieces`). z : (s, 3) at corners."""
+    """Return barycentric coordinates (s, 3) of places `slot` (see `_Pieces`), where z is 0. z : (s, 3) at corners."""
     row, corner, on_edge = np.arange(len(z)), slot % 3, slot >= 3
     next_corner = (corner + 1) % 3
     a, b = z[row, corner], z[row, next_corner]

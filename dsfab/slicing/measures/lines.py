@@ -61,7 +61,7 @@ LEAST = 1e-7  # Shorter parts of a segment are dropped, shorter gaps are closed.
 class Spans(NamedTuple):
     """Parts (p,) of segments that lie on a sheet.
     segment : (p,) segment of each part.    begin, end : (p,) positions on the segment, 0 to 1.
-    of_pair : (q,) number of a part.        cell : (q,) a cell of the sheet that the part `of_pair` crosses."""
+    of_pair, cell : (q,) pairs of a part, and a cell of the sheet that this part crosses."""
 
     segment: Ints
     begin: Floats
@@ -91,7 +91,7 @@ def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sh
 
 
 def _parent_coordinates(weights: csr_array, F: Ints, parent: Ints, uncut: Ints) -> Floats:
-    """Return the corners of triangles F (k, 3) as barycentric coordinates (k, 3, 3) in uncut faces `parent` (k,)."""
+    """Return barycentric coordinates (k, 3, 3) of the corners of triangles F (k, 3) in uncut faces `uncut[parent]`."""
     entries = weights[F.ravel()].tocoo()
     row, column = (index.astype(np.int64) for index in entries.coords)
     coordinates = np.zeros((3 * len(F), 3))
@@ -130,7 +130,7 @@ def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans
 
 
 class Middle(NamedTuple):
-    """A middle line of a member: points (k, 3), metres, and its number (on the largest part of the length)."""
+    """A middle line of a member: points (k, 3), metres, and the line number with the largest part of the length."""
 
     number: int
     points: Floats
@@ -189,7 +189,7 @@ class Chords:
 
 
 def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
-    """Return the end nodes (v, 2) of the views, and the positions of all nodes.
+    """Return the end nodes (v, 2) of each view (a segment in a face), and the positions of all nodes, metres.
     An end lies at a corner (`at_corner`), or at `share` (0 to 1) of the side that begins at this corner."""
     V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # joins both sides of each cut
     F = vertex.ravel()[chart.surface.F]
@@ -209,9 +209,8 @@ def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share:
 
 
 def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, F: Ints, passing: Ints) -> list[Middle]:
-    """Return the middle lines of one family's members, as far as the sheet has material.
-
-    half_width : (n,) d in periods: material is |z - k| < d for whole numbers k; d = 0 means no member.
+    """Return the middle lines of one family's members, only where the sheet has material.
+    half_width : (n,) d in periods: material has a phase within d of a whole number; d = 0 means no member.
     sheet      : the material.    F : (m, 3) the uncut faces.
     passing    : field numbers of the other family. A line is left out if all its cells belong to these fields."""
     chords = Chords.from_chart(chart, family, half_width)
@@ -233,7 +232,7 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
 
 def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
-    """Return end nodes of segments' parts, and points. Parts share a node only where just two segments meet, uncut."""
+    """Return end nodes of segments' parts, and points. Parts share a node if only two segments end there, uncut."""
     link = chords.link[spans.segment]
     a, b = (chords.point[link[:, k]] for k in (0, 1))
     crowded = np.bincount(link.ravel(), minlength=len(chords.point))[link] > 2
@@ -319,7 +318,7 @@ class _Stripes:
                 same_field = np.flatnonzero((self.family[edges] == k) & (self.family[before] == k))
                 f, g = self.parent[edges[same_field]], self.parent[before[same_field]]
                 rows = self.weights[loop[same_field]]
-                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a vertex of the uncut faces of both edges
+                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a vertex that uncut faces f and g share
                 place, place_before = (f, corner_places(self.F[f], base)), (g, corner_places(self.F[g], base))
                 sign = phase.field.sign[place] * phase.field.sign[place_before]
                 shift = phase.field.shift[place] - sign * phase.field.shift[place_before]

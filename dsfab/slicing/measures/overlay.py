@@ -52,7 +52,8 @@ class Overlay:
     sheet  : m cells, all of them material. `family` is the field that made each cell.
     source : (m,) the undivided cell that contains each cell.
     part   : (m, f) for each field, the number of the stripe that contains the cell; -1 for none.
-    of     : (count,) number of each stripe's field.    level : (count,) the level on the largest part of its area.
+    of     : (count,) number of each stripe's field.
+    level  : (count,) field value on each stripe's middle line; if cells differ, the value with the largest area.
     own    : (m,) True if the cell lies in a stripe of the field that made the cell.
     offset : (m, 3, f) field at the corners, minus its value on the stripe's middle line; never 0. Two cells have the
              same offsets at their common edge, up to a sign."""
@@ -115,7 +116,7 @@ def _on_sheet(sheet: Sheet, uncut: Surface, field: CornerField | Floats) -> Corn
 
 
 def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
-    """Return a mask (m,) of cells whose field may cover stripes of `bands[k]`. family : (m,) field of each cell."""
+    """Return a mask (m,) of cells of fields that may cover stripes of `bands[k]`. family : (m,) field of each cell."""
     covers = np.array([band.family != bands[k].family and (band.hides or not bands[k].hides) for band in bands])
     covers &= ~np.array([bands[k].hides]) | (np.arange(len(bands)) < k)
     return np.asarray(covers[family])
@@ -123,11 +124,11 @@ def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
 
 @dataclass(frozen=True, eq=False)
 class _BandOnCells:
-    """Stripes of a field on triangles. The field has two values, z + d and z - d (see `DrawnBand`).
-    z : (m, 3) mean of both values at the corners, minus `DrawnBand.centre`.
-    d : (m,) half the difference of both values at the centroid.
-    number : (m,) the level nearest to the mean at the centroid.    off : (m,) distance of the mean from this level.
-    sign, shift : (m, 3) The value at a corner is sign x (value at the corner's vertex) + shift.
+    """Stripes of a field on triangles. The field has two values at each point, z + d and z - d (see `DrawnBand`).
+    z : (m, 3) mean of the field's two values at the corners, minus `DrawnBand.centre`.
+    d : (m,) half the difference of the two values, at the centroid.
+    number : (m,) the level nearest to the mean at the centroid.    off : (m,) distance of this mean from the level.
+    sign, shift : (m, 3) The value at a triangle's corner is sign x (value stored at the vertex) + shift.
     blank : (m,) mask of triangles without values."""
 
     F: Ints
@@ -156,7 +157,7 @@ class _BandOnCells:
         return np.asarray((self.off < self.d + slack) & ~self.blank & np.isfinite(self.number))
 
     def links(self, pairs: Ints) -> Bools:
-        """Return a mask (p,) of pairs of half-edges (p, 2) whose two cells have the same nearest level."""
+        """Return a mask (p,) of pairs of half-edges (p, 2) whose two cells have the same `number` (nearest level)."""
         h, g = pairs.T
         flat = self.F.ravel()
         g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # corner of g's cell at the first vertex of h
@@ -165,9 +166,9 @@ class _BandOnCells:
         return np.asarray(np.abs(self.number[h // 3] - (sign * self.number[g // 3] + shift)) < SAME_PHASE)
 
     def offsets(self, in_stripe: Bools) -> Floats:
-        """Return `z` minus the nearest level of the field, (m, 3), at the corners of triangles in the mask `in_stripe`.
-        Other triangles get NaN. A difference of 0 becomes a tiny number, with the same sign in all triangles at its
-        vertex. So no middle line of a stripe passes exactly through a vertex."""
+        """Return offsets (m, 3): `z` minus `number` (the nearest level) at the corners of triangles `in_stripe`.
+        Other triangles get NaN. An offset of 0 at a vertex becomes a tiny number, with the same sign in all triangles
+        at this vertex. So no middle line of a stripe passes exactly through a vertex."""
         offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
         zero = np.abs(offset) < SAME_PHASE
         offset[zero] = 0.0
@@ -188,7 +189,7 @@ def _labelled_overlay(sheet: Sheet, source: Ints, stripes: list[_BandOnCells], b
     reach = [_value_ranges(stripe_values.z, source) for stripe_values in stripes]
     for k, stripe_values in enumerate(stripes):
         own_cells = sheet.family == k
-        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # margin: `slicing.snap` moves edges
+        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # `slicing.snap` may have moved edges outwards
     taken = {band.family: np.zeros(m, dtype=bool) for band in bands}
     for k, band in enumerate(bands):
         taken[band.family] |= in_own_band & (sheet.family == k)

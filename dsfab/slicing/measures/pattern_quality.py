@@ -25,11 +25,10 @@ from dsfab.surface.topology import link_components
 
 @dataclass(frozen=True, eq=False)
 class Bays:
-    """Middle lines of a family, divided into b parts. A bay lies between two crossings with the other family.
-
-    piece  : (b,) number of each part's piece in `middles`.    at : (b, 3) barycentric coordinates of a part's middle.
-    length : (b,) length of each part, metres.    bay : (b,) number of its bay.    count : number of bays.
-    angle  : (c,) angle between members at crossings, degrees, without crossings in material other than stripes."""
+    """Middle lines of a family, divided into b parts. Parts between two crossings with the other family form a bay.
+    piece  : (b,) piece of `middles` with each part.    at : (b, 3) barycentric coordinates of each part's middle.
+    length : (b,) length of each part, metres.    bay : (b,) number of each part's bay.    count : number of bays.
+    angle  : (c,) angle between members at crossings, degrees. Crossings in rims and kept regions are left out."""
 
     middles: StripeMiddles
     piece: Ints
@@ -41,7 +40,7 @@ class Bays:
 
     @cached_property
     def free(self) -> Floats:
-        """(b,) length of each part outside members of the other family, rims and kept regions, metres; 0 for others."""
+        """(b,) length of each part, metres; 0 for parts in members of the other family, rims and kept regions."""
         chart, face = self.middles.drawn, self.middles.face[self.piece]
         met = chart.inside(1 - self.middles.k, face, self.at) | chart.is_kept(face, self.at)
         return np.where(met, 0.0, self.length)
@@ -56,7 +55,7 @@ class Bays:
 
     @property
     def slits(self) -> int:
-        """Number of slits: bays with an opening narrower than the member beside it, on over half of the open length."""
+        """Number of slits: bays whose opening is narrower than the member on over half of the bay's `free` length."""
         free = np.bincount(self.bay, self.free, self.count)
         slit = np.bincount(self.bay, self.free * self.narrow, self.count)
         return int((slit > free / 2).sum())
@@ -103,7 +102,7 @@ def bays(middles: StripeMiddles) -> Bays:
 def _bay_labels(
     middles: StripeMiddles, piece: Ints, end: Ints, number: Ints, inner: Ints, barrier: Bools
 ) -> tuple[int, Ints]:
-    """Join parts at ends of pieces to bays, except at nodes `barrier` (j,). Return bay count and each part's bay."""
+    """Join parts to bays at nodes, except at crossings `barrier` (j,). Return the bay count and each part's bay."""
     parts, links = len(piece), []
     for at_node, side in ((number == 0, end), (number == inner[piece], 1 - end)):
         node = middles.node[piece, side]
@@ -134,8 +133,7 @@ class DeadEnds(NamedTuple):
 
 
 def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confidence: Floats) -> DeadEnds:
-    """Find the dead ends of a family.
-
+    """Return the dead ends of a family's members.
     along      : (m, 3) unit direction of the stress on the faces; its sign has no meaning.
     deviation  : (m,) angle between members and this direction, degrees.
     confidence : (m,) clarity of the direction, 0 to 1."""
@@ -162,7 +160,7 @@ def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools
     pair = np.flatnonzero((np.diff(node[order]) == 0) & (middles.degree[node[order][1:]] == 2))
     end_a, end_b = order[pair], order[pair + 1]
     normals_a, normals_b = (middles.drawn.surface.normals[middles.face[piece[end]]] for end in (end_a, end_b))
-    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])  # in the plane of the first face
+    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])  # direction b in the plane of face a
     alike = np.where(np.einsum("px,px->p", along[piece[end_a]], straight) < 0, -1, 1)
     result = np.zeros(len(middles.edge), dtype=bool)
     result[node[end_a]] = (side[end_a] * side[end_b] * alike > 0) & clear[piece[end_a]] & clear[piece[end_b]]
@@ -184,7 +182,7 @@ class Arms(NamedTuple):
         return len(self.width) == 0 or (len(self.width) == 1 and float(self.width[0]) < 3 * width)
 
     def is_hairpin(self, width: float) -> bool:
-        """Return True if a member of `width` metres ends here, or turns back from one arm into another arm.
+        """Return True if a member of `width` metres ends here, or turns back: two arms under 90 degrees apart.
         Two arms are first unfolded into one plane, so that a member across a sharp edge of the surface is straight."""
         if len(self.width) != 2 or not self.direction.any():
             return self.is_tip(width)
@@ -254,10 +252,10 @@ class FamilyQuality:
 
     spacing    : distance between middle lines, metres: P5, median and P95 over the area with stripes only.
     opening    : clear distance between neighbours, metres: P5, median and P95 over the open area.
-    deviation  : mean angle to the stress, degrees. Weight: area x stress along members x clarity of stress direction.
+    deviation  : mean angle to the stress, degrees. Weight: area x stress along members x `confidence` (`dead_ends`).
     off        : fraction of the weight of `deviation` where members deviate by over 30 degrees.
     dead_ends  : see `dead_ends`.
-    slits      : number of openings (before the cut: bays) that are narrower than the members beside them.
+    slits      : number of openings narrower than the members beside them; before the cut, see `Bays.slits`.
     slit_share : fraction of the members' length beside slits.
     drawn      : False if the family has no members; then all numbers are 0."""
 
@@ -279,7 +277,7 @@ class FamilyQuality:
 
     @property
     def dead(self) -> int:
-        """Number of dead ends."""
+        """Number of dead ends of this family's members."""
         return len(self.dead_ends.loose) + len(self.dead_ends.turns)
 
 
@@ -288,8 +286,8 @@ class PatternQuality:
     """Quality of both families together.
 
     crossing_angle : the smallest angle between two members that cross, degrees; 90 without crossings.
-    symmetry_error : fraction of the surface where material differs from its mirror or rotated image: the largest
-                     fraction of all symmetries of the design; None without symmetries.
+    symmetry_error : fraction of the surface where material differs from its mirror or rotated image; the largest
+                     value if the design has several symmetries; None without symmetries.
     turned         : angle by which the user rotated the stress directions, degrees. `deviation` is the angle between
                      members and the rotated directions.    titles : names of both families in words."""
 

@@ -22,12 +22,12 @@ class FarEnds(NamedTuple):
     length: Floats
 
     def subset(self, chosen: Ints) -> "FarEnds":
-        """Return the chosen (k,) ends."""
+        """Return the ends with the numbers `chosen` (k,)."""
         return FarEnds._make(column[chosen] for column in self)
 
 
 class _Lines(NamedTuple):
-    """Unfinished lines: number; half-edge of entry into a triangle, metres s along it; direction (x, y); length."""
+    """Unfinished lines: number; half-edge where each enters a triangle; metres s along it; direction (x, y); length."""
 
     number: Ints
     edge: Ints
@@ -44,11 +44,11 @@ def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf
     """Trace lines (k,) from points on the half-edges `start` (k,) to the boundary, perpendicular to the half-edges.
     place : (k,) metres along each half-edge.    reach : metres; the end of a longer line may not be found."""
     frames, twin, start_vertex = _frames(surface), surface.edges.twins, surface.F.ravel()
-    against = start_vertex != start_vertex[twin]  # the twin of the half-edge has the opposite direction
+    against = start_vertex != start_vertex[twin]  # True if a half-edge and its twin have opposite directions
     count = len(start)
     result = FarEnds(np.full(count, -1), np.zeros(count), np.ones(count), np.full(count, np.inf))
     lines = _Lines(np.arange(count), start, place, np.zeros(count), np.ones(count), np.zeros(count))
-    for _ in range(2000):  # a line across over 2000 triangles runs along a member; it is left without an end
+    for _ in range(2000):  # a line that crosses more triangles runs along a member; this line gets no end
         if not len(lines.number):
             break
         lines = _at_exit(lines, frames[lines.edge])
@@ -69,7 +69,7 @@ def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
     """Return the lines where they leave their triangles. x : along the half-edge of the exit, y : outwards from it."""
     length, ax, ay, bx, by, cx, cy = frame.T
     s, x, y = lines.s, lines.x, lines.y
-    # components of the direction (x, y) along the outward normals of the triangle's other two sides
+    # components of the direction (x, y) along the outward normals of the two sides where a line can leave
     over_next, over_last = by * x - bx * y, cy * x - cx * y
     with np.errstate(divide="ignore", invalid="ignore"):
         to_next = np.where(over_next > 0, np.maximum(by * (length - s), 0) / over_next, np.inf)
@@ -163,7 +163,7 @@ def crossings(
 
 
 def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
-    """Return the point nearest to each line's start on the half-edge at the line's end, and the distance, metres."""
+    """Return the point of each line's last half-edge that is nearest to the line's start, and the distance, metres."""
     size = np.linalg.norm(_edge_vectors(surface, ends.edge), axis=1)
     foot = ends.place - ends.length * ends.slope
     nearest = np.clip(foot, 0, size)
@@ -172,8 +172,8 @@ def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
 
 
 def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floats, slope: Floats) -> Bools:
-    """Return which lines join walls that converge to a tip. slope : negative if the walls converge along the end edge.
-    If walls converge at an angle a, the outline of the tip beyond a line of length w measures about w / tan(a / 2)."""
+    """Return a mask of lines between two walls of a tip. slope : negative if the tip lies ahead on the end half-edge.
+    If the walls form an angle a, the outline of the tip beyond a line of length w measures about w / tan(a / 2)."""
     loop, middle, ahead, total = _loop_positions(surface)
 
     def position(spot: _EdgePoints) -> Floats:
@@ -191,7 +191,8 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
 
 
 def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
-    """Return for half-edges: loop or -1, metres along the loop to the middle, True if forwards; also loop lengths."""
+    """Return for half-edges: boundary loop or -1, metres along the loop to the half-edge's middle, True if the
+    half-edge has the direction of the loop. Return also the loop lengths, metres."""
     edge = np.flatnonzero(surface.edges.boundary)
     h = surface.edges.order[surface.edges.start[:-1][edge]]
     label, chain, loops = _loop_chains(surface.edges.ends[edge])
@@ -211,7 +212,7 @@ def _loop_chains(ends: Ints) -> tuple[Ints, Ints, int]:
     """Return the loop (e,) of each edge, all edges in order along the loops, and the loop count; ends : (e, 2)."""
     slot = sorted_order(ends.ravel())  # ends of edges, sorted by vertex; end s of edge i has the number 2 i + s
     onward = np.empty_like(slot)
-    onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # the far end of the next edge at the same vertex
+    onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # far end of the other edge that meets at this end's vertex
     after, leaving = onward.tolist(), (2 * np.arange(len(ends)) + (ends[:, 0] > ends[:, 1])).tolist()
     label, chain, loops = [-1] * len(ends), list[int](), 0
     for start, state in enumerate(leaving):
@@ -283,7 +284,7 @@ def below_limit(sizes: float | Floats, limit: float) -> Bools:
 
 
 def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) -> Floats:
-    """Return limits of about `count` equal bins, one at `limit`. For a small `limit`, only the first bin is narrow."""
+    """Return limits of about `count` equal bins; `limit` is one of them. If `limit` is small, bin 0 is narrower."""
     if not 0 < limit < end:
         return np.linspace(0, end, count + 1)
     step = limit / max(1, round(limit / end * count))
@@ -294,13 +295,12 @@ def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) ->
 
 def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = False) -> Features:
     """Measure the smallest sizes of a cut sheet.
-
     cells : all cells, material and void.    built : (m',) mask of the structure's cells.    names : names of fields.
     tips  : True to measure gaps also in the tips of openings, where walls converge.
 
-    Widths and gaps are lengths of the lines in `crossings`. They are exact between straight walls. If walls bend by an
-    angle a from edge to edge, the error is up to 1 - cos a. Walls at an angle over 20 degrees form a corner, which has
-    no width. Pieces and openings without lines in `crossings` have the size 4 area / perimeter."""
+    Widths and gaps are lengths of lines between walls (see `crossings`), exact between straight walls. If walls bend by
+    an angle a from edge to edge, the relative error is up to 1 - cos a. Walls at an angle over 20 degrees form a
+    corner, which has no width. Pieces and openings without these lines have the size 4 area / perimeter."""
     part, mesh = SheetPart.from_cells(cells.surface, built), _mesh_width(cells)
     material, from_material = part.surface, part.cells
     across = crossings(material, material.edges.boundary)
@@ -319,7 +319,7 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
 
 
 def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
-    """Return a mask (m',) of material cells in the connected pieces of the material that `sheet` consists of."""
+    """Return a mask (m',) of material cells of `cells` whose connected piece of material belongs to `sheet`."""
     material = cells.material
     if material.sum() == sheet.surface.m:
         return np.asarray(material)

@@ -149,7 +149,7 @@ class Structure:
 
     @cached_property
     def material(self) -> Sheet:
-        """The material of all cells, including pieces that reach no support."""
+        """All cells with material, as a sheet. It includes pieces that reach no support."""
         return self.cells.subset()
 
     @property
@@ -176,7 +176,7 @@ def thinner(task: ComparisonTask) -> list[Variant]:
 
 SAME_MASS = 1e-3  # masses count as equal up to this relative difference
 Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
-"""Function that returns layers whose material covers a share of the surface. Arguments: task, share, tolerance."""
+"""Function of (task, share, tolerance) that returns layers. They cover `share` of the surface, within `tolerance`."""
 
 
 def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
@@ -227,7 +227,7 @@ def area_share(task: ComparisonTask, layers: Sequence[Layer]) -> float:
 def striped_structure(
     task: ComparisonTask, preset: Preset, diffusion: DiffusionResult, even: EvenStripes | None = None
 ) -> Structure:
-    """Return a structure of area `task.area` with the stripes `even`, or by default stripes on modes of `diffusion`."""
+    """Return a structure of area `task.area`. Its stripes are `even`, or follow modes of `diffusion` without `even`."""
     radius = preset.pattern.width.widths(np.sqrt(task.surface.area)).radius
     task = replace(task, diffusion=diffusion)
     return widened_structure(task, preset, drawable_families(preset, task.stressed_surface, radius, even=even))
@@ -250,13 +250,13 @@ def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[D
     return matched_structure(task, drawing)
 
 
-MODES = 3  # number of modes that `PAIRS` combines; the order of modes with equal eigenvalues is arbitrary
+MODES = 3  # number of modes that `PAIRS` combines: several, as the order of modes with equal eigenvalues is arbitrary
 PAIRS = [(a, b) for a in range(1, MODES + 1) for b in range(1, MODES + 1)]  # numbers of a major and a minor mode
 PHASES = (0.0, 0.25, 0.5, 0.75)  # phases of stripes that do not follow modes, in periods
 
 
 class IsotropicStripes(NamedTuple):
-    """Stripes that ignore the stress. pairs : (major mode, minor mode) to try. diffusion : computes the modes."""
+    """Stripes that ignore the stress. pairs : numbers of the (major, minor) modes to try. diffusion : returns modes."""
 
     preset: Preset
     pairs: list[tuple[int, int]]
@@ -264,7 +264,7 @@ class IsotropicStripes(NamedTuple):
 
 
 def isotropic_stripes(task: ComparisonTask) -> IsotropicStripes:
-    """Return stripes of equal width and frequency, with the task's area, on modes of isotropic diffusion."""
+    """Return stripes of equal width and frequency that follow modes of isotropic diffusion. They cover `task.area`."""
     isotropy = {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": task.share}}
     blind = with_overrides(task.on_modes, isotropy)
     diffusion = cache(lambda: diffusion_step(blind, task.surface, task.statics, Log(None)))
@@ -341,7 +341,7 @@ def scaled_field(surface: Surface, value: Floats) -> Floats:
 
 
 def principal_axes(task: ComparisonTask) -> Floats:
-    """Return two unit axes (2, 3) along which the surface is longest. For equal lengths, supports and loads decide."""
+    """Return two unit axes (2, 3) of largest extent of the surface. Supports and loads decide between equal extents."""
     surface, load = task.surface, task.statics.load
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()

@@ -163,8 +163,8 @@ def simp(task: ComparisonTask) -> list[Variant]:
 
 
 def free_task(task: ComparisonTask, options: Simp | None = None) -> ComparisonTask:
-    """Return the task without the preset's rim, and with discs of the filter's radius around loads and supports.
-    The rim would use most of the material."""
+    """Return the task without the preset's rim, which would use most of the material.
+    Around loads and supports, discs with the radius of the density filter (`Simp.filter_radius`) are kept."""
     radius = (options or Simp()).filter_radius(task.surface)
     return replace(task, preset=task.preset.with_pattern(keep=radius, rim=0.0))
 
@@ -178,7 +178,7 @@ def optimised_densities(task: ComparisonTask, options: Simp | None = None) -> De
 
 
 def level_set_structure(task: ComparisonTask, density: Floats) -> Structure:
-    """Return the region where the density exceeds a level. The density is averaged from faces (m,) to vertices."""
+    """Return the structure of area `task.area` where vertex means of the face densities (m,) exceed a level."""
     return matched_structure(task, partial(_level_set_layers, vertex_means(task.surface, density)))
 
 

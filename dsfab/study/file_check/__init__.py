@@ -101,7 +101,7 @@ def check_contents(
     solid: bool = True,
     progress: Progress | None = None,
 ) -> FileCheck:
-    """Check the contents of a file like `check_file`.
+    """Check the contents of a file that was already read. Other parameters: see `check_file`.
     contents : contents of the file, read with the deflection `deflection_for(preset)` if a design is given.
     unit_given : True if the user named the unit of the file's numbers."""
     tell = progress or (lambda stage, doing: None)
@@ -174,7 +174,7 @@ def _cut_finding(contents: FileContents) -> Finding:
 
 
 def _limit_findings(walls_and_gaps: Clearances | None, design: Design, matches_design: bool) -> list[Finding]:
-    """Check the limits of [fabrication], on the design if `matches_design`, else on the walls and gaps in the file."""
+    """Check the limits of [fabrication]: on the design if the file matches it, else on the file's walls and gaps."""
     options, findings = design.preset.fabrication, []
     built = {check.name: check for check in fabrication(design).checks} if matches_design else {}
     for name, limit in (("wall", options.min_wall), ("gap", options.min_gap)):

@@ -238,7 +238,7 @@ class Distance:
 @dataclass(frozen=True, eq=False)
 class Allowance:
     """Allowed distance between a file's solid and a design's solid.
-    flat   : metres, everywhere.     limits : additional distances on curved faces; None without curved faces."""
+    flat   : metres, on all faces.     limits : distances added to `flat` on curved faces; None without curved faces."""
 
     flat: float
     limits: SmoothLimits | None = None

@@ -92,7 +92,7 @@ def _checked_tetrahedra(X: Floats, T: Ints, volume: float, tolerance: float) -> 
     return Tetrahedra(X, T)
 
 
-OUTSIDE = 0.25  # points may lie slightly outside: barycentric coordinates down to minus this value
+OUTSIDE = 0.25  # a point may lie slightly outside a tetrahedron: barycentric coordinates down to minus this value
 LARGEST = 1_200_000  # limit on the number of unknowns
 
 
@@ -258,7 +258,7 @@ def compared_compliance(contents: FileContents, design: Design, edge: float | No
 
 @dataclass(frozen=True, eq=False)
 class SupportPoints:
-    """Supports and loads of a sheet in the model of its solid, at points through the thickness (m).
+    """Transfer of a sheet's supports and loads to the model of its solid, at points through the thickness (m).
     shift : distance from the sheet to the middle of the solid, as a multiple (-1, 0, 1) of half the thickness."""
 
     model: SolidModel

@@ -12,7 +12,7 @@ from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
 CANDIDATE, JUMP = 10.0, 5.0
-"""Least displacement / load of a snap-through step, divided by that of the first step, and of the previous step."""
+"""Snap-through: displacement / load exceeds `CANDIDATE` x the first step's and `JUMP` x the previous step's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +149,7 @@ def solid_check(
 
 
 def softest_range(path: LoadPath) -> tuple[float, float] | None:
-    """Return the load factors one point before and one point after the step with the largest displacement per load.
+    """Return the load factors of the path points just outside the step with the largest displacement per load.
     Return None if the displacement per load is similar in all steps, or if the factors differ by 2 % or less."""
     moves = _relative_moves(path)
     step = int(moves.argmax())
@@ -172,7 +172,7 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
 
 def last_point(path: LoadPath) -> int | None:
     """Return the number of the point at which the computation of a path may stop; None if it must continue.
-    It is the point after a failed step (`limit_of`), or a point where a step of 2.5 % of the load or less fails."""
+    It is the end of a failed step (`limit_of`), or a point from which a step of at most 2.5 % of the load failed."""
     limit_step, snaps = limit_of(replace(path, whole=True))
     moves = _relative_moves(path)
     for start, increment in path.failed:

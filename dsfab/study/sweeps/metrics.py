@@ -31,7 +31,7 @@ from dsfab.surface import hat_gradients
 
 
 def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium]:
-    """Return the cut sheet's equilibrium under each load of the pattern, by name. The design stores the result.
+    """Return the cut sheet's equilibrium under each load that the pattern follows, by name. The design stores it.
     Raises StaticsError if the sheet does not carry its loads."""
 
     def solve() -> dict[str, Equilibrium]:
@@ -62,7 +62,7 @@ def _loose(design: Design) -> float:
 
 
 def _min_width(design: Design) -> float:
-    """Return the width exceeded on 90 % of stripes' area: 2 d / |grad z|, z: frequency x mode, d: half width in z."""
+    """Return the width exceeded on 90 % of stripes' area: 2 d / |grad z|. z: frequency x mode. d: half width in z."""
     pattern = design.pattern
     if pattern.even is not None:
         chart_pattern = stripes_on_chart(design)

@@ -45,7 +45,7 @@ class Range(BaseModel):
         return self
 
     def value_at(self, u: float) -> int | float:
-        """Return the value at position u (0 to 1) of the range. In a linear range of integers, all get equal parts."""
+        """Return the value at position u (0 to 1) of the range. In a linear range, all integers have equal parts."""
         if self._whole and not self.log:
             return self.start + min(int(u * (self.to - self.start + 1)), int(self.to - self.start))
         value = self._interpolate(u)
@@ -78,12 +78,12 @@ class Axis:
     span: Range | None = None
 
     def grid_changes(self) -> list[dict[str, Any]]:
-        """Return the values at all grid points of the axis, by key."""
+        """Return the keys with their values for each grid point of the axis."""
         rows = self.rows if self.span is None else [(value,) for value in self.span.grid_values()]
         return [dict(zip(self.keys, row, strict=True)) for row in rows]
 
     def changes_at(self, u: float) -> dict[str, Any]:
-        """Return values by key at position u (0 to 1) of the axis. If it has `rows`, each row has an equal part."""
+        """Return values by key at position u (0 to 1) of the axis. Each row of an axis with rows has an equal part."""
         if self.span is not None:
             return {self.keys[0]: self.span.value_at(u)}
         row = self.rows[min(int(u * len(self.rows)), len(self.rows) - 1)]
@@ -303,7 +303,7 @@ class Plan(BaseModel):
 
     @property
     def measured_metrics(self) -> tuple[str, ...]:
-        """Metrics of the plan, with those of its constraints and of its search."""
+        """Metrics in the plan's lists `metrics` and `constraints`, and the metric of its search."""
         names = [*self.metrics, *(limit.metric for limit in self.limits)]
         return tuple(dict.fromkeys(names + ([self.search.metric] if self.search else [])))
 

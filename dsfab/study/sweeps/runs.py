@@ -280,7 +280,7 @@ class Store:
         seconds: float = 0.0,
         peak: int = 0,
     ) -> None:
-        """Record the end of a run, which failed if `error` is not empty."""
+        """Record the end of a run, which failed if `error` is not empty. peak : largest memory of the worker, bytes."""
         state, texts = "failed" if error else "done", (json.dumps(metrics), error, json.dumps(list(files)))
         with self._change() as db:
             db.execute(
@@ -323,7 +323,7 @@ the number of evaluations. So a search for more evaluations repeats the first ge
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
 """Least cost of a run that misses constraints, of a failed run, and of a run that was not made [Deb 2000]."""
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
-"""Function that carries out the proposed runs without a result. It returns rows of all proposed runs, by `digest`."""
+"""Function that carries out those proposed runs that have no result. It returns all proposed runs' rows by `digest`."""
 
 
 def search(plan: Plan, make: Make) -> None:
@@ -355,7 +355,7 @@ class _Search:
 
     def run(self) -> None:
         count = max(FEWEST, PER_AXIS * len(self.axes))
-        evolve: Any = differential_evolution  # SciPy's stubs lack these options
+        evolve: Any = differential_evolution  # Any: SciPy's type stubs lack some options used below
         steps = {"strategy": "best1bin", "mutation": (0.4, 0.9), "recombination": 0.8, "polish": False}
         end = {"maxiter": 100 * self.ask.evaluations, "tol": 0, "atol": 1e-9, "callback": self._enough}
         whole_generations = {"vectorized": True, "updating": "deferred"}

@@ -79,7 +79,7 @@ class Rows:
         return len(self._free) + sum(len(row) for row in self._rows.values())
 
     def take(self, worker: str) -> int | None:
-        """Return a worker's next run, or None. An empty queue gets all free runs, or else half of the longest queue."""
+        """Return a worker's next run, or None. An empty queue gets all free runs; if none, half the longest queue."""
         row = self._rows.setdefault(worker, [])
         if not row:
             self._rows[worker] = row = self._take_share()
@@ -91,7 +91,7 @@ class Rows:
         self.leave(worker)
 
     def leave(self, worker: str) -> None:
-        """Free the runs in the queue of a worker that has gone."""
+        """Remove a worker, and free the runs in its queue for other workers."""
         self._free.extend(self._rows.pop(worker, []))
 
     def _take_share(self) -> list[int]:

@@ -3,7 +3,7 @@
 check ─► attached_material                     supported pieces and their loads (verdict.py)
       ─► Refinement ─► on_mesh ─► level          mesh after mesh (verdict.py, levels.py)
                     ─► estimate                  value and bound (estimates.py)
-                    ─► theory_share              extra softness of a solid (levels.py)
+                    ─► theory_share              compliance of a solid relative to a thin sheet (levels.py)
       ─► Verdict                                 status and reason (verdict.py)
 mode_intervals ─► mode_level, mesh after mesh ─► mode_estimate      buckling and frequency (modes.py)"""
 

@@ -35,14 +35,13 @@ TABLE = files("dsfab.study.verdict") / "calibration.csv"
 
 @dataclass(frozen=True)
 class TrialRow:
-    """A random design, solved on two to four meshes.
-    width        : width rule.     share : share of the surface that is material.
+    """A random design, solved on two to four meshes. Elements are named by their membrane + bending parts.
+    width        : width rule.    share : share of the surface that is material.    per_member, facets : see `Verdict`.
     vertices     : number of vertices of the uncut mesh.     triangles : number of triangles of the cut mesh.
-    per_member, facets : see `Verdict`.
     quick        : compliance (J) by hybrid + hhj elements on the unrefined cut mesh.
     midedge      : compliance (J) by quadratic + midedge elements on the first mesh of the verdict.
     compliance   : compliance (J) by quadratic + hhj elements on each mesh.
-    recovery     : sum of `Level.zz_membrane` and `Level.zz_bending` on each mesh."""
+    recovery     : `Level.zz_membrane` + `Level.zz_bending` for each mesh."""
 
     kind: str
     seed: int
@@ -88,12 +87,12 @@ class TrialRow:
 
     @property
     def is_tested(self) -> bool:
-        """True if `truth` is independent of the verdict on the design, because it includes a finer mesh."""
+        """True if `truth` includes a finer mesh than the verdict on the design, and so is independent of it."""
         return len(self.compliance) > self.levels
 
     @property
     def is_inside(self) -> bool:
-        """True if the error of the compliance in the verdict is within the error bound of the verdict."""
+        """True if the compliance in the verdict differs from `truth` by at most the verdict's error bound."""
         compliance_estimate = self.estimate
         return abs(self.truth - compliance_estimate.value) <= compliance_estimate.bound * compliance_estimate.value
 
@@ -232,7 +231,7 @@ def random_design(kind: str, seed: int) -> Design:
 
 def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
     """Return the results of a random design on up to `count` meshes. A large design gets a fourth mesh only if its
-    verdict needs three. Raises DsfabError if the design cannot be built or does not carry its loads."""
+    verdict uses three meshes. Raises DsfabError if the design cannot be built or does not carry its loads."""
     design = random_design(kind, seed)
     setting = LoadedSurface.from_design(design)
     sheet, _, loads = attached_material(setting, design.slicing.cells.subset())

@@ -26,15 +26,14 @@ class ComplianceEstimate:
 
 def estimate(values: Sequence[float], spread: float, recovery: float) -> ComplianceEstimate:
     """Return the compliance and its error bound, extrapolated from compliances `values` on finer and finer meshes.
-    Each mesh has four times the triangles of the previous mesh. The elements are quadratic + hhj.
+    Each mesh has four times the triangles of the previous mesh. The elements (membrane + bending) are quadratic + hhj.
     spread   : relative difference between quadratic + midedge and quadratic + hhj on the first mesh. The bound assumes
                that each refinement halves this difference.
     recovery : relative energy error of the stress on the finest mesh, see `Level.zz_membrane`.
-    With three meshes, the value is the mean of two extrapolations: by `EXTRAPOLATION_DIVISOR` and by
-    `limit_at_own_rate`."""
-    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # smallest factors of the bound by calibration.csv
+    Three meshes: mean of two extrapolated values, by the divisor `EXTRAPOLATION_DIVISOR` and by `limit_at_own_rate`."""
+    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # least factors in the bound, from calibration.csv
     if len(values) < 2:
-        # for 19 of 20 designs, the error is at most 1.7 x recovery
+        # for 19 of 20 designs, the relative error of the compliance is at most 1.7 x recovery
         return ComplianceEstimate(values[0], max(1.7 * recovery, of_spread * abs(spread), LEAST_BOUND))
     step = values[-1] - values[-2]
     usual_limit, own_limit = values[-1] + step / EXTRAPOLATION_DIVISOR, limit_at_own_rate(values)
@@ -45,7 +44,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
 
 
 def limit_at_own_rate(values: Sequence[float]) -> float:
-    """Extrapolate by the ratio of the last two steps, limited to `STEP_RATIOS`; if <= 0, by `EXTRAPOLATION_DIVISOR`."""
+    """Extrapolate by the ratio of the last two steps, within `STEP_RATIOS`. Ratio <= 0: use `EXTRAPOLATION_DIVISOR`."""
     step, before = values[-1] - values[-2], values[-2] - values[-3] if len(values) > 2 else 0.0
     if before * step <= 0:
         return values[-1] + step / EXTRAPOLATION_DIVISOR
@@ -78,9 +77,9 @@ def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     """Estimate the lowest eigenvalue and its error bound from values on one to three meshes. Each mesh has four times
     the triangles of the previous mesh. A step is the difference of the values on two successive meshes.
     Two meshes: half of the step is added to the last value, and the bound is the whole step. Three meshes: the value is
-    extrapolated by the ratio of the steps, and the bound is the extrapolated part. If the steps do not clearly decrease
-    or have opposite signs, the value is that of the finest mesh. The bound is then twice the last step if the steps
-    clearly decrease, else twice the larger step. The bound covers only errors of the mesh."""
+    extrapolated by the ratio of the first step to the last step, and the bound is the extrapolated part. If the ratio
+    is below `STEP_RATIOS[0]`, the value is that of the finest mesh. The bound is then twice the larger step; if the
+    ratio is at most -`STEP_RATIOS[0]`, twice the last step. The bound covers only errors of the mesh."""
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
     finest, step = values[-1], values[-1] - values[-2]

@@ -35,9 +35,9 @@ from dsfab.surface import LoadCase, Surface
 
 
 class Shares(NamedTuple):
-    """Forces of a load on a cut sheet, newtons, by vertex and face of the uncut surface; the same for every cut mesh.
+    """Forces (newtons) of a load on a cut sheet. They are the same for every mesh of the cut sheet.
     vertices : (n, 3) forces on the material around each vertex of the uncut surface.
-    faces    : (p, 3) forces on the material in each uncut face. Face p - 1 is the last face with material."""
+    faces    : (p, 3) forces on the material in the first p faces of the uncut surface. Later faces have no material."""
 
     vertices: Floats
     faces: Floats
@@ -82,11 +82,11 @@ PARABOLIC_SHEAR = 6 / 5  # energy factor of a parabola of shear stress over the 
 
 
 class RibSoftening(NamedTuple):
-    """Effects that make a solid softer than a thin sheet. Each value is divided by the compliance of the thin sheet.
-    torsion : increase of the compliance if ribs twist as bars; inf if the solve with these ribs fails.
+    """Effects that make a solid softer than a thin sheet. Each value is a compliance divided by that of the thin sheet.
+    torsion : additional compliance if ribs twist as bars; inf if the solve with these ribs fails.
     shear   : compliance by transverse shear, 6 q^2 / (5 G h) per square metre. q: shear force, averaged over faces
               within half a thickness. G: shear modulus. h: thickness.
-    bending : product of the compliance by bending and the square root of thickness / mean rib width."""
+    bending : compliance by bending, multiplied by the square root of (thickness / mean rib width)."""
 
     torsion: float
     shear: float
@@ -101,7 +101,7 @@ def rib_softening(
     answers: Mapping[str, Equilibrium],
     stresses: Mapping[str, SheetStress],
 ) -> dict[str, RibSoftening]:
-    """Return how much softer a solid is than a thin sheet, by load case. A second solve lets ribs twist as bars."""
+    """Return how much softer a solid is than the thin sheet, by load case. A second solve lets ribs twist as bars."""
     surface, h, material = sheet.surface, sheet.thickness, sheet.material
     try:
         barred = [answer.compliance for answer in solve_cases(sheet, loads, elements, spreads, bars=True).values()]
@@ -123,7 +123,7 @@ def rib_softening(
 
 
 def _means_within(surface: Surface, reach: float) -> csr_array:
-    """Return the matrix of area-weighted means of face vectors within `reach`; opposite normals change their sign."""
+    """Return the matrix of area-weighted means of face vectors within `reach`. Opposite normals flip the vectors."""
     tree = cKDTree(surface.centroids)
     pairs = tree.sparse_distance_matrix(tree, min(reach, 2 * surface.mean_edge), output_type="coo_matrix")
     face, neighbour = pairs.coords
@@ -134,7 +134,7 @@ def _means_within(surface: Surface, reach: float) -> csr_array:
 
 def theory_share(soft: RibSoftening) -> float:
     """Return the largest expected value of the solid's compliance divided by that of the thin sheet, minus 1.
-    The factors (1.2; bending: 0.1) suffice for 70 designs that CalculiX solved as quadratic wedges (`solids.csv`)."""
+    The factors 1.2 and 0.1 (bending) suffice for 70 designs that CalculiX solved as quadratic wedges (`solids.csv`)."""
     return 1.2 * (soft.torsion + soft.shear) + 0.1 * soft.bending
 
 
@@ -219,7 +219,7 @@ def level(
 def recovery_errors(
     surface: Surface, material: SheetMaterial, sheet_stress_field: SheetStress, answer: Equilibrium
 ) -> tuple[float, float]:
-    """Return the energies of the membrane and the bending stress error, divided by the compliance. The stress error is
+    """Return the energies of two stress errors, membrane and bending, divided by the compliance. A stress error is
     the difference between the stress and its average at vertices [Zienkiewicz and Zhu 1987]."""
     if answer.compliance <= 0:
         return 0.0, 0.0

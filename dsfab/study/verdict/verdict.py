@@ -1,4 +1,4 @@
-"""The verdict on a cut sheet: the loaded surface, its refinement, and the check of its compliance."""
+"""Loaded surface, mesh refinement and check of the compliance, for the verdict on a cut sheet."""
 
 import math
 import time
@@ -39,7 +39,7 @@ from dsfab.surface import LoadCase, Surface, pieces
 
 @dataclass(frozen=True, eq=False)
 class LoadedSurface:
-    """The uncut surface, the sheet's material and thickness (`made`), and the loads by case.
+    """The uncut surface, and its loads by case.     made : material and thickness of the sheet.
     permanent : the permanent loads besides the sheet's weight; their mass vibrates with the sheet."""
 
     surface: Surface
@@ -245,7 +245,7 @@ class Refinement:
             self.progress("verdict", f"solving {mesh.surface.m:,} triangles")
         loads, spreads = on_mesh(self.setting.surface, mesh, self.setting.loads, forces)
         pairs: tuple[Elements, ...] = (QUICK_ELEMENTS,)
-        if self.depth == "full":  # only the first mesh is also solved with `SPREAD_ELEMENTS`
+        if self.depth == "full":  # two pairs of elements solve the first mesh, one pair solves each finer mesh
             pairs = (MAIN_ELEMENTS,) if self.levels else (MAIN_ELEMENTS, SPREAD_ELEMENTS)
         ribs = self.depth == "full" and not self.levels
         self.levels.append(level(mesh.surface, self.setting.made, loads, spreads, pairs, ribs))

@@ -43,7 +43,7 @@ def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
 
 
 def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
-    """Mark vertices of faces or quads that coincide when vertex k becomes `became[k]`. Quad diagonals may differ."""
+    """Mark the corners of coinciding faces or quads, if vertex k becomes `became[k]`. Quad diagonals may differ."""
     faces = became[F]
     _, group, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
     edges, is_twice = edge_table(faces), (count > 1)[group.ravel()]
@@ -56,7 +56,7 @@ def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
 
 
 def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
-    """Mark the pairs (p,) whose two vertices are neighbours, by `edges` (e, 2), of the vertices of a crossing pair."""
+    """Mark pairs c-d of `pairs` (p, 2) beside a crossing pair a-b: `edges` (e, 2) join a to c and b to d."""
     neighbours: dict[int, set[int]] = {}
     for a, b in edges[np.isin(edges, pairs[is_crossing]).any(axis=1)].tolist():
         neighbours.setdefault(a, set()).add(b)
@@ -121,7 +121,7 @@ def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
 
 
 def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> Ints:
-    """Return face, sample (row of `SAMPLES`), and each face in its plane covering the sample. V : scaled to size 1."""
+    """Return triples: face, row of `SAMPLES`, and a face in the same plane over this sample. V : scaled to size 1."""
     P = V[F]
     normal = unit_vectors(area_vectors(V, F))
     reach = np.maximum(SAG * lengths(P - np.roll(P, 1, axis=1)).max(axis=1), WELD)[faces]
@@ -159,8 +159,8 @@ def _of_one_quad(F: Ints, face: Ints, cover: Ints) -> Bools:
 
 
 def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
-    """Mark faces (m,) that do not cover each other: first all faces without overlap, then neighbours of marked faces.
-    Neighbours with shorter edges come first, so that the order of the faces does not change the result."""
+    """Mark faces (m,) that do not overlap each other, by `_covers`: first all faces without overlap, then neighbours of
+    marked faces. Neighbours with shorter edges come first, so that the order of faces does not change the result."""
     overlaps, chosen = dict[int, set[int]](), list[int]()
     for face, cover in np.stack(np.divmod(distinct(covers[:, 0] * len(F) + covers[:, 2]), len(F)), axis=1).tolist():
         overlaps.setdefault(face, set()).add(cover)
@@ -185,7 +185,7 @@ def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
 
 
 def _tied_faces(edges: EdgeTable, covers: Ints, faces: Ints) -> Bools:
-    """Mark connected groups of `faces` whose removal opens an edge between two faces that do not overlap each other."""
+    """Mark connected groups of `faces` whose removal opens an edge of a remaining face that they do not overlap."""
     m, remaining = len(edges.of), np.full(len(edges.ends), -1)
     remaining_faces = np.delete(np.arange(m), faces)
     remaining[edges.of[remaining_faces]] = remaining_faces[:, None]
@@ -199,7 +199,7 @@ def _tied_faces(edges: EdgeTable, covers: Ints, faces: Ints) -> Bools:
 
 
 def _is_covered(covers: Ints, by: Bools) -> Bools:
-    """Mark the faces (m,) whose samples are all covered by marked faces. by : (m,) marks of the covering faces."""
+    """Mark the faces (m,) whose sample points (`SAMPLES`) are all covered by faces in the mask `by` (m,)."""
     face, sample, _ = covers[by[covers[:, 2]]].T
     covered_samples = np.bincount(distinct(face * len(SAMPLES) + sample) // len(SAMPLES), minlength=len(by))
     return np.asarray(covered_samples == len(SAMPLES))
@@ -208,7 +208,7 @@ def _is_covered(covers: Ints, by: Bools) -> Bools:
 COPY_GAP = 1 / 500  # Largest distance between two copies of a sheet, divided by the square root of its area.
 PARALLEL_GAP = 0.08  # Largest distance between parallel sheets, divided by the square root of their area.
 LEAST_AREA_RATIO = 0.8  # Smallest ratio of the areas of two parallel sheets, smaller to larger.
-IGNORED_SHARE = 0.1  # Comparisons of distances ignore this fraction of the area at the smallest, and at the largest.
+IGNORED_SHARE = 0.1  # Share of the area with the smallest (or largest) distances that comparisons ignore.
 
 _REMARKS = {
     "copy": "the surface has two sheets only {} apart, probably copies; delete one of the sheets, or set "
@@ -289,13 +289,13 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
         if gap is not None:
             if moved:
                 to = V[F[first_part]].mean(axis=1) + translation
-                # drop faces at the rim: after the translation, they are far from `second_part`
+                # drop rim faces of the first part: even moved by `translation`, they are far from `second_part`
                 first_part = first_part[nearest_places(to, V, np.ascontiguousarray(F[second_part])).distance < gap / 4]
             yield ParallelParts(first_part, second_part, gap, "slab", piece_faces, translation)
 
 
 def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) -> Floats:
-    """Return the translation (3,) from one part to the second (area: side^2), or empty (0,) [Chen and Medioni 1992]."""
+    """Return the translation (3,) to the second part, of area side^2; else empty (0,) [Chen and Medioni 1992]."""
     P, n = V[first_part].mean(axis=1), area_vectors(V, first_part)
     area = lengths(n)
     n /= np.maximum(area, 1e-300)[:, None]
@@ -346,7 +346,7 @@ def _candidate_pairs(V: Floats, F: Ints, part: Ints, area: Floats) -> Iterator[t
 
 
 def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool = False) -> float | None:
-    """Return the median distance of two parallel parts, else None. even : True to require nearly equal distances."""
+    """Return the median distance of two parts, None if not parallel. side^2 : area. even : need similar distances."""
     ways = ((first_part, second_part), (second_part, first_part))
     gaps = np.concatenate([nearest_places(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])

@@ -20,7 +20,7 @@ from dsfab.core.arrays import (
 from dsfab.surface.topology import EdgeTable, corner_fans, edge_table, link_components, next_half_edge, pinches
 
 WELD = 5e-5  # Vertices closer than this fraction of the mesh's largest dimension become one vertex.
-ASTRAY_RATIO = 1000.0  # Astray vertices are this many times as far from the median point as 99 % of the vertices.
+ASTRAY_RATIO = 1000.0  # Astray vertices: farther from the median point than this x the 99 % quantile of distances.
 
 
 def in_reach(V: Floats) -> Bools:
@@ -62,7 +62,7 @@ def merged_vertices(
 
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
-    """Return `targets` (vertices onto which others merge), but within `reach`: long chains must not become points."""
+    """Return `targets` (vertices onto which others merge), limited to `reach`: long chains must not become points."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
         return targets
@@ -129,7 +129,7 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
 
 def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     """Return pairs (k,), (k,): a boundary edge (row of `ends` (b, 2)) and a boundary vertex near it.
-    Largest distance: `within`. If any boundary is not a closed loop, also `SAG` x the edge's length, if it is more."""
+    Largest distance: `within`; if any boundary is not a closed loop, the larger of `within` and `SAG` x edge length."""
     a, b = V[ends].transpose(1, 0, 2)
     border, loops = np.unique(ends), (np.bincount(ends.ravel())[ends] == 2).all()
     long = lengths(b - a)
@@ -154,7 +154,7 @@ def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
 
 
 def _few_within(tree: cKDTree, places: Floats, radius: Floats, crowd: int = 8) -> tuple[Bools, Ints, Ints]:
-    """Mark balls with more than `crowd` points. For other balls, return also the pairs of a ball and a point in it."""
+    """Mark balls around `places` with over `crowd` points. For the other balls, return pairs: a ball, a point in it."""
     # the search omits points exactly at the upper bound
     distance, point = tree.query(places, crowd + 1, distance_upper_bound=np.nextafter(radius.max(), np.inf))
     inside = distance <= radius[:, None]
@@ -175,7 +175,7 @@ def _distinct_pairs(pairs: Ints, n: int) -> tuple[Ints, Ints]:
 
 
 def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
-    """Mark pairs of border edge and vertex on opposite sides of a seam: two chains of border edges with equal ends."""
+    """Mark pairs (edge, vertex) on opposite sides of a seam, formed by two chains of border edges with equal ends."""
     degree = np.bincount(ends.ravel())
     order = np.argsort(ends.ravel(), kind="stable")
     pairs = order[np.flatnonzero(degree[ends.ravel()[order]] == 2)].reshape(-1, 2) // 2
@@ -193,7 +193,7 @@ def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
 
 
 def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
-    """Insert vertices on half-edges, at most one of each face. Faces become fans; the first part keeps the number."""
+    """Insert vertices on at most one half-edge of each face. The face becomes a fan; the first part keeps its index."""
     start, end, across = (F.ravel()[next_half_edge(half, k)] for k in range(3))
     order = np.lexsort((positions_on_segments(V[vertex], V[start], V[end]), half))
     half, vertex, end, across = half[order], vertex[order], end[order], across[order]
@@ -226,7 +226,7 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
     fan = np.concatenate([fans.ravel()[alone], fans.ravel()[onward]])
     candidates = [_gusset(V, int(v), away[corner_vertex == v], fan[corner_vertex == v]) for v in points]
     gussets = np.array([face for face in candidates if face is not None], dtype=np.int64).reshape(-1, 3)
-    gussets = gussets[faces_with_area(V, gussets)]  # a gap without width needs no face
+    gussets = gussets[faces_with_area(V, gussets)]  # a gap without area needs no gusset
     _, first_faces = np.unique(np.sort(gussets, axis=1), axis=0, return_index=True)
     faces = np.concatenate([F, gussets[np.sort(first_faces)]])
     crowded = (edge_table(faces).count > 2).sum() > (edges.count > 2).sum()
@@ -234,7 +234,7 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
 
 
 def _gusset(V: Floats, v: int, away: Ints, fan: Ints) -> list[int] | None:
-    """Return a triangle at v in the smallest angle between boundary edges of two face fans; None above 150 degrees."""
+    """Return a triangle in the smallest angle at v between edges to `away` of two face fans; None above 150 degrees."""
     along = V[away] - V[v]
     along /= lengths(along)[:, None]
     if not len(away):  # closed parts have no boundary edges

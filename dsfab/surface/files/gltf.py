@@ -36,7 +36,7 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 @dataclass(frozen=True)
 class Buffers:
-    """Data buffers listed in a file's JSON `tree`. binary : buffer inside the file. beside : reader of other files."""
+    """Data buffers listed in a file's JSON `tree`. binary : buffer inside the file. beside : reads other files."""
 
     tree: dict[str, Any]
     binary: bytes | None
@@ -206,7 +206,7 @@ def _scene(
     except (KeyError, TypeError, AttributeError, IndexError):
         raise MalformedFileError("an entry of the file's JSON is missing or of the wrong kind") from None
     V = upright_vertices(V, "y")
-    V, F = equal_merged(V, F) if len(F) else (V, F)  # after y became z, to sort vertices as in other formats
+    V, F = equal_merged(V, F) if len(F) else (V, F)  # merge after rotation, to sort vertices as in other formats
     doubts = doubts if tree.get("scenes") else (*doubts, "the file names no scene: all its objects are taken")
     return TriangleFile(V, F, "m", doubts, dropped, contents(scene.counts))
 
@@ -245,7 +245,7 @@ class _Scene:
         yield from ((node["mesh"], matrix @ place) for place in instances)
 
     def _shown_nodes(self) -> Iterator[tuple[list[str], tuple[dict[str, Any], Floats]]]:
-        """Yield names and a pair (node, matrix (4, 4)) for each shown node with a mesh. Names: node, parents, mesh."""
+        """Yield names and (node, matrix (4, 4)) for each shown node with a mesh. Names: of node, parents and mesh."""
         nodes, scenes = self.tree.get("nodes", []), self.tree.get("scenes", [])
         inner = {child for node in nodes for child in node.get("children", [])}
         roots = [k for k in range(len(nodes)) if k not in inner]
@@ -305,7 +305,7 @@ class _Scene:
             return np.stack([order[1:-1], order[2:], np.full(len(order) - 2, order[0])], axis=1)
         F = np.stack([order[:-2], order[1:-1], order[2:]], axis=1)
         F[1::2] = F[1::2, [1, 0, 2]]
-        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # a triangle with a repeated corner only joins two strips
+        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # a repeated corner: the triangle only links two strips
         strip: Ints = F[~tied]
         return strip
 

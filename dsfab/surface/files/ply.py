@@ -52,7 +52,7 @@ class PlyElement:
         return MalformedFileError(f"the file ends before the last of its {self.count:,} records of {self.name!r}")
 
 
-Columns = dict[str, Any]  # By property: values (count,). By list property: values (c,) of all lists; lengths (count,).
+Columns = dict[str, Any]  # Values (count,) by property. List property: values (c,) of all lists, and lengths (count,).
 
 
 def text_numbers(body: bytes) -> tuple[Floats, bool]:
@@ -83,12 +83,12 @@ def _numbers_before_words(block: bytes) -> Floats:
 
 
 def text_element(numbers: Floats, position: int, element: PlyElement, budget: Budget) -> tuple[Columns, int]:
-    """Return the properties of an element and its end index in the numbers (c,). Its records begin at index `position`.
-    Raises MalformedFileError for a file that ends too early, or has a word in place of a number."""
+    """Return the properties of an element whose records begin at index `position` of the numbers (c,), and the index
+    where the records end. Raises MalformedFileError for a file that ends too early, or has a word as a number."""
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * len(element.properties) > len(numbers) - position:
-        raise element.cut_off()  # checked before the reader takes memory for the records
+        raise element.cut_off()  # fail before memory is taken for the records
     begins, counts, stop = _equal_records(numbers, position, element) or _text_walk(numbers, position, element, budget)
     columns: Columns = {}
     for i, p in enumerate(element.properties):

@@ -13,8 +13,8 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 FLAT, WARPED = (float(np.cos(np.radians(angle))) for angle in (2, 10))
 """Cosine between the normals of a quad's triangles: above `FLAT` the quad is flat, below `WARPED` it may be folded."""
 ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
-"""A quad is cut along its second diagonal if the edges to its flat neighbours then bend much less. The largest
-difference of unit normals must be below `ON` (10 degrees), and below `BETTER` x the value for the first diagonal."""
+"""The cut of a quad changes to the other diagonal if the edges to its flat neighbours then bend much less. The largest
+difference of unit normals there must be below `ON` (10 degrees), and below `BETTER` x its value for the first cut."""
 
 
 def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
@@ -64,7 +64,7 @@ def _bend(normals: Floats, neighbour_normals: Floats) -> Floats:
 
 
 def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, starts: Ints) -> Floats:
-    """Return normals (r, 4, 3) beside quads that begin at `starts`; 0 at sides with no, several or bent neighbours."""
+    """Return normals (r, 4, 3) beside quads that begin at `starts`; 0 at a side without exactly one, flat neighbour."""
     owner, h = np.repeat(np.arange(len(sizes)), sizes), np.arange(len(corners))
     start = np.cumsum(sizes) - sizes
     onward = np.where(h + 1 < (start + sizes)[owner], h + 1, start[owner])
@@ -83,7 +83,7 @@ def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, start
 MOST_CORNERS_FOR_EARS = 12  # Most corners for ear clipping, which takes k^3 steps for k corners.
 MANY = 2000  # Largest number of corners for earcut; larger polygons get Delaunay triangles, which is faster.
 NOISE = 32 * float(np.finfo(np.float64).eps)
-"""A corner is straight if its distance from its neighbours' line, divided by the largest coordinate, is below this."""
+"""A corner is straight if its distance from the line through its neighbours is below this x the largest coordinate."""
 ORDER = cdt.VertexInsertionOrder.AUTO  # An order of insertion in which near points follow each other.
 TOGETHER = 1 << 12  # Number of polygons cut together; their data fit into the processor's cache.
 
@@ -149,7 +149,7 @@ def _ring_cut(flat: Floats) -> Ints:
     if len(flat) <= MANY:
         return earcut_triangles(flat)
     cut, ends = cdt.Triangulation(ORDER, cdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0), np.arange(len(flat))
-    points: Any = np.ascontiguousarray(flat)  # Any: only Python 3.12 has a type for buffers
+    points: Any = np.ascontiguousarray(flat)  # Any: Python before 3.12 has no type for buffers
     sides: Any = np.stack([ends, np.roll(ends, -1)], axis=1).astype(np.uint32)
     try:
         cut.insert_vertices(points)
@@ -190,7 +190,7 @@ def _twice_areas(flat: Floats, F: Ints) -> Floats:
 
 
 def _corner_turns(flat: Floats) -> tuple[Floats, Bools]:
-    """Return each corner's distance from its neighbours' line (right: positive), True for turns below 90 degrees."""
+    """Return each corner's distance to its neighbours' line (right: positive), and True for turns < 90 degrees."""
     incoming, outgoing = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
     cut = np.linalg.norm(incoming + outgoing, axis=1)
     twice = incoming[:, 0] * outgoing[:, 1] - incoming[:, 1] * outgoing[:, 0]

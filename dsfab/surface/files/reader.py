@@ -236,7 +236,7 @@ def mesh_facts(path: str | Path, raw: RawMesh, unit: str | None = None) -> MeshF
     faults = manifold_faults(F, edges, len(V))
     encloses = not edges.boundary.any() and not len(misoriented_edges(F, edges)) and not (edges.count > 2).any()
     count, _ = pieces(F, edges)
-    if faults or encloses or count > 1:  # a single open sheet seldom overlaps itself
+    if faults or encloses or count > 1:  # one open piece without faults seldom overlaps itself
         faults = (*faults, *overlap_remarks(V, F, duplicate_faces(F)))
     lengths = _boundary_lengths(V, F, edges)
     euler = euler_characteristic(F, edges)

@@ -45,7 +45,7 @@ class Budget:
 
     @property
     def seconds(self) -> float:
-        """Largest duration of reading; the slowest reader takes a sixth of this time on a processor core of 2020."""
+        """Time limit for reading: six times the time that the slowest reader needs on a processor core of 2020."""
         return max(20.0, 6e-5 * self.triangles)
 
     def require_triangles(self, count: int) -> None:
@@ -150,7 +150,7 @@ def mark(kind: str, layer: str) -> Content:
 
 
 def _mark_layer(word: str) -> str:
-    """Return the layer of `MARK_LAYERS` that the user may mean by a word in a layer's name, or ""."""
+    """Return the layer of `MARK_LAYERS` that a user may mean by `word` in the name of another layer, else ""."""
     match = next((name for name, words in _OTHER_NAMES.items() if word in words), "")
     return match or "".join(difflib.get_close_matches(word, MARK_LAYERS, 1, ALIKE))
 
@@ -353,7 +353,7 @@ def may_lack_digits(word: str, count: int) -> bool:
     """Return whether `word`, an index at the end of a file, may have lost its last digits. count : largest index."""
     if not (word.isascii() and word.isdigit()):
         return True
-    return len(word) <= len(str(count)) and 10 * int(word) <= count  # int() fails for words of 5000 digits
+    return len(word) <= len(str(count)) and 10 * int(word) <= count  # lengths first: int() fails for 5000 digits
 
 
 def text_file(data: bytes) -> TextFile:
@@ -433,7 +433,7 @@ def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, st
     tens = 10.0 ** (np.floor(np.log10(np.maximum(np.abs(P), 1e-300))) + 1 - DIGITS)
     if (P.astype(np.float32) == P).all():
         step, why = np.spacing(largest.astype(np.float32)).astype(np.float64), "32-bit numbers"
-        step *= (P % (2 * step)).any(axis=0)  # 0 along an axis where all coordinates are multiples of two steps
+        step *= (P % (2 * step)).any(axis=0)  # 0 on an axis where each coordinate is a multiple of two steps
     elif (np.abs(P / tens - np.rint(P / tens)) < 1e-6).all():
         step, why = tens.max(axis=0), f"{DIGITS} digits"
     else:

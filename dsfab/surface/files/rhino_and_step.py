@@ -108,7 +108,7 @@ def _mesh_arrays(mesh: Any) -> tuple[Floats, Ints]:
 
 
 def read_rhino_json(text: str) -> TriangleFile:
-    """Return the mesh in a geometry's JSON from Rhino, as Grasshopper sends it, without a unit. Raises SurfaceError."""
+    """Return the mesh, without a unit, in Rhino's JSON of a geometry, as Grasshopper sends it. Raises SurfaceError."""
     require_rhino()
     import rhino3dm
 
@@ -138,7 +138,7 @@ _Surface = tuple[Any, list[Any] | None, Floats]
 
 
 def _by_selectable_names(parts: list[tuple[_Groups, _Surface]]) -> Iterator[tuple[tuple[str, ...], _Surface]]:
-    """Yield parts with the names that select them. An inner layer named like an outermost layer has only its path."""
+    """Yield parts with the names that select them. Only its path selects an inner layer named like an outermost one."""
     outermost = {layer[-1] for groups, _ in parts for layer in groups[::2]}
     for groups, part in parts:
         layers = [(x[0], *(name for name in x[1:-1] if name not in outermost), x[-1]) for x in groups[::2]]
@@ -165,7 +165,7 @@ class _DrawnObjects:
         self.counts = Counter[Content]()
 
     def surfaces(self) -> Iterator[tuple[_Groups, _Surface]]:
-        """Yield names (see `all`), geometry, meshes and matrix (4, 4) of each surface or mesh. Count other objects."""
+        """Yield names (see `all`), geometry, meshes, matrix (4, 4) of each surface or mesh. Add others to `counts`."""
         for groups, thing, place, _ in self.all():
             meshes, name = _meshes(thing), type(thing).__name__
             if meshes or meshes is None:
@@ -176,8 +176,8 @@ class _DrawnObjects:
 
     def all(self) -> Iterator[tuple[_Groups, Any, Floats, bool]]:
         """Yield each object outside block definitions: names, geometry, matrix (4, 4), and True on a hidden layer.
-        The names form groups: the names of the object's layer (see `layers`); the object's name. Two groups follow for
-        each block insertion around the object, innermost first: names of its layer; names of insertion and block."""
+        The names form groups: names of the object's layer (see `layers`); the object's name. Each block insertion that
+        contains the object adds two groups, innermost first: names of its layer; names of insertion and block."""
         self.budget.require("entities", len(self.model.Objects))
         objects = (thing for thing in self.model.Objects if not thing.Attributes.IsInstanceDefinitionObject)
         return self.objects(objects, np.eye(4), ())
@@ -255,7 +255,7 @@ def read_occt(path: Path, only: Sequence[str] = ()) -> TriangleFile:
             raise SurfaceError(f"the file has no faces{over}; export the assembly as one file")
         what = "no shapes" if box.IsVoid() else "no faces, only curves or points"
         raise MalformedFileError(f"it has {what}{over}")
-    # limits: distance of triangles from the face 2e-4 of the box's diagonal, angle of neighbours 0.2 radians
+    # limits: distance between triangles and face, 2e-4 of the box's diagonal; angle between neighbours, 0.2 radians
     BRepMesh_IncrementalMesh(shape, 2e-4 * box.SquareExtent() ** 0.5, False, 0.2, False)
     parts, lost = list[tuple[Floats, Ints]](), 0
     while faces.More():
@@ -335,7 +335,7 @@ def _compound(shapes: Iterable[Any]) -> Any:
 
 
 def _visible_parts(path: Path, counts: Counter[Content]) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Yield the names and the shape of each visible part of a STEP file, at its place; see `_parts_in`."""
+    """Yield names and placed shape of each visible STEP part, see `_parts_in`. Add hidden parts to `counts`."""
     from OCP.IFSelect import IFSelect_RetDone
     from OCP.STEPCAFControl import STEPCAFControl_Reader
     from OCP.TCollection import TCollection_ExtendedString
@@ -354,7 +354,7 @@ def _visible_parts(path: Path, counts: Counter[Content]) -> Iterator[tuple[tuple
 def _parts_in(
     label: Any, place: Any, outer_names: tuple[str, ...], counts: Counter[Content]
 ) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Yield names of each visible part and its outer assemblies, and its shape. Count hidden parts and assemblies."""
+    """Yield each visible part's names (with those of outer assemblies) and shape. Count hidden parts and assemblies."""
     from OCP.TDF import TDF_Label
     from OCP.XCAFDoc import XCAFDoc_ColorTool, XCAFDoc_ShapeTool
 

@@ -24,7 +24,7 @@ from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino
 
 GIB = 2**30
 MEMORY = {"drawing": GIB, "meshes": GIB, "cad": 4 * GIB, "ifc": 4 * GIB}  # Largest address space for reading, bytes.
-SECONDS = {"drawing": 3, "meshes": 6, "cad": 60, "ifc": 60}  # Processor seconds for a small file, and for each 10 MB.
+SECONDS = {"drawing": 3, "meshes": 6, "cad": 60, "ifc": 60}  # Processor seconds, and as many again for each 10 MB.
 PROGRAM = "from dsfab.surface.files.separate_process import main; main()"
 TIME_OVER = -int(getattr(signal, "SIGXCPU", 24))  # Return code of a process that used up its processor seconds.
 LIBRARIES = {"drawing": "Rhino's library", "meshes": "Rhino's library", "cad": "OCCT", "ifc": "ifcopenshell"}

@@ -191,7 +191,7 @@ class _Plate:
         elif kind == "build":
             self.open = _Object("")
         elif kind == "item" and self.part == self.root:
-            self.open = self.objects.get(self._key(values), _Object(""))  # an item has settings for its object
+            self.open = self.objects.get(self._key(values), _Object(""))  # settings in an item concern its object
             if values.get("printable", "1") == "0":
                 self.counts[Content("item", "dropped", "marked as not printable")] += 1
                 self.unprinted.append(self._key(values))
@@ -217,7 +217,7 @@ class _Plate:
         return path.lstrip("/"), values["objectid"]
 
     def require_ends(self, key: Key, depth: int) -> int:
-        """Return an object's number of triangles. Raises MalformedFileError if it is missing or contains itself."""
+        """Return an object's triangle count. Raises MalformedFileError if an object is missing or contains itself."""
         if depth > 100:
             raise MalformedFileError("an object contains itself, or objects in over 100 nested levels")
         if key not in self.objects:
@@ -230,7 +230,7 @@ class _Plate:
     def leaves(
         self, key: Key, place: Floats, outer_names: tuple[str, ...]
     ) -> Iterator[tuple[tuple[str, ...], tuple[Key, Floats]]]:
-        """Yield names, `Key` and place (4, 4) of objects with a mesh: the object `key` itself, or objects inside it."""
+        """Yield names, key and place (4, 4) of objects with a mesh: of the object `key` and of objects inside it."""
         thing = self.objects[key]
         names = (*thing.names, *outer_names)
         if thing.kind not in _TAKEN:

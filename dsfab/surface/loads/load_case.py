@@ -113,7 +113,7 @@ class Wind:
         return forces_at_corners(surface, self.traction(surface) * surface.areas[:, None])
 
 
-ROOF_RISE = 0.5  # An open piece is a roof if its mean normal rises by more than this: under 60 degrees of slope.
+ROOF_RISE = 0.5  # An open piece is a roof if its mean normal's vertical part is above this: slopes under 60 degrees.
 
 
 def outward_normals(surface: Surface) -> Floats:
@@ -205,7 +205,7 @@ class LoadParts:
         )
 
     def on_share(self, weight: float | Floats = 1.0, bare: float | Floats = 1.0) -> Self:
-        """Return the loads, with parts `weight` and `bare` times the arguments: shares of material, float or (m,)."""
+        """Return the loads with the parts `weight` and `bare` multiplied by shares of material, float or (m,)."""
         shares = (np.asarray(share, dtype=np.float64).reshape(-1, 1) for share in (weight, bare))
         scaled = {part: getattr(self, part) * share for part, share in zip(SPREAD_PARTS, shares, strict=False)}
         return replace(self, **scaled)
@@ -353,7 +353,7 @@ Load = Annotated[Force | Pressure | SelfWeight | Cladding | Line | Snow | Wind, 
 
 
 def load_parts(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> LoadParts:
-    """Return the loads as `LoadParts`: forces at vertices, and three kinds of loads on faces.
+    """Return the loads as `LoadParts`: forces at vertices, and the loads `weight`, `bare` and `covered` on faces.
     weight : weight of the sheet, N/m2. Raises SurfaceError as `LoadCase.build` does."""
     spread: dict[str, Floats] = {part: np.zeros((surface.m, 3)) for part in SPREAD_PARTS}
     point = np.zeros((surface.n, 3))

@@ -15,7 +15,7 @@ from dsfab.surface.mesh import Surface
 
 LINE_TOLERANCE = 0.002  # Largest distance of edges from a curved line, divided by `Extent.width`.
 SNAP_SHARE = 0.25  # Largest move of a vertex along an edge onto an outline, as a fraction of the edge.
-TEST_POINTS = 7  # Number of points between the ends of an edge at which dsfab tests the side of the outline.
+TEST_POINTS = 7  # Number of points inside an edge for which dsfab tests on which side of an outline they lie.
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
 
 
 def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats) -> Floats:
-    """Return the fraction of each edge from `end` to the last test point on the side of the outline opposite `sign`."""
+    """Return the fraction of each edge from `end` to the last test point where the depth has the sign -`sign`."""
     a, b = s.V[s.edges.ends[edges, end]], s.V[s.edges.ends[edges, 1 - end]]
     shares = np.zeros(len(edges))
     for t in np.arange(1, TEST_POINTS + 1) / (TEST_POINTS + 1):
@@ -164,8 +164,8 @@ def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[Ou
 
 
 def _may_move(outlined: OutlinedSurface, vertices: Ints, places: Floats, tolerance: float) -> Bools:
-    """Return which vertices may move without a change of the boundary or the shape. The sine of a step to each face may
-    be up to 0.2. tolerance : distance from a face or boundary that is always allowed, metres."""
+    """Return which vertices may move without a change of the boundary or the shape. The angle between the step and each
+    face may have a sine up to 0.2. tolerance : distance from a face or boundary that is always allowed, metres."""
     s, around = outlined.surface, _FacesAt.from_surface(outlined.surface)
     allowed = ~(outlined.fixed | outlined.on)[vertices]
     for k in np.flatnonzero(allowed):
@@ -259,7 +259,7 @@ def _refine(
 
 
 def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Mark the edges (e,) near the outline that are longer than `extent.width` (half the width at narrow places)."""
+    """Mark the edges (e,) near the outline longer than `extent.width`: half the extent's width at narrow places."""
     s = outlined.surface
     depth, size, face_edges = np.abs(outlined.depth(extent)), s.edge_lengths, s.edges.of
     is_near = depth[s.F].min(axis=1) <= size[face_edges].max(axis=1)
@@ -296,7 +296,7 @@ def _border_edges(s: Surface, extent: Extent) -> Bools:
 
 
 def _turns_back(depth: Floats) -> Bools:
-    """Mark edges (k,) that change the side of an outline more than once. depth : (p, k) depth inside at p points."""
+    """Mark edges (k,) that cross an outline more than once. depth : (p, k) depth inside it at p points of each edge."""
     sign = np.sign(depth)
     low, high = np.minimum.accumulate(sign), np.maximum.accumulate(sign)
     fell, rose = (high > 0) & (sign < 0), (low < 0) & (sign > 0)
@@ -307,7 +307,7 @@ def _turns_back(depth: Floats) -> Bools:
 
 
 def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
-    """Return faces (k,) that the outline crosses, and how far (k,) the chord's middle in each is from the outline."""
+    """Return faces (k,) that the outline crosses, and its distance (k,) from the middle between its two crossings."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     place = np.full((len(s.edges.ends), 3), np.nan)
     place[crossed.edge] = crossed.place
@@ -318,7 +318,7 @@ def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
 
 
 def _divide_flat_faces(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Divide faces whose corners all lie on outlines. A new vertex shows on which side of the outline its face lies."""
+    """Divide faces whose corners all lie on outlines. The place of a new vertex tells the side of its face."""
     s, inner = outlined.surface, ~_outline_edges(outlined, extent)
     flat = np.flatnonzero((outlined.on | outlined.fixed)[s.F].all(axis=1))
     length = np.where(inner, s.edge_lengths, 0.0)[s.edges.of[flat]]

@@ -160,13 +160,12 @@ class ClosedCurves:
     in elevation.
 
     file   : DXF or 3DM; relative paths start at the preset's folder, in Python at the current folder.
-    layer  : layer of the curves; by default all layers.
-    unit   : unit of the file's numbers; by default the file's own unit.
+    layer  : layer of the curves; by default all layers.    unit : unit of the file's numbers; by default its own unit.
     curves : points of polygons, used in place of a file, metres.
     depth  : distance to both sides of the curves' plane, metres. By default, horizontal curves have no limit, and
              other curves reach only the nearest part of the surface.
 
-    Raises OutlineError unless either a file or curves are set."""
+    Raises OutlineError if both or neither of `file` and `curves` are set."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     file: Path | None = None
@@ -304,7 +303,7 @@ class _Plane:
         return Extent(prism_depth, foot[:, None] + ends, min(_width(flat) for flat in loops))
 
     def _nearest_part(self, surface: Surface) -> tuple[float, float]:
-        """Return the prism's ends (m off its plane): halfway from the nearest part to the next; infinite if none."""
+        """Return the prism's ends (m off its plane): halfway from the surface's nearest part to the next, or inf."""
         reach, normal = np.abs(self.distances(surface.V)).max() + surface.size, self.axes[2]
         nearest_hits, behind = list[float](), list[float]()
         for p in self._sight_points():
@@ -351,14 +350,14 @@ Picker = Annotated[
 
 
 def has_outline(picker: Picker) -> bool:
-    """Return True if a picker selects all vertices inside a part of space. Its region then has an outline."""
+    """Return True if a picker selects all vertices inside a part of space, so that a region there has an outline."""
     return isinstance(picker, PlanPolygon | ClosedCurves | Brush | Ball | Box | Side) and not getattr(
         picker, "boundary", False
     )
 
 
 def extent_of(picker: Picker, surface: Surface) -> Extent | None:
-    """Return the part of space in which a picker selects everything; None for pickers of vertices or faces.
+    """Return the part of space whose content a picker selects; None for pickers of vertices or faces.
     Raises SurfaceError as `ClosedCurves.extent` does."""
     if isinstance(picker, PlanPolygon | ClosedCurves | Brush):
         return picker.extent(surface)

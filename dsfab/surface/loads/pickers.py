@@ -237,7 +237,7 @@ class Boundary:
         return picked
 
     def _named_loop(self, surface: Surface) -> list[Ints]:
-        """Return the loop (k,) nearest to the first point; with three points, only its part from point 1 via 2 to 3."""
+        """Return the loop (k,) nearest to the first point; with three points, only its part from 1 to 3 through 2."""
         away = [np.linalg.norm(surface.V[loop] - self.points[0], axis=1).min() for loop in surface.loops]
         loop = surface.loops[int(np.argmin(away))]
         if len(self.points) == 1:

@@ -52,7 +52,7 @@ class PatternRegion:
             )
 
     def faces(self, surface: Surface) -> Bools:
-        """Return the region's faces (m,) on a surface cut along its outline. Raises SurfaceError as the picker does."""
+        """Return the region's faces (m,) on a surface cut along its outline. Raises SurfaceError as its picker does."""
         extent = extent_of(self.at, surface)
         return surface.faces_of(self.at.vertices(surface)) if extent is None else extent.depth(surface.centroids) > 0
 
@@ -80,8 +80,8 @@ class RegionedSurface(NamedTuple):
 
 
 def with_regions(surface: Surface, regions: Sequence[PatternRegion]) -> RegionedSurface:
-    """Return the surface with edges along outlines of regions, without voids. In the result's `whole`, the old vertices
-    come first. Raises SurfaceError with a region's name if it misses the surface, or if voids remove all faces."""
+    """Return the surface with edges along outlines of regions, without voids. In `whole` (with the voids), the old
+    vertices come first. Raises SurfaceError with the name of a region off the surface, or if voids remove all faces."""
     extents, nothing = _extents(surface, regions), np.zeros(surface.n, dtype=bool)
     outlined = OutlinedSurface(surface, nothing, nothing)
     for k in _voids_first(regions):

@@ -70,9 +70,9 @@ class Support:
     """Vertices that may not move: `[[surface.support]]  at = { pick = "side", axis = "z", end = "min" }  hold = "xyz"`.
     hold   : fixed directions, along the surface's own axes: by default all, or none if a `spring` is set.
     spring : total stiffness along x, y and z, newtons per metre, shared by the vertices in proportion to their areas.
-    clamp  : true to prevent also the rotation of the picker's edges (`edges_of`) about their own line.
+    clamp  : true to prevent also the rotation of the picked edges (`edges_of`) about their own line.
     name   : text for lists of supports; it does not affect results.
-    If a face has two boundary edges, `clamp` leaves its inner edge free, because this edge lies inside the sheet.
+    `clamp` leaves the inner edge of a face with two boundary edges free, because this edge lies inside the sheet.
     Raises SupportError for a support without effect, a negative spring, or a spring along a fixed direction."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT

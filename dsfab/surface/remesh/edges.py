@@ -88,12 +88,12 @@ class Net:
 
     @property
     def link_ends(self) -> Ints:
-        """Vertices (l, 2) of the edges along curves."""
+        """Ends (l, 2) of the edges along feature curves (boundaries and creases)."""
         return np.stack([self.node[self.links], self.node[self.links + 1]], axis=1)
 
     @property
     def link_edges(self) -> Ints:
-        """Indices (l,) of the edges along curves."""
+        """Indices (l,) of the edges along feature curves (boundaries and creases)."""
         return np.searchsorted(self.edges.ends @ (self.n, 1), np.sort(self.link_ends, axis=1) @ (self.n, 1))
 
     @property
@@ -144,7 +144,7 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _leading(net: Net, long: Bools, length: Floats) -> Bools:
-    """Return long edges with at least 70 % of the length of each face's longest `long` edge; in needles 100 %."""
+    """Return `long` edges with at least 70 % of the length of each face's longest `long` edge; in thin faces 100 %."""
     faces = np.flatnonzero(faces_at(net.edges.of, long))
     edge = net.edges.of[faces]
     marked_length = np.where(long, length, -1.0)[edge]
@@ -156,7 +156,7 @@ def _leading(net: Net, long: Bools, length: Floats) -> Bools:
 
 
 def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions: Floats) -> Net:
-    """Divide marked edges (e,) in the middle, and edges along curves at `split_positions` (l,) that are not nan."""
+    """Divide the edges `halves` (e,) in the middle, or along curves at `split_positions` (l,) that are not nan."""
     V, F, _ = halved_edges(net.V, net.F, net.edges, halves)
     added = len(V) - net.n
     size = np.concatenate([net.size, net.edge_sizes[halves]])
@@ -210,7 +210,7 @@ def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, bat
 
 
 def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -> tuple[_Collapses, Floats]:
-    """Return collapses of short edges, and costs. Free vertices meet halfway; else the vertex of higher kind stays."""
+    """Return collapses of short edges, and costs. Free vertices meet halfway; else the one of higher `kind` stays."""
     edges = net.edges
     cost = edge_lengths(net.V, edges.ends) / net.edge_sizes
     chosen = np.flatnonzero(cost < SHORTEST)
@@ -227,7 +227,7 @@ def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -
 
 
 def _keeps_curves(net: Net, curves: FeatureCurves, target: Ints, gone: Ints, edge: float) -> Bools:
-    """Mark `gone` vertices that may merge with `target` on a curve: the new edge is near the curve, short and new."""
+    """Mark `gone` vertices on curves that may merge with `target`: the edge must be near the curve, short and new."""
     position = np.zeros(net.n, dtype=np.int64)
     position[net.node] = np.arange(len(net.node))
     k = np.clip(position[gone], 1, max(len(net.node) - 2, 1))
@@ -364,8 +364,8 @@ def angles_at(V: Floats, apex: Ints, first_end: Ints, second_end: Ints) -> Float
 
 def with_ears_flipped(surface: Surface) -> Surface:
     """Return the surface with the inner edge of each ear flipped, so that the new edge starts at the ear's tip.
-    An ear is a flat triangle with two border edges and an angle over 150 degrees at its tip. On a curved border, its
-    inner edge looks like a crease that the shape does not have."""
+    An ear is a flat triangle with two border edges and an angle over 150 degrees at its tip. On a curved border, the
+    ear's inner edge looks like a crease that the shape does not have."""
     edges, n = surface.edges, surface.n
     pairs = np.concatenate([edges.pairs, edges.pairs[:, ::-1]])
     bare = edges.boundary[edges.of].reshape(-1, 3).sum(axis=1) == 2
@@ -377,15 +377,15 @@ def with_ears_flipped(surface: Surface) -> Surface:
     for start, end in ((a, b), (b, a)):  # no new face may turn over
         ear &= angles_at(surface.V, start, end, c) + angles_at(surface.V, start, end, d) < np.pi
     chosen = np.flatnonzero(ear)
-    chosen = chosen[np.unique(pairs[chosen, 1] // 3, return_index=True)[1]]  # flip one ear at most beside each face
+    chosen = chosen[np.unique(pairs[chosen, 1] // 3, return_index=True)[1]]  # only one flip for each inner face
     if not len(chosen):
         return surface
     return Surface(surface.V, with_other_diagonals(surface.F, pairs[chosen], quad[chosen]))
 
 
 LOW = 1 / 8
-"""Height of a low border face, divided by its border edge. Normals of lower faces have errors larger than the change of
-a curved surface's normal along the border edge."""
+"""Height limit of a low border face, divided by its border edge. In lower faces, the error of the normal is larger than
+the change of a curved surface's normal along the border edge."""
 
 
 def without_rim_slivers(surface: Surface, smooth: bool = False) -> Surface:
@@ -403,8 +403,8 @@ def without_rim_slivers(surface: Surface, smooth: bool = False) -> Surface:
 
 
 def _low_border_faces(surface: Surface, ratio: float) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return faces (c,) that are lower than `ratio` times their only border edge a-b, lowest first, with a, b and their
-    third corner, which lies inside the surface above the edge."""
+    """Return faces (c,) with only one border edge a-b and a height below `ratio` times this edge, lowest first. Return
+    also a, b and the third corner, which lies inside the surface above the edge."""
     V, F, edges = surface.V, surface.F, surface.edges
     bare = edges.boundary[edges.of].reshape(-1, 3)
     side = bare.argmax(axis=1)  # the border edge starts at corner `side`
@@ -419,16 +419,16 @@ def _low_border_faces(surface: Surface, ratio: float) -> tuple[Ints, Ints, Ints,
 
 def _collapsed_tips(surface: Surface) -> Ints | None:
     """Return the vertex (n,) onto which each vertex moves: the third corners of low border faces move to the nearer end
-    of the border edge. Return None without such faces.
+    of the border edge. Return None if no corner moves.
     A corner moves only if the curve of the border explains its height over the border edge. It stays at a crease and at
-    a side of the bounding box. It also stays if a face would become as low, or turn by more than the border does."""
+    a side of the bounding box. It also stays if a face would become low (`LOW`), or rotate by more than the border."""
     V, F, edges, n = surface.V, surface.F, surface.edges, surface.n
     faces, a, b, tip = _low_border_faces(surface, LOW)
     to_a, to_b = (edge_lengths(V, np.stack([tip, end], axis=1)) for end in (a, b))
     end = np.where(to_a < to_b, a, b)
     sharp = sharp_edges(surface)
     creased = np.bincount(edges.ends[sharp].ravel(), minlength=n)
-    by_tilt = sharp[edges.of.reshape(-1, 3)[faces]].sum(axis=1)  # creases that the low face makes
+    by_tilt = sharp[edges.of.reshape(-1, 3)[faces]].sum(axis=1)  # creases along edges of the low face, due to its tilt
     turn, explained = _border_turns(surface, faces, a, b, tip)
     fits = (creased[tip] <= by_tilt) & explained
     fits &= ((V[tip] > V.min(axis=0)) & (V[tip] < V.max(axis=0))).all(axis=1) | (np.ptp(V, axis=0) == 0).any()
@@ -436,7 +436,7 @@ def _collapsed_tips(surface: Surface) -> Ints | None:
     fits &= meets_link_condition(edges, np.searchsorted(edges.ends @ (n, 1), keys), n)
     candidate = np.full(n, -1)
     candidate[tip] = np.arange(len(tip))
-    fits &= candidate[tip] == np.arange(len(tip))  # one face at each corner
+    fits &= candidate[tip] == np.arange(len(tip))  # use only one low face at each tip
     for corner in range(3):
         changed = np.flatnonzero(candidate[F[:, corner]] >= 0)
         number, triangles = candidate[F[changed, corner]], F[changed].copy()
@@ -454,8 +454,8 @@ def _collapsed_tips(surface: Surface) -> Ints | None:
 
 def _border_turns(surface: Surface, faces: Ints, a: Ints, b: Ints, tip: Ints) -> tuple[Floats, Bools]:
     """Return by how much the border turns out of the surface along the border edges a-b of low faces, radians (c,), and
-    whether this explains the height of the tip: it is at most twice that of an arc over a-b with this turn.
-    Corners of the border explain nothing."""
+    whether this turn explains the height of the tip: the height is at most twice that of an arc over a-b with the turn.
+    Turns at corners of the border do not count."""
     V, F, edges = surface.V, surface.F, surface.edges
     weighted = np.zeros((surface.n, 3))
     rest = np.delete(np.arange(len(F)), faces)

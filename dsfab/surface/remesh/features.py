@@ -14,7 +14,7 @@ from dsfab.surface.topology import link_components
 TOLERANCE = 1 / 50  # Largest move of boundaries and creases, in edge lengths.
 CORNER = 30.0  # Least bend of a curve at a corner, degrees.
 DULL = 0.6 * CREASE  # Least angle between the mean normals on the two sides of a short crease, degrees.
-FINE = 1 / 80  # Largest radius in which `design_features` averages a scan's normals, divided by the box's diagonal.
+FINE = 1 / 80  # Largest averaging radius for a scan's normals in `design_features`, divided by its box's diagonal.
 
 
 class SmoothVertices(NamedTuple):
@@ -110,7 +110,7 @@ class FeatureCurves:
         return which, np.arange(len(which)) - (np.cumsum(count) - count)[which] + low[which]
 
     def deviation(self, start: Floats, end: Floats) -> tuple[Floats, Floats]:
-        """Return the largest distance (k,) of the curve from each chord, metres, and its position (k,) on the axis."""
+        """Return each chord's (`start`-`end`) largest distance (k,) from its curve, m, and where (k,) it occurs."""
         which, point = self.points_between(start, end)
         distance = distances_from_segments(self.points[point], self.place(start)[which], self.place(end)[which])
         largest = np.zeros(len(start))

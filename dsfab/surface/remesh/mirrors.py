@@ -51,8 +51,8 @@ def far_directions(x: Floats, size: float, count: int = 1) -> Floats:
 
 
 def planes_through(axis: Floats, directions: Floats) -> Iterator[Floats]:
-    """Yield normals of planes through an axis. Each plane mirrors directions[0] (3,) onto directions[i] or onto its
-    opposite, for i < 24."""
+    """Yield normals of planes through an axis. Each plane mirrors the first of `directions` (d, 3) onto one of the
+    first 24 directions, or onto its opposite."""
     for direction in directions[:24]:
         for through in (directions[0] + direction, np.cross(axis, directions[0] + direction)):
             if (length := np.linalg.norm(through)) > INERTIA_TOLERANCE:
@@ -234,7 +234,7 @@ class Chamber:
 
     @classmethod
     def from_mirrors(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
-        """Return the part that lies towards a weighted sum of the vertices; this choice rotates with the surface."""
+        """Return the part on the side of each mirror where a weighted vertex sum lies; it rotates with the surface."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
         return cls(surface, mirrors, np.where(mirrors.normals @ mix < 0, -1.0, 1.0)[:, None] * mirrors.normals, edge)
 
@@ -288,7 +288,7 @@ class Chamber:
         if surface.edges.count.max() > 2 or facts(surface) != facts(original):
             return False
         new_length, old_length = (float(s.edge_lengths[s.edges.boundary].sum()) for s in (surface, original))
-        return abs(new_length - old_length) <= 0.05 * old_length  # new edges along a curved boundary may be shorter
+        return abs(new_length - old_length) <= 0.05 * old_length  # new edges may shorten a curved boundary
 
 
 def _positive_side(x: Floats, F: Ints, normal: Floats, tolerance: float) -> tuple[Floats, Ints] | None:

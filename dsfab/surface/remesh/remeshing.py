@@ -47,9 +47,9 @@ def remeshed_surface(
 
     - Boundaries, and creases of more than 30 degrees, move by at most a fiftieth of `edge`. Their corners do not move.
     - The bounding box, the numbers of pieces and holes, and the orientation of the faces do not change.
-    - Creases from slivers and noise, ears, and slivers at the border are removed.
-    - Edges are shorter between close curves. With `finest`, normals rotate by about 15 degrees along an edge.
-    - Equal surfaces give equal meshes.
+    - Creases from slivers and noise, flat border triangles (ears), and slivers at the border are removed.
+    - Edges are shorter between close boundaries or creases.
+    - With `finest`, normals rotate by about 15 degrees along an edge. Equal surfaces give equal meshes.
     - Without `sizes`, a surface with mirror symmetries (within a twentieth of `edge`) gets an exactly symmetric mesh.
       The bounding box of this mesh is exact to a fiftieth of `edge`.
 
@@ -78,7 +78,7 @@ def _smallest_angle(surface: Surface) -> float:
 
 
 def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
-    """Return copies of one mirrored part's mesh; None without mirrors, for a small part, or for a changed topology."""
+    """Mesh one part of a symmetric surface and mirror it; None without mirrors, for a small part or a new topology."""
     surface = nearest_on.surface
     mirrors = Mirrors.from_surface(nearest_on, edge, smooth)
     chamber = Chamber.from_mirrors(surface, mirrors, edge) if mirrors else None
@@ -105,7 +105,7 @@ def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Se
 
 
 def _places_on_curves(net: Net, nearest_on: NearestOnSurface, edge: float, smooth: bool) -> Floats:
-    """Return new vertex places: mirrored curve vertices go back to curves; unless `smooth`, the rest go to facets."""
+    """Return vertex places: curve vertices move to nearby curves; unless `smooth`, other vertices move to faces."""
     surface = nearest_on.surface
     lines = surface.edges.ends[design_features(surface, edge)]
     goal = net.V.copy() if smooth else _places(net.V, nearest_on, smooth)
@@ -162,7 +162,7 @@ def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _shortest_lengths(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
-    """Return the shortest edge length (k,), metres, of `sizes` at points (k, 3). trees : trees of their surfaces."""
+    """Return the least edge length (k,), metres, of fields `sizes` at points (k, 3). `trees` search their surfaces."""
     candidates = []
     for tree in trees:
         if tree_lengths := [field.length for field in sizes if field.surface is tree.surface]:

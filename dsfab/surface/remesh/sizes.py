@@ -64,7 +64,7 @@ def _at_vertices(surface: Surface, field: Floats) -> Floats:
 
 
 def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
-    """Return sums (n, k) of values (e, k) of edges at a vertex and its neighbours, divided by these vertices' area."""
+    """Sum edge values (e, k) over a vertex and its neighbours; return the sums (n, k) per area of these vertices."""
     n = surface.n
     around = adjacency(surface.edges, n) + eye_array(n)
     total = np.stack([np.bincount(ends.ravel(), np.repeat(x, 2), minlength=n) for x in values.T], axis=1)
@@ -126,7 +126,7 @@ def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
 
 def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
     """Return vertices at narrow places, the widths (m) there, and the growth of the widths per metre.
-    A width is an edge or a face height between curves, but not at a face with two curve edges."""
+    A width is an edge length or a face height between curves. Faces with two edges along curves are left out."""
     constrained, edges, along = net.kind > FREE, net.edges, net.along_curves
     length = edge_lengths(net.V, edges.ends)
     is_along = along[edges.of]
@@ -151,7 +151,7 @@ def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
 
 
 def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
-    """Return `width` over the distance from the common corner of the curves of `start` and `end`; 0 without one."""
+    """Return `width` per distance from the corner where the curves of vertices `start` and `end` meet; 0 if none."""
     corner, distances = _corners(net)
     slope = np.zeros(len(start))
     for i in range(2):
@@ -163,7 +163,7 @@ def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
 
 
 def _corners(net: Net) -> tuple[Ints, Floats]:
-    """Return the corners (n, 2) at the ends of each vertex's curve (-1: none), and the distances along the curve."""
+    """Return the end corners (n, 2) of each vertex's curve (-1: none), and their distances along it from the vertex."""
     corner, distances = np.full((net.n, 2), -1), np.zeros((net.n, 2))
     ends = np.searchsorted(net.curve, net.curve), np.searchsorted(net.curve, net.curve, side="right") - 1
     for i, end in enumerate(ends):

@@ -26,7 +26,7 @@ from dsfab.surface.shapes.implicit import (
 from dsfab.surface.shapes.meshing import Length, check_density, ring_faces, ring_turns, shape
 
 NECK_CUT = 0.4  # Height of the cut through the camel's neck, in the model's unit.
-MOUTH, HOLLOW = 0.017, 0.034  # Longest edges for a camel with a mouth, and for a camel with hollow ears.
+MOUTH, HOLLOW = 0.017, 0.034  # Longest mesh edges for a camel's mouth, and for hollow ears, in the model's unit.
 
 
 def _figure(field: Field, low: Point, high: Point, size: float, edge: float) -> Surface:
@@ -280,9 +280,9 @@ LOWEST, HIGHEST = -0.4426307, 2.0  # Heights of the lowest points and of the pea
 
 @shape
 def boys_surface(height: Length = 3.0, edge: Length = 0.16) -> Surface:
-    """The parametrisation of Bryant and Kusner [Kusner 1987] over the unit disc, its peak up, standing on z = 0.
+    """Boy's surface, parametrised by Bryant and Kusner [Kusner 1987] over the unit disc. It stands on z = 0, peak up.
     Opposite points of the unit circle have the same image but stay separate, so that the surface is a disc with two
-    sides. Three sheets meet in a triple point. No solid of constant thickness exists there."""
+    sides. Three layers of the surface meet in a triple point. No solid of constant thickness exists there."""
     check_density(4 * height**2, edge)
     chart = BoyChart(height)
     rows = 24

@@ -32,7 +32,7 @@ class MeshChart(Protocol):
     """A smooth surface. Coordinates X (n, k) define its points: for example two parameters, or x, y and z."""
 
     def place(self, X: Floats) -> Floats:
-        """Return the points (n, 3), metres, that have the coordinates X (n, k)."""
+        """Return the points (n, 3), metres, of the surface at coordinates X (n, k)."""
         ...
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
@@ -269,7 +269,7 @@ def smooth_difference(field: Field, cut: Field, k: float) -> Field:
 
 
 def mirror_union(field: Field, axis: int = 1) -> Field:
-    """Return the field of a solid on the positive side of an axis and of its mirror image."""
+    """Return the field of a solid's half on the positive side of an axis, united with the mirror image of this half."""
 
     def field_of_both(P: Floats) -> Floats:
         Q = P.copy()

@@ -158,7 +158,7 @@ class _Wedge:
         self.centre = self.to_centre * np.array([np.cos(half), np.sin(half)])
 
     def rim(self) -> tuple[Floats, Ints, Ints]:
-        """Return this wedge's outline (k, 2), from the crown, and the point indices on each of two straight sides."""
+        """Return the outline (k, 2) from the shell's top, and the point indices of each of its two straight sides."""
         ray = np.linspace(0, self.ground, 1 + self._count(self.ground))
         back = np.linspace(self.top, 0, 1 + self._count(self.top))[1:-1]
         foot = np.linspace(0, self.half_foot, 1 + self._count(self.ground * self.half_foot))[1:]

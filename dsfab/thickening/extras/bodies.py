@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """The uncut surface, and the sheet that was cut from it, for feet, ring beams, holes and so on.
-    between : function from marks (n,) on the surface's vertices to marks (n',) on the sheet's vertices."""
+    """The uncut surface, and the sheet that was cut from it; both help to place feet, ring beams, holes and so on.
+    between : function that turns marks (n,) of the surface's vertices into marks (n',) of the sheet's vertices."""
 
     surface: Surface
     sheet: Surface
@@ -50,7 +50,7 @@ ROUND = 48  # Number of sides of the prisms for round holes and dowels.
 
 
 def positive(extra: object, *names: str) -> None:
-    """Raise SolidError for lengths of an extra that are not positive."""
+    """Raise SolidError for lengths `names` of an extra (foot, hole, ...) that are not positive."""
     for name in names:
         if not getattr(extra, name) > 0:
             raise SolidError(f"thickening.extra {getattr(extra, 'kind', '')!r}: {name} must be a positive length")

@@ -1,11 +1,11 @@
 """Proof, without a test of pairs, that most of a thickened sheet cannot intersect itself.
 
-A prism is the solid over a face. A grid of boxes divides the faces. A cylinder contains the prisms of each box; its
-axis is the mean normal of the box's faces. A box and the boxes around it form its block. The prisms of a box meet no
+A prism is the solid over a face. A grid of boxes divides the faces. The prisms of each box lie in a cylinder along the
+mean normal of the box's faces (the axis). A box and the boxes around it form a block. The prisms of a box meet no
 other prisms if the projections of the prisms along the axis do not overlap. Two conditions ensure this:
 
 1. All skin normals of the block are within 90 degrees of the axis.
-2. The rim of the block's faces goes exactly once around the box's cylinder, without entering it."""
+2. Seen along the axis, the rim of the block's faces goes exactly once around the cylinder, without entering it."""
 
 from dataclasses import dataclass
 
@@ -69,7 +69,7 @@ class Boxes:
 
 
 def boxes_of(layer: OffsetLayer, error: float, count: int) -> Boxes:
-    """Sort the faces of the uncut surface into about `count` boxes. Each box is larger than any thickened face."""
+    """Sort the faces of the uncut surface into about `count` equal boxes. A box is larger than any thickened face."""
     uncut = layer.uncut
     middle = uncut.centroids
     size = lengths(layer.D) * (1 + abs(layer.shift))
@@ -107,9 +107,9 @@ Three = tuple[Floats, Floats, Floats]
 
 
 def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Floats, Floats]:
-    """Return a mask (m',) of cells whose prisms (thickened cells) may be folded, cosines (k,) and radii (m',), metres.
+    """Return a mask (m',) of prisms (thickened cells) that may be folded, a cosine per box (k,), and prism radii (m',).
     A box's cosine is the smallest cosine of the angles between its axis and the skin normals of its prisms. A radius is
-    the largest distance from a prism's middle to its corners."""
+    the largest distance (m) from a prism's middle to its corners."""
     F, m = layer.cells.F, layer.cells.m
     upper = np.ascontiguousarray((layer.cells.V + (layer.shift + 1) * layer.carried).T)
     lower = np.ascontiguousarray((layer.cells.V + (layer.shift - 1) * layer.carried).T)
@@ -128,8 +128,8 @@ def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Float
 
 
 def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
-    """Return a mask of prisms that may fold, least cosines of skin normals to `axis`, and radii; corners (xyz, 3, m).
-    Corner errors e cause errors up to 3 r^2 e in determinants of lengths r, and up to 4 s e in normals of sides s."""
+    """Return a mask of prisms that may fold, their smallest cosines between skin normals and `axis`, and their radii.
+    Errors e of corners (xyz, 3, m) give errors <= 3 r^2 e in determinants of lengths r, 4 s e in normals of sides s."""
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]
     reach = np.sqrt(np.maximum((A**2).sum(axis=0), (B**2).sum(axis=0)).max(axis=0)) + error
@@ -158,7 +158,7 @@ def _dot(a: Three, b: Floats | Three) -> Floats:
 
 
 def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
-    """Return a mask (k,) of boxes with an axis within 90 degrees of all skin normals in the block around the box."""
+    """Mark boxes (k,) whose axis is within 90 degrees of all skin normals of the box and of the boxes around it."""
     spread = np.arccos(np.clip(cosine, -1, 1))
     visible = spread < np.pi / 2
     every = np.arange(len(visible))
@@ -171,7 +171,7 @@ def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
 
 
 def boxes_with_simple_rims(layer: OffsetLayer, boxes: Boxes, accepted: Bools, error: float) -> Bools:
-    """Mark accepted boxes (k,) for which the rim of the box's block of boxes goes once around the box's cylinder."""
+    """Mark accepted boxes (k,) whose cylinder is encircled once by the rim of the block (box and boxes around it)."""
     uncut = layer.uncut
     thick = lengths(layer.D) * (1 + abs(layer.shift)) + error
     accepted, turns = accepted.copy(), np.zeros(len(boxes.axis), dtype=np.int64)
@@ -234,7 +234,7 @@ def proven_cells(layer: OffsetLayer) -> Bools:
     if is_fine(uncut.V, layer.D):
         error += rounding_step(uncut.V, layer.D)
     sure = np.zeros(cells.m, dtype=bool)
-    for count in (1000, 8000):  # numbers of boxes; with more boxes, more cells are proven
+    for count in (1000, 8000):  # numbers of boxes; more boxes prove more cells free of intersections
         boxes = boxes_of(layer, error, count)
         folded, cosine, reach = prisms(layer, boxes, error)
         if folded.mean() > 0.05:

@@ -109,7 +109,7 @@ def plate_part(joint: Joint, lattice: BarLattice, stock: BarStock) -> FlatPart:
 
 
 def plate_arms(joint: Joint, lattice: BarLattice, stock: BarStock) -> "list[PlateArm]":
-    """Return the arms of a node's plate counter-clockwise: an arm for each bar, and the plate's leg, if any."""
+    """Return the arms of a node's plate counter-clockwise: an arm for each bar, and the leg to the ground, if any."""
     arms = [PlateArm.from_bar(joint, lattice.bars[k], side, stock) for k, side in joint.bars]
     if joint.leg is None:
         return arms

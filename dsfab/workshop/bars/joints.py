@@ -59,7 +59,7 @@ class Footing:
     """Ground contact of a structure.
     supports : (q, 3) supported points, metres.
     up       : (3,) unit vector.
-    reach    : metres; a node gets a support within `reach` plus 0.75 times the width of the node's widest member.
+    reach    : metres; a node stands on a support closer than `reach` plus 0.75 times the width of its widest member.
     anchor   : diameter of the anchors, metres."""
 
     supports: Floats
@@ -94,7 +94,7 @@ class Footing:
 def leg_plates(
     graph: MemberGraph, layering: Layering, footing: Footing, thickness: float
 ) -> tuple[list[FlatPart], list[str]]:
-    """Return plates (thickness in m) with legs under strips at supports, and names of nodes with too little slope."""
+    """Return plates (thickness in m) with legs under strips at supports, and names of nodes too level for a leg."""
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
     members = [[graph.by_id[name] for name in node.members] for node in nodes]
     widths = [max(member.mean_width for member in node_members) for node_members in members]
@@ -129,7 +129,7 @@ def _leg_plate(
 
 
 def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
-    """Return sentences on plates with anchored legs, with fold angles `folds` (radians), and on nodes without a leg."""
+    """Return sentences on plates with anchored legs folded by `folds` (radians), and on nodes `flat` without a leg."""
     angles = [abs(float(np.degrees(fold))) for fold in folds]
     sentences = []
     if angles:
@@ -311,8 +311,8 @@ def _counter_clockwise(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints,
 
 
 def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
-    """Return half the width of a node plate's arms, and the distance of their folds from the node (m). Sharper `gaps`
-    (angles) put bars farther off, and narrow the arms. lean : extra distances of tilted bars. long : bay lengths."""
+    """Return half the width of a node plate's arms, and the distance of their folds from the node (m). Small angles
+    `gaps` of bars enlarge this distance and narrow arms. lean : extra distances of tilted bars. long : bay lengths."""
     notch = 0.9  # distance of the corner between two arms from the node, divided by the bars' distance from the node
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2

@@ -41,7 +41,7 @@ class LatticeNode:
 
 @dataclass(frozen=True)
 class Bay:
-    """Span of a bar: its name "A07.3", its member, two node numbers, arc lengths of the axis, and width (m)."""
+    """Part of a member between two nodes: name "A07.3", member, node numbers, arc lengths on its axis, width (m)."""
 
     id: str
     member: str
@@ -52,8 +52,8 @@ class Bay:
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """Nodes and bays of a structure of bars.
-    parallel : names of omitted bays; each joins the same two nodes as another bay.
+    """Nodes and bays (parts of members between nodes) of a structure of bars.
+    parallel : names of bays left out because another bay joins the same two nodes.
     rings    : names of closed members with fewer than three nodes, which cannot become bars."""
 
     nodes: tuple[LatticeNode, ...]
@@ -71,14 +71,14 @@ class _RawBay:
 
 
 def member_lattice(graph: MemberGraph, bolt: float) -> Lattice:
-    """Return the lattice of the members that have an axis; bolt : diameter (m).
+    """Return the nodes and bays (parts between nodes) of the members that have an axis; bolt : bolt diameter (m).
     Raises PatternError if more than a tenth of the bays is too short for bars."""
     places = {node.id: (node.point, _smooth_normal(graph, node)) for node in graph.nodes}
     members = [member for member in graph.members if becomes_bars(member)]
     raw_bays = [raw_bay for member in members for raw_bay in _member_bays(graph, member, places, bolt)]
     keys = list(dict.fromkeys(key for raw_bay in raw_bays for key in raw_bay.ends))
     group, short = _place_groups(keys, raw_bays, places, bolt)
-    if short > 0.1 * len(raw_bays):  # with more short bays, bars would no longer follow the pattern
+    if short > 0.1 * len(raw_bays):  # above a tenth, bars would no longer follow the pattern
         raise PatternError(
             f"{short} of {len(raw_bays)} bays are too short for a bar with a bolt of {length(bolt)} at each end; take "
             "workshop.route = 'strips', a larger spacing, narrower members or a smaller workshop.bolt"
@@ -95,7 +95,7 @@ def member_lattice(graph: MemberGraph, bolt: float) -> Lattice:
 
 
 def _smooth_normal(graph: MemberGraph, node: Node) -> Floats:
-    """Return the mean normal (3,) of the members' axes at a node: error 0.006 degrees; a face normal's is 0.34."""
+    """Return the mean normal (3,) of the members' axes at a node. Its error is 0.006 degrees, a face normal's 0.34."""
     members = [(graph.by_id[name].axis, s) for name, s in zip(node.members, node.at, strict=True)]
     normals = [axis.frames_at(np.array([s]))[2][0] for axis, s in members if axis is not None and np.isfinite(s)]
     total = np.sum([n * np.sign(n @ node.normal) for n in normals], axis=0) if normals else node.normal
@@ -134,7 +134,7 @@ def _member_bays(
 def _place_groups(
     keys: list[str], raw_bays: list[_RawBay], places: dict[str, tuple[Floats, Floats]], bolt: float
 ) -> tuple[Ints, int]:
-    """Group nodes at bays too short for bars, and free ends that overlap. Return groups and the count of such bays."""
+    """Group nodes joined by bays too short for bars, and overlapping free ends. Return groups and short bays' count."""
     number = {key: k for k, key in enumerate(keys)}
     half = np.zeros(len(keys))
     ends = np.array([[number[key] for key in raw_bay.ends] for raw_bay in raw_bays], dtype=np.int64).reshape(-1, 2)

@@ -49,13 +49,13 @@ class NestedSheet:
 def nest_parts(
     parts: Sequence[FlatPart], stock: Sequence[SheetSize], gap: float, grain: bool = False, prices: Sequence[float] = ()
 ) -> list[NestedSheet]:
-    """Nest all parts on sheets of the stock, `gap` metres apart and from the edges.
+    """Nest all parts on sheets of the stock. Parts are `gap` metres apart, and `gap` metres from the edges of sheets.
     stock  : lengths and widths of the sheets, metres.
     grain  : true if parts of members must lie lengthwise on the sheets.
     prices : price of a sheet of each size.
-    Several trials nest all parts. A trial prefers one size, or chooses for each sheet the size with the most used area
-    per price. Then each sheet gets the cheapest size that holds its parts. The cheapest trial wins; without prices, the
-    trial with the least area. Raises PatternError for a part that fits on no sheet."""
+    Several trials nest all parts. A trial prefers one size, or takes the size with the most used area per price for
+    each sheet. Each sheet is then replaced by the cheapest size that holds its parts. The cheapest trial wins;
+    without prices, the trial with the least area. Raises PatternError for a part that fits on no sheet."""
     grid, costs = column_grid(stock, gap, grain), _costs(stock, prices)
     box_area = float(sum((part.size[0] + gap) * (part.size[1] + gap) for part in parts))
     cheapest: list[NestedSheet] | None = None
@@ -168,9 +168,8 @@ def _fill_sheets(
 
 def least_clearance(outlines: Sequence[Floats], size: tuple[float, float], enough: float) -> float:
     """Return the smallest distance (m) between closed polygons (k, 2), and between polygons and their sheet's edges.
-    The distance is 0 for overlaps, and negative beyond an edge.
-    size   : size of the sheet, metres.
-    enough : distance between boxes above which a pair is not measured, metres."""
+    The distance is 0 for overlaps, and negative if a polygon extends beyond an edge.
+    size : size of the sheet (m). enough : pairs with bounding boxes farther apart than this (m) are not measured."""
     boxes = [(P.min(axis=0), P.max(axis=0)) for P in outlines]
     distances = [float(min(low.min(), (np.array(size) - high).min())) for low, high in boxes]
     for (P, (a, b)), (Q, (c, d)) in combinations(zip(outlines, boxes, strict=True), 2):

@@ -45,7 +45,7 @@ class ColumnGrid:
 
 def column_grid(stock: Sequence[tuple[float, float]], gap: float, grain: bool = False) -> ColumnGrid:
     """Return the grid of narrow columns into which nesting divides sheets. stock : their lengths and widths (m)."""
-    step = min(0.01, max(max(size) for size in stock) / 250)  # column width: at least 250 columns on the longest sheet
+    step = min(0.01, max(max(size) for size in stock) / 250)  # column width (m), at most 1/250 of the longest sheet
     return ColumnGrid(gap, step, max(min(size) for size in stock) - 2 * gap + ROUNDING, grain)
 
 
@@ -97,7 +97,7 @@ def _shifted_points(points: Floats, ways: Floats) -> Floats:
 
 
 def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Floats:
-    """Return the lowest (f: `np.minimum`) or highest y of segments p-q per column (borders `corner`); p left of q."""
+    """Return the lowest (f: `np.minimum`) or highest y of segments p-q in columns (borders: `corner`); p left of q."""
     extremes = np.full(len(corner) - 1, np.inf if f is np.minimum else -np.inf)
     wide = np.maximum(q[:, 0] - p[:, 0], 1e-15)
     i = np.clip(np.searchsorted(corner, p[:, 0], side="right") - 1, 0, len(extremes) - 1)
@@ -165,7 +165,7 @@ class OpenSheet:
 
 
 def empty_sheet(size: tuple[float, float], grid: ColumnGrid) -> OpenSheet:
-    """Return an empty sheet with the size (length, width), metres."""
+    """Return an empty sheet of the size (length, width), metres, divided into the columns of `grid`."""
     columns = int(np.ceil((size[0] - grid.gap) / grid.step))  # the last column may extend beyond the sheet's edge
     return OpenSheet(size, np.full(columns, grid.gap / 2), size[0] * size[1], grid.gap / 2)
 
@@ -210,7 +210,7 @@ def _best_on_skyline(sheet: OpenSheet, turns: list[PartShape], grid: ColumnGrid)
         k = len(shape.lower)
         if k > len(sheet.skyline) or sheet.lowest + shape.size[1] + gap > top + step:
             continue
-        if k not in cached:  # a half turn keeps the number k of the shape's columns
+        if k not in cached:  # rotation by 180 degrees keeps the number k of the shape's columns
             column_runs = _column_windows(sheet.skyline, k)
             cached[k] = column_runs, column_runs.sum(axis=1)
         windows, sums = cached[k]

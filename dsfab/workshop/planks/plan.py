@@ -25,14 +25,14 @@ from dsfab.workshop.strips import is_strip
 
 
 def upright_course(course: StripCourse, depth: float) -> StripCourse:
-    """Return the course of an upright plank. Its normal is T x N, its left is N (T, N: tangent, normal of `course`)."""
+    """Return the course of a plank on edge: normal T x N, left N, width `depth` (T, N: tangent, normal of `course`)."""
     B = np.cross(course.N, course.T)
     half = np.full(len(course.s), depth / 2)
     return replace(course, N=-B, kg=course.kn, kn=-course.kg, left=half, right=half)
 
 
 def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, StripCourse], dict[str, StripCourse]]:
-    """Return the courses of all planks, and those that end early: at another plank, or before a sharply turning end."""
+    """Return all planks' courses, and the courses that end early: at another plank, or before a sharply turning end."""
     members = [m for m in graph.members if is_strip(m)]
     extra_length = 2 * (stock.splice_reach + stock.depth + stock.overhang)
     courses = {m.id: member_course(graph, m, stock.overhang, extra_length) for m in members}

@@ -55,7 +55,7 @@ class PlankStock:
 def level_cut(
     layer: Development, ground: BasePlane, station: float, at_end: bool, depth: float
 ) -> tuple[float, float] | None:
-    """Return arc lengths of the right and left corner of a plank's end, cut level at a support; None if impossible."""
+    """Return arc lengths of the right and left corner of a plank's end, cut horizontally at a support, or None."""
     height = ground.support_height(layer.course.frame_at(np.array([station]))[0][0], depth)
     direction = layer.frame(np.array([station]))[1][0] * (1 if at_end else -1)
     if height is None or -direction @ ground.up < STEEP_SINE:
@@ -110,7 +110,7 @@ def plank_marks(
 
 
 def letters_within(name: str, stock: PlankStock, room: float) -> float:
-    """Return the height of letters (m) of a name that fits into `room` metres on each side of its middle."""
+    """Return the height of letters (m) for which a name extends at most `room` metres on each side of its middle."""
     high = letter_height(stock.depth, stock.letters[0])
     return high * min(1.0, 2 * room / text_length(name, high))
 
@@ -134,7 +134,7 @@ class Plank:
         ground: BasePlane | None,
         parts: PlankParts,
     ) -> None:
-        """Divide the plank into pieces that fit stock sizes `room` and slide onto lower planks at `crossings`."""
+        """Cut the plank into pieces that fit sizes `room` and, if possible, slide onto lower planks at `crossings`."""
         course, stock = self.course, self.stock
         upper = [crossing for crossing in crossings if self._has_role(crossing, 1)]
         crossing_stations = np.array([crossing.at[1] for crossing in upper])
@@ -182,7 +182,7 @@ class Plank:
         return [self.member.id] if count == 1 else [f"{self.member.id}.{k}" for k in range(1, count + 1)]
 
     def direction_at(self, s: float) -> Floats | None:
-        """Return the slide direction of the piece at s onto lower planks; None without such planks, or if it jams."""
+        """Return the direction in which the piece at arc length s slides onto lower planks; None if it cannot."""
         return next((d for d, (a, b) in zip(self.directions, self.spans, strict=True) if a <= s <= b), None)
 
     def _fits(self, begin: float, end: float, room: list[tuple[float, float]]) -> bool:
@@ -234,7 +234,7 @@ class Plank:
         course, y = self.course, self.stock.depth / 2
         past = 0.0 if course.closed else min(UNCERTAIN_WIDTHS * self.member.mean_width, (course.end - course.begin) / 3)
         inside = (course.s >= course.begin + past) & (course.s <= course.end - past)
-        kn, tg = course.kg[inside], course.tg[inside]  # kg of an upright plank: the surface's normal curvature kn
+        kn, tg = course.kg[inside], course.tg[inside]  # kg of an upright plank is the surface's normal curvature kn
         parts.bends[self.member.id] = self.stock.thickness / 2 * float(np.abs(course.kn[inside]).max(initial=0.0))
         elongations = [np.hypot(1 - side * kn, side * tg) - (1 - side * kn) for side in (y, -y)]
         parts.longer[self.member.id] = max(float(np.trapezoid(x, course.s[inside])) for x in elongations)
@@ -245,7 +245,7 @@ class Plank:
             if not span[0] <= slot.s <= span[1]:
                 continue
             edge = self.stock.depth / 2 * (1 if slot.above else -1)
-            low = slot.s + slot.mouth(edge)[0] - self.stock.thickness / 2  # keeps half a thickness of wood
+            low = slot.s + slot.mouth(edge)[0] - self.stock.thickness / 2  # half a thickness of wood between slots
             before = [previous.s + previous.mouth(edge)[1] for previous in accepted if previous.above == slot.above]
             if before and before[-1] > low:
                 parts.crowded.append(f"{slot.node} in {name}")

@@ -65,7 +65,7 @@ class Crossing:
         lock_floats(self, normal=(3,), ways=(2, 3))
 
     def slot_leans(self, direction: Floats) -> tuple[float, float]:
-        """Return `Slot.lean` of the lower and upper plank's slots for assembly along a unit direction (3,)."""
+        """Return `Slot.lean` (widening) of the lower and upper plank's slots for assembly along a unit vector (3,)."""
         along_lower, along_upper, up = np.linalg.solve(np.stack([*self.ways, self.normal], axis=1), direction)
         return float(along_lower / up), float(-along_upper / up)
 
@@ -76,7 +76,7 @@ class Slot:
     half  : half width of the slot, metres.
     y     : height of the slot's bottom over the axis, metres.
     above : True if the slot is open above.
-    lean  : by how much the slot becomes wider along the plank, per metre from its bottom; the sign gives the side."""
+    lean  : growth of the slot's width along the plank, per metre from its bottom; the sign tells the side."""
 
     node: str
     s: float

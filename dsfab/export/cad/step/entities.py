@@ -149,7 +149,7 @@ class StepEntities:
         return self.add(f"VERTEX_POINT('',#{point})", shared)
 
     def edge(self, start: int, end: int, curve: int, shared: bool = False) -> int:
-        """Add an edge between two vertices along a curve."""
+        """Add an edge between two vertices along a curve. shared : as in `vertex`."""
         return self.add(f"EDGE_CURVE('',#{start},#{end},#{curve},.T.)", shared)
 
     def wire(self, steps: list[tuple[int, bool]], kind: str = "FACE_OUTER_BOUND") -> int:
@@ -379,7 +379,7 @@ WARNING = "only programs that know AP242 tessellated geometry open it; FreeCAD 0
 
 
 def tessellated_entities(part: Part) -> Iterator[str]:
-    """Yield the file: coordinates and triangles of each solid with its voids, and its product."""
+    """Yield the text of the file. Each solid, with its voids, has coordinates, triangles and a product (named part)."""
     shell, solids = solids_of(part)
     beginning = header(part.name, "tessellated solid (AP242), for viewers", len(solids))
     yield (

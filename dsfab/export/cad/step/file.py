@@ -45,9 +45,8 @@ LIGHT = 8.0  # megabytes; a faceted file up to this size replaces a smooth file 
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Return an iterator over the bytes of the file.
-    Before the first byte, raises ExportError if the strategy `part.step` fails, and BudgetError for too many faces.
-    Raises BudgetError later if the file becomes too large."""
+    """Return an iterator over the bytes of the part's STEP file, which is made with the strategy `part.step`.
+    Raises at once: ExportError if the strategy fails, BudgetError for too many faces. Later: BudgetError for size."""
     faces, size, texts = ENCODERS[part.step](part)
     if faces > part.step_faces:
         raise BudgetError(part, faces, size)
@@ -103,7 +102,7 @@ def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes
 
 def check(part: Part, path: Path) -> ReadBack:
     """Read the file back with OCCT and compare the number of solids and faces, validity and volume; raises ExportError.
-    A file of step = 'members', or a smooth file without faceted pieces, is only compared with the text OCCT checked.
+    For step = 'members', and smooth files without faceted pieces, OCCT has already checked the text; only compare it.
     If the user wants to cut a smooth file (`cut`), OCCT's triangles must also bound a solid."""
     if part.step == "members":
         file = member_file(part)

@@ -39,7 +39,7 @@ COSTS = {
 
 
 class BudgetError(NotMadeError):
-    """A STEP file has more faces or bytes than the part allows. `size` is an estimate, 0 if unknown."""
+    """A STEP file has more faces or bytes than `step_faces` or `step_mb`. size : estimate in bytes, 0 if unknown."""
 
     def __init__(self, part: Part, faces: int, size: float = 0.0) -> None:
         self.part, self.way, self.faces, self.size = part, strategy_of(part), faces, size
@@ -78,7 +78,7 @@ class BudgetError(NotMadeError):
 
     @property
     def cost(self) -> str:
-        """Text: strategy, number of faces, size, and time to write and check the file if there were no limit."""
+        """Text: strategy, number of faces, size, and time to write and check the file if it were not refused."""
         size = f"{self.size / 1e6:.3g} MB, " if self.size else ""
         seconds = writing_seconds(self.part, self.way, self.faces)
         return f"{self.strategy} {self.faces:,} faces ({size}about {duration(seconds)} to write and check)"
@@ -125,9 +125,9 @@ def usual_tolerance(part: Part) -> float:
 
 def simplified_part(part: Part, tolerance: float) -> Part:
     """Return the solid with fewer triangles. Its `note` has the measured distance and the change of volume.
-    The distance between both surfaces is at most `tolerance` (mm). The volume changes by at most 0.5 %. The result has
-    no new crossings, and at most 9/10 of the triangles.
-    Raises ExportError if that fails; BudgetError if far more planar faces remain than `step_faces` (0: no limit)."""
+    The distance between the old and the new surface is at most `tolerance` (mm). The volume changes by at most 0.5 %.
+    The result has no new crossings, and at most 9/10 of the triangles. Raises ExportError if no try meets these limits;
+    BudgetError if far more planar faces remain than `step_faces` (0: no limit)."""
     worth = 0.9  # largest fraction of the triangles that may remain after simplification
     stride = 1.6  # each try has 1.6 times the tolerance (in manifold3d) of the try before
     crossing, step = len(intersecting_pairs(part.V, part.F)), tolerance
@@ -159,7 +159,7 @@ def _require_hope(simple: Part) -> None:
 
 
 def simplification(part: Part, step: float) -> tuple[Part, float]:
-    """Return a coarser part within `step` (mm), and its distance (mm) from the part; no triangles if that fails."""
+    """Coarsen a part within `step` (mm). Return it and its distance (mm), or no triangles and inf if that fails."""
     try:
         V, F = coarsen_mesh(part.V, part.F, step)
     except SolidError:

@@ -45,7 +45,7 @@ class FlatOutlines:
 
 @dataclass(frozen=True, eq=False)
 class FlatPlate:
-    """Outlines as curves: pieces[i][j] is the chain of loop j of piece i."""
+    """Flat sheet with outlines as curves: pieces[i][j] has the curves along loop j of piece i."""
 
     outlines: FlatOutlines
     pieces: tuple[tuple[tuple[Curve, ...], ...], ...]

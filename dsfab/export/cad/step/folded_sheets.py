@@ -144,7 +144,7 @@ def _mitred_sheet(flat: FlatFacets) -> FoldedSheet:
 
 
 def _require_few_facets(facet: Ints) -> None:
-    faces_per_facet = 4  # smallest allowed mean number of triangles in a facet; it is 1 on a curved sheet
+    faces_per_facet = 4  # least mean number of triangles per facet; on a curved sheet, each triangle is a facet
     if not 1 < int(facet.max()) + 1 <= len(facet) / faces_per_facet:
         raise NotFlatError("the facets of the sheet are not flat")
 
@@ -158,7 +158,7 @@ def _plane(skins: Floats, F: Ints) -> Facet:
 
 
 def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
-    """Move vertices into planes of facets with at least two triangles; return points, and True (n,) for failures."""
+    """Move each vertex into the planes of its facets of several triangles. Return points, and (n,) True on failure."""
     exact = 1e-5  # largest distance (mm) of a fold's corners from the planes that meet there
     count = np.bincount(facet)
     planes = {int(k): _plane(skins, F[facet == k]) for k in np.flatnonzero(count > 1)}
@@ -179,7 +179,7 @@ def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools
 
 @dataclass(frozen=True, eq=False)
 class FoldedShape:
-    """Folded sheet, and curves along the outline parts at walls. Poles (p, 4) are in the planes of both skins."""
+    """Folded sheet, and curves along its walls. Poles (p, 4) are 2D coordinates in a facet's upper and lower plane."""
 
     sheet: FoldedSheet
     walls: dict[RunKey, list[Curve]]

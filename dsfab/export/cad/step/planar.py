@@ -7,7 +7,7 @@ import numpy as np
 from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
 from dsfab.surface.topology import EdgeTable, edge_table, link_components
 
-FLATNESS = 1e-5  # largest distance (mm) of vertices from a joined plane or line; precision of Parasolid
+FLATNESS = 1e-5  # largest distance (mm) of vertices from the plane or long edge of joined faces; precision of Parasolid
 
 
 def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FLATNESS) -> tuple[Ints, Floats]:
@@ -121,7 +121,7 @@ def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
 
 
 def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
-    """Return two positions for each half-edge (h,): the corner at its start or before, and the next corner in the loop.
+    """Return two positions for each half-edge (h,): of the last corner up to its start, and of the next corner.
     alive : (h,) True for half-edges that begin at a corner."""
     corner_positions = np.flatnonzero(alive)
     loop = outline.loop
@@ -133,7 +133,7 @@ def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
 
 
 def step_positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
-    """Return positions (p,) of edges of `loops` (k,), in order, and each edge's loop. start : first edge by loop."""
+    """Return edge positions (p,) of `loops` (k,), and each edge's index in `loops`. start : where each loop begins."""
     length = np.diff(start)[loops]
     loop = np.repeat(np.arange(len(loops)), length)
     return (start[loops] - np.cumsum(length) + length)[loop] + np.arange(len(loop)), loop
@@ -175,8 +175,8 @@ def polyhedron(V: Floats, F: Ints, shell: Ints) -> Polyhedron:
 
 
 def _corners(V: Floats, F: Ints, table: EdgeTable, outline: FaceOutlines) -> Bools:
-    """Mark corners of the outlines; each loop has at least three. If a vertex is off the line between the next corners
-    on both sides, all vertices between these corners become corners. Fine polygons bend little at a vertex."""
+    """Mark corners of the outlines; each loop has at least three. If a vertex is off the line between the corners
+    before and after it, all vertices between these corners become corners. Fine polygons bend little at a vertex."""
     a = F.ravel()[outline.h]
     alive = np.bincount(table.ends[np.unique(table.of.ravel()[outline.h])].ravel(), minlength=len(V)) > 2
     before, after = np.roll(a, 1), a[outline.next]
@@ -242,8 +242,7 @@ def _numbered_polyhedron(
 def _long_edges(
     F: Ints, table: EdgeTable, outline: FaceOutlines, alive: Bools
 ) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
-    """Return the first vertex of each step (straight part of a loop), the first step of each loop, and the long edges.
-    Two steps belong to the same long edge if the smallest numbers of their mesh edges are equal."""
+    """Return the first vertex of each step (straight part of a loop), the first step of each loop, and long edges."""
     a = F.ravel()[outline.h]
     is_corner = alive[a]
     run, end = ends_of_runs(is_corner, outline)
@@ -258,7 +257,7 @@ def _long_edges(
 
 
 def _loop_areas(V: Floats, begin: Ints, start: Ints, face_of_loop: Ints, normals: Floats) -> Floats:
-    """(l,) twice the area inside each loop, negative if clockwise about the face's normal; 0 for a face's only loop."""
+    """(l,) twice the area inside each loop, negative if clockwise about the face's normal; 0 if a face has one loop."""
     around = np.zeros(len(face_of_loop))
     many = np.flatnonzero(np.bincount(face_of_loop)[face_of_loop] > 1)
     if len(many):

@@ -69,13 +69,13 @@ def curved_soundness(
 
 def step_fault(path: Path, deflection: float) -> str:
     """Return the reason why a STEP file is not a solid, judged by OCCT's triangles; "" for a solid.
-    Raises ExportError if OCCT cannot read the file or takes too long. deflection : of the triangles, m."""
+    Raises ExportError if OCCT cannot read the file or takes too long. deflection : largest error of triangles, m."""
     mesh = read_step(path, deflection / METRES_PER["mm"])
     return triangle_fault(step_triangles(mesh), deflection, mesh.shape)
 
 
 def triangle_fault(first_triangles: StepTriangles, deflection: float, shape: bytes) -> str:
-    """Return the reason why triangles do not bound a solid, see `curved_soundness`; "" for a solid."""
+    """Return the reason why OCCT's triangles of a shape bound no solid, see `curved_soundness`; "" for a solid."""
     sound = curved_soundness(first_triangles, deflection, shape)
     if sound.sound:
         return ""
@@ -98,7 +98,7 @@ def _faces_near(triangles: StepTriangles, faces: Ints, deflection: float) -> Int
 def _redraw(
     sound: Soundness, first_triangles: StepTriangles, faces: Ints, deflection: float, shape: bytes
 ) -> tuple[Soundness, StepTriangles]:
-    """Draw some faces with finer triangles, or all faces if the topology changes; return `Soundness` and triangles."""
+    """Triangulate `faces` more finely, or all faces if the topology changes; return new `Soundness` and triangles."""
     redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"], faces))
     if not np.array_equal(np.unique(redrawn.face), faces) or not _same_topology(first_triangles, redrawn):
         redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"]))
@@ -125,7 +125,7 @@ MOST_FACES = 2000  # largest number of faces for an automatic trial cut (up to 1
 
 @dataclass(frozen=True)
 class SampledUse:
-    """Result of a trial cut of the solid. tried : False without a trial.    fault : reason for the failure, or ""."""
+    """Result of a trial cut of the solid. tried : True if OCCT tried a cut.    fault : reason of failure, or ""."""
 
     tried: bool
     fault: str = ""
@@ -142,7 +142,7 @@ def smooth_use(part: Part) -> SampledUse:
 
 
 def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffix: str = ".step") -> SampledUse:
-    """Let OCCT cut a file's solid once, and check its box. file : STEP text, or OCCT's binary shape (`.bin`)."""
+    """Let OCCT cut a file's solid once; compare its box with the part's. file : STEP text, or OCCT's shape (`.bin`)."""
     if faces > MOST_FACES:
         return SampledUse(False)
     with _file(file, suffix) as path:

@@ -35,11 +35,11 @@ from dsfab.surface.topology import edge_table, half_edges
 ROUTES = ("auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated")
 
 QUICK_FACTOR = 3
-"""Factor for step = 'quick' on the usual largest numbers of walls and of layouts (divisions into charts).
+"""Factor for step = 'quick': multiplies the usual largest numbers of walls and of layouts (divisions into charts).
 If OCCT refuses the first layout, another layout often succeeds, because its seams lie elsewhere."""
 
 MEMBER_FACES_FACTOR = 2
-"""If a faceted file is too large, step = 'auto' tries 'members' with this multiple of the usual number of faces.
+"""If a faceted file is too large, step = 'auto' tries step = 'members' with this multiple of the usual limit of faces.
 The next attempt would be a smooth file, which CAD programs usually fail to cut."""
 
 
@@ -60,7 +60,7 @@ def prepare(part: Part) -> Part:
 
 
 def attempts(part: Part) -> Iterator[Part | BudgetError]:
-    """Yield versions of the part for each strategy, the best first; for a version that is too large, its BudgetError.
+    """Yield versions of the part for each strategy, the best first; a BudgetError for each version that is too large.
     A solid is simplified before faceting if the user sets a tolerance; otherwise only if all other strategies fail."""
     tighter = 1 / 4  # tolerance of the second planar file, as a fraction of the first; closer curves cross less often
     flat, chosen = 0.0, part.step in ("auto", "quick")
@@ -96,7 +96,7 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
 
 
 def _worth_members(part: Part) -> bool:
-    """Return True to try 'members' without a request: CAD programs can cut its files, but usually not smooth files."""
+    """Return True if 'members' is worth a try: CAD programs can cut its files, but usually cannot cut smooth files."""
     sheet = _striped_sheet(part)
     return sheet is not None and (part.step == "auto" or bool(Surface(sheet.V, sheet.F).edges.boundary.any()))
 
@@ -110,7 +110,7 @@ def _striped_sheet(part: Part) -> Curved | None:
 
 
 def _last_attempts(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
-    """Yield attempts after refusal of a faceted file. members : None skips slow attempts.    quick : may stop early."""
+    """Yield versions after a faceted file was refused. members : None skips slow versions. quick : may stop early."""
     far_factor = 2  # with more than twice the allowed faces, further tries do not help
     is_far = False
     if not part.tolerance:
@@ -151,7 +151,7 @@ def default_tolerance(part: Part) -> float:
 
 
 def _may_be_planar(part: Part) -> bool:
-    """Return False for curved sheets, which have no creases: each triangle could become a facet with slow mitres."""
+    """Return False for curved sheets without creases: each triangle could become a facet, and mitres would be slow."""
     flat = flat_facets(part)
     return flat is None or flat.has_creases or part.step == "planar"
 
@@ -341,6 +341,6 @@ SHAPES: dict[str, Callable[[Part], tuple[int, float, str]]] = {
     "faceted": _estimate_faceted,
     "tessellated": _estimate_tessellated,
 }
-"""Functions for each `Part.step`: they return faces, bytes and a note, or raise ExportError if the strategy fails."""
+"""Functions for each `Part.step`: return counts of faces and bytes, and a note; or raise ExportError on failure."""
 
 WAYS = ("planar", "members", "smooth", "faceted", "simplified", "tessellated")

@@ -1,4 +1,4 @@
-"""Corrections of borders between members: straight borders, larger angles to round outlines, and no crossings."""
+"""Corrections of borders between members: straighten them, remove crossings, and enlarge angles to round outlines."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -62,7 +62,7 @@ def _samples(curves: Mapping[int, ChainCurve], loop: ChainLoop, fine: int) -> Fl
 
 
 def crossing_segments(lines: list[Floats]) -> Bools:
-    """Return (k,): True for each segment of closed lines (k, 2) in a plane that crosses another segment."""
+    """Return a mask (k,) of segments that cross another segment. lines : closed lines in a plane, (k, 2) in all."""
     a = np.concatenate(lines)
     b = np.concatenate([np.roll(line, -1, axis=0) for line in lines])
     along = (b - a)[:, None]
@@ -123,7 +123,7 @@ PLACES = np.linspace(0, 1, 65)  # parameters where the curvature is measured
 
 
 def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """Remove borders between regions that bend back like a hairpin. Straighten other borders, except on creases."""
+    """Remove hairpin-shaped borders between regions. Straighten other borders, except on creases."""
     sideways = 1 / 3  # a chain moves sideways by at most this fraction of the thickness
     sag = 1 / 400  # largest distance of chords from the curve, as a fraction of the thickness
     P = np.asarray(net.weights @ lifting.skins.points)
@@ -150,7 +150,7 @@ def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
 
 def _turns_back(curve: Spline) -> bool:
     most_spans = 4  # a chain with more spans is too wavy
-    detour = 1.5  # a longer curve, as a multiple of its chord, is a hairpin; half a circle is 1.57 chords long
+    detour = 1.5  # a curve longer than 1.5 chords is a hairpin; half a circle is 1.57 chords long
     line = curve(PLACES)
     return (
         polyline_length(line) > detour * float(np.linalg.norm(line[-1] - line[0]))
@@ -183,8 +183,8 @@ LONGEST_CHORD = 2.0  # largest chord of a round corner, as a multiple of the thi
 
 
 def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """Move ends of member borders along round corners, so that they meet outlines at larger angles; thickness in mm."""
-    rounds = 3  # each round moves a border's end along one piece of the outline; a corner may have several pieces
+    """Move ends of member borders along round corners, to enlarge the angles of borders to outlines. thickness : mm."""
+    rounds = 3  # in each round, a border's end moves along one chain of the outline; a corner may have several chains
     for _ in range(rounds):
         work = _BorderEnds(net, np.asarray(net.weights @ lifting.skins.points), thickness)
         for node in sorted(work.nodes):
@@ -206,7 +206,7 @@ class _BorderEnds:
         self.moves, self.changed = dict[tuple[int, int], int](), set[int]()
 
     def move_border(self, node: int) -> None:
-        sharp = 20.0  # degrees; a border does not move if the outline bends less at the border's end
+        sharp = 20.0  # degrees; a border does not move if the outline turns by less at the border's end
         gain = 15.0  # degrees; a border moves only if its angle to the outline grows by at least this
         steep = 30.0  # degrees; a border does not move if its angle to the outline is already at least this
         before, after, (seam, end) = self.nodes[node]
@@ -225,7 +225,7 @@ class _BorderEnds:
         self.changed |= {before, after, seam}
 
     def _worth(self, place: tuple[float, int, int]) -> tuple[float, bool, float]:
-        """Return the rank of a place for a border's end: larger angles first, then ends of arcs before other places."""
+        """Return the rank of a place for a border's end: angle up to 45 degrees, then ends of chains, then angle."""
         enough = 45.0  # degrees; all places with larger angles between border and outline are equally good
         steep, k, i = place
         return min(steep, enough), i in (0, len(self.chains[k].points) - 1), steep
@@ -235,7 +235,7 @@ class _BorderEnds:
         return self.P[[points_before[-2], points_after[0], points_after[1]]]
 
     def _angle_at(self, before: int, after: int, anchor: Floats) -> float:
-        """Angle (degrees) of the line to `anchor` and the mean wall; a round wall beside a straight wall is ignored."""
+        """Angle (degrees) of the line to `anchor` with the mean wall direction; a single straight wall counts alone."""
         P = self._points_around(before, after)
         weights = [1.0 - (self._is_round(j) and not self._is_round(k)) for j, k in ((before, after), (after, before))]
         return _angle(P, weights, anchor)

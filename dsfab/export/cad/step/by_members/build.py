@@ -119,7 +119,7 @@ class TriangleReport:
 
     @classmethod
     def from_mesh(cls, mesh: StepMesh, gate: PieceJudge) -> "TriangleReport":
-        """Check triangles. A fault is stored, not raised, as other checks run meanwhile. gate : measures distances."""
+        """Check the triangles of `mesh`. A fault is stored and not raised, because other checks run meanwhile."""
         triangles = step_triangles(mesh)
         forth, back = gate.distances(MM_PER_M * triangles.V, triangles.F)
         try:
@@ -137,7 +137,7 @@ def _require(passed: bool, complaint: str, error: type[ExportError] = ExportErro
 def require_solid(
     part: Part, plan: SolidPlan, draft: MemberDraft, findings: list[OcctFinding], triangles: list[TriangleReport]
 ) -> tuple[float, float, bytes]:
-    """Return the largest distances solid to mesh, mesh to solid, and OCCT's shape. Raises ExportError for a fault."""
+    """Return the largest distances (solid to mesh, mesh to solid), and OCCT's shape. Raises ExportError for a fault."""
     wide_box = 2e-2  # largest error of OCCT's bounding box, as a fraction of its diagonal; 1.1 % for a saddle of 5 m
     gap, widest = max((finding.gap for finding in findings), default=0.0), GAP_SHARE * plan.limits.thickness
     faces = sum(finding.faces for finding in findings)

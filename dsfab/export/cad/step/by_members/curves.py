@@ -36,7 +36,7 @@ class InnerSpline:
 
     @cached_property
     def hats(self) -> Floats:
-        """Return weights (k + 1, k, 4) of all Bezier poles. Row i gives the spline's point at `places[i]`."""
+        """Return weights (k + 1, k, 4) of all Bezier poles. The sum with weights of row i is the point `places[i]`."""
         count = len(self.places) - 1
         span = np.clip(np.searchsorted(self.breaks, self.places, side="right") - 1, 0, count - 1)
         hats = np.zeros((count + 1, count, 4))
@@ -177,7 +177,7 @@ def on_skins(curves: Sequence[ChainCurve], vectors_to_skins: Callable[[Floats], 
 
 
 def sampled_chains(net: ChainNet, lifting: Lifting, limits: SmoothLimits) -> dict[int, SampledChain]:
-    """Return samples of a net's chains on the smooth outer and inner surface of the sheet, by number of the chain."""
+    """Return a dict: number of a chain -> its samples on the smooth outer and inner surface of the sheet."""
     numbers = list(net.chains)
     points = [net.chains[k].points for k in numbers]
     start, end = (np.concatenate([p[part] for p in points]) for part in (slice(-1), slice(1, None)))
@@ -197,11 +197,11 @@ def sampled_chains(net: ChainNet, lifting: Lifting, limits: SmoothLimits) -> dic
     return result
 
 
-PARABOLA_SHARE = 1 / 10  # allowed distance of a parabola from its cubic, as a fraction of that from the mesh
-ZERO_DIFFERENCE = 1e-8  # smaller third differences (mm) are rounding errors
+PARABOLA_SHARE = 1 / 10  # allowed distance from parabola to cubic, divided by the allowed distance from solid to mesh
+ZERO_DIFFERENCE = 1e-8  # mm; smaller third differences of a cubic's poles are rounding errors
 
 BOW_FACTOR = np.sqrt(3) / 36
-"""Largest distance of a cubic with third difference 1 from its parabola: the maximum of x (1/2 - x) (1 - x)."""
+"""Largest distance of a cubic from its parabola / third difference of its poles: the maximum of x (1/2 - x) (1 - x)."""
 
 
 def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:
@@ -250,7 +250,7 @@ def _middle_pole(P: Floats) -> Floats:
 
 def _are_parabolas(spans: Floats, tolerance: float, box: Floats) -> bool:
     """Return True if cubics (k, 4, 6) are parabolas on both skins within `tolerance` mm."""
-    turn, turn_out = np.tan(np.deg2rad([0.5, 0.25]))  # largest turns of a curve's ends: in all, and out of the skin
+    turn, turn_out = np.tan(np.deg2rad([0.5, 0.25]))  # largest turns of tangents: in any direction, out of the skin
     P = spans.reshape(-1, 4, 2, 3).swapaxes(0, 1)
     outer = _middle_pole(P)
     if (outer < box[0]).any() or (outer > box[1]).any():

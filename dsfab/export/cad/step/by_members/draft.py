@@ -1,4 +1,4 @@
-"""Draft of a file with step = 'members': all work from regions of the sheet to STEP entities, before OCCT's checks."""
+"""Text of a STEP file with step = 'members', made from regions of the sheet. OCCT checks the text later."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -64,7 +64,7 @@ class NetWriter:
         self.edges = list[list[int]]()
 
     def faces(self, trimmed: list[TrimmedFace], seams: Mapping[int, LongSeam]) -> list[int]:
-        """Add all faces and return their STEP numbers. seams : extended curves of seams, by the number of the edge."""
+        """Add all faces to the STEP entities; return the faces' numbers. seams : edge number -> extended seam."""
         numbers, posts = list[int](), dict[tuple[int, int], int]()
         skins: list[NetPatch | TrimmedFace] = [*self.model.patches, *trimmed]
         surfaces = {i: self._surfaces(skins[i]) for i in sorted({i for seam in seams.values() for i in seam.on})}
@@ -151,7 +151,7 @@ class NetWriter:
 
 GAP_SHARE = 1 / 4000  # wanted gap between a trimmed face and its edges, as a fraction of the thickness
 PASSES = 3  # number of attempts to remove crossings of outlines; a change may cause new crossings
-UNASKED = 7000  # largest number of faces without a request for step = 'members'; more faces take over half a minute
+UNASKED = 7000  # largest number of faces if the user does not ask for step = 'members'; more take over half a minute
 
 
 class ManyFacesError(ExportError):
@@ -160,7 +160,7 @@ class ManyFacesError(ExportError):
 
 @dataclass(frozen=True, eq=False)
 class MemberDraft:
-    """STEP text before OCCT's checks; counts of solids, faces, trimmed faces; widest gap (mm), trimmed face to edge."""
+    """STEP text before OCCT's checks; numbers of solids, faces, trimmed faces. gap : widest, face to its edges, mm."""
 
     text: str
     solids: int
@@ -171,13 +171,13 @@ class MemberDraft:
 
 def member_draft(part: Part, plan: SolidPlan, fine: bool = False) -> MemberDraft:
     """Return the STEP file of a part before its checks. Raises ExportError for a failure, and for too many faces.
-    fine : True for a slower search: it limits distances from the mesh, and halves long curves far from the skins."""
+    fine : True to limit distances from the mesh, and to halve long curves that are far from the skins (slower)."""
     with one_blas_thread():  # several threads would slow down thousands of small systems
         return _draft(part, plan, fine)
 
 
 def _draft(part: Part, plan: SolidPlan, fine: bool) -> MemberDraft:
-    least_walls = 3 / 4  # for an early estimate of faces: at least this fraction of outline chains becomes walls
+    least_walls = 3 / 4  # for an early estimate of the number of faces: at least 3/4 of the outline chains become walls
     if plan.curved.striped is None:
         raise ExportError("step = 'members' needs the stripes of the sheet, but the stripes are unknown")
     lifting = Lifting.from_sheet(plan.surface, plan.curved)
@@ -204,7 +204,7 @@ def has_too_many(part: Part) -> bool:
 
 
 def require_few_faces(part: Part, faces: int) -> None:
-    """Raise ManyFacesError for too many faces: more than `part.hurry * UNASKED`. `hurry` = 0 sets no limit."""
+    """Raise ManyFacesError for more than `part.hurry * UNASKED` faces, unless `part.hurry` is 0."""
     limit = part.hurry * UNASKED
     if part.hurry and faces > limit:
         _TOO_MANY.add(part)
@@ -306,7 +306,7 @@ def _with_cut_ends(
 
 
 def outline_poles(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, bytes]:
-    """Return a dict: number of a trimmed region -> the poles of all curves around the region, converted to bytes."""
+    """Return a dict: number of a trimmed region -> the poles of its outline curves as bytes, to detect changes."""
     curves = lines.curves(model.trimmed)
     return {
         region: b"".join(curves[k].spans.tobytes() for loop in net.loops[region] for k, _ in loop)

@@ -36,8 +36,8 @@ def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
 
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
-    """Return patch parameters (2, 2, 2) of the ends of curves `poles` (4, 6); None if the curves do not extend a side.
-    edge : (4, 6) poles of the edge that curves extend.    share : (2,) added lengths at start and end / edge length."""
+    """Return patch parameters (2, 2, 2) of the ends of curves `poles` (4, 6); None if they extend no side of the patch.
+    edge : (4, 6) poles of the edge to extend.    share : (2,) added lengths at start and end / edge length."""
     P = patch.poles
     for axis in (0, 1):
         for fixed in (0, 1):
@@ -71,33 +71,33 @@ MARGIN = 0.1  # the surface under a seam is extended by (1 + MARGIN) times the e
 
 LARGE_FILLET_SHARE = 1 / 8
 """Radius of the largest fillet at a seam that continues a wall's edge, as a fraction of the thickness.
-OCCT extends the patch at this seam along its tangents. A larger fillet is invalid: the gap at its end is too wide."""
+OCCT extends the patch at this seam along tangents. A larger fillet would be invalid: the gap at its end is too wide."""
 
 TANGENT_GAP = 3e-5
-"""Largest gap (mm) that OCCT may leave at the largest fillet's end. A smaller limit lets seams run beyond patches."""
+"""Largest gap (mm) that OCCT may leave at the largest fillet's end. With a smaller limit, seams leave their patches."""
 
 POLE_OFFSET = 1e-5
-"""Movement (mm) of one pole of a seam beside a trimmed face. The seam continues a wall's edge.
+"""Movement (mm) of a seam's pole, if the seam lies beside a trimmed face and continues a wall's edge.
 OCCT then gives the seam a tolerance of 4e-5 mm. The seam needs at least 1.4e-5 mm."""
 
 
 @dataclass(frozen=True, eq=False)
 class LongSeam:
     """Seam extended for a fillet, or a wall's edge beside a corner where an extended seam ends. poles : (4, 6), mm.
-    on : face -> poles (2, k, 2) in parameters of the face's two surfaces. Patches are numbered before trimmed faces."""
+    on : face number -> poles (2, k, 2) on the face's two surfaces, in parameters. Patches come before trimmed faces."""
 
     poles: Floats
     on: dict[int, Floats]
 
 
 def curves_beyond(model: NetModel) -> dict[int, Floats]:
-    """Return edge number -> poles (4, 6) of a seam extended for fillets. Ends where several seams meet do not move."""
+    """Return edge number -> poles (4, 6) of a seam extended for fillets. Its end stays where it meets several seams."""
     bent = [corner for corner in filled_corners(model) if corner.straight is None]
     return {e: poles for e, (_, poles) in _extensions(model, bent).items()}
 
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
-    """Return edge -> lengths (2,) added to a seam at start and end, as fractions of the seam, and new poles (4, 6)."""
+    """Return seam number -> lengths (2,) added at start and end, divided by the seam's length, and new poles (4, 6)."""
     longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
     shares = dict[int, Floats]()
     for corner in corners:
@@ -120,7 +120,7 @@ def _share(poles: Floats, end: int, half: float) -> float:
 
 
 def _share_to_gap(poles: Floats, end: int, half: float) -> float:
-    """Return extension / length of a seam. OCCT extends the seam further itself, with gaps up to `TANGENT_GAP`."""
+    """Return a seam's extension divided by its length. OCCT extends the seam more, with a gap up to `TANGENT_GAP`."""
     ahead = poles[::-1] if end else poles
     across = poles[-end, :3] - poles[-end, 3:]
     thick = float(np.linalg.norm(across))
@@ -184,7 +184,7 @@ def _edges_around(model: NetModel, faces: list[TrimmedFace], corners: list[Fille
 def _beside_straight(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> tuple[dict[int, Floats], dict[int, list[Floats]]]:
-    """For patches at a seam in line with a wall's edge, return wider parameter ranges, and parameters to include."""
+    """Return larger parameter ranges, and required parameters, of patches at seams in line with a wall's edge."""
     straight = [corner for corner in corners if corner.straight is not None]
     longer, boxes, needed = _extensions(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
     for corner in straight:
@@ -199,7 +199,7 @@ def _beside_straight(
 
 
 def _wider_box(patch: NetPatch) -> Floats:
-    wider = 1 / 100  # a patch grows by this fraction of the thickness, to contain the seam that OCCT extends
+    wider = 1 / 100  # a patch grows by this fraction of the thickness, so that it contains the seam that OCCT lengthens
     P = patch.poles[:, :, :3]
     thick = float(np.linalg.norm(patch.poles[0, 0, :3] - patch.poles[0, 0, 3:]))
     long = np.linalg.norm([P[3, 0] - P[0, 0], P[0, 3] - P[0, 0]], axis=1)
@@ -254,7 +254,7 @@ def _polynomial_part(P: Floats, low: float, high: float) -> Floats:
     return np.stack(parts)
 
 
-CLEAR_EDGE = 1 / 7  # radius of a fillet / thickness of the solid; cuts of edges are farther from corners than its end
+CLEAR_EDGE = 1 / 7  # radius of a fillet / thickness; edges are cut farther from a corner than this fillet reaches
 
 LONGEST_SHARE = 4.0
 """Largest length of an edge at a corner, divided by (thickness * t). t is the tangent of half the bend, but at most 1.
@@ -266,7 +266,7 @@ DENSE = np.linspace(0, 1, 129)  # parameters of an edge where its gap to a trimm
 def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Put the walls around each outline, and their edges, in the order that OCCT needs for fillets.
     The first wall begins at the joint with the smallest bend. If this joint is a corner, the first edge of the wall is
-    reversed. A wall with a reversed edge needs a second edge, so a single edge is cut in two."""
+    reversed. If the wall has only this edge, the edge is cut, and only its first part is reversed."""
     work, walls = CutEdges(model), list[NetWall]()
     face_of_edge = {e: face for face in faces for loop in face.loops for e, _ in loop}
     for outline in outlines(model):
@@ -299,9 +299,9 @@ def edge_stops(
     poles: Floats, face: TrimmedFace | None, corners: tuple[float, float], ending: tuple[bool, bool]
 ) -> list[float]:
     """Return where an edge with poles (4, 6) is cut for fillets at its corners, as fractions of its length.
-    From a corner to its cut, the gap between edge and trimmed face is widest at the corner or at the cut.
+    From a corner to its cut, the edge is farthest from the trimmed face at one of these two points.
     corners : tan(bend angle / 2) at the start and the end of the edge; 0 if there is no corner.
-    ending  : True at a corner where the directed edge ends; there `LONGEST_SHARE` limits the distance to the cut."""
+    ending  : for each end of the edge, True if `LONGEST_SHARE` limits the distance from the corner to the cut."""
     exact = 1e-6  # OCCT ignores a gap below this (mm)
     thick, long = (float(np.linalg.norm(v)) for v in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3]))
     share = thick / max(long, 1e-300)
@@ -332,7 +332,7 @@ class CutEdges:
         self.forwards = dict[int, ChainLoop]()
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
-        """Cut an edge at fractions `stops`, from its start (`ahead`) or its end. against : reverse the first part."""
+        """Cut edge e at fractions `stops` from its start (end if not `ahead`). If `against`, reverse the first part."""
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
         P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()

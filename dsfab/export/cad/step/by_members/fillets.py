@@ -38,8 +38,8 @@ def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
 
 
 def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> ChainNet:
-    """Remove outline walls that are shorter than `shortest` mm and lie between two borders. The two borders then end at
-    one point. OCCT cannot make fillets on most edges beside short walls."""
+    """Return the net without outline walls that are shorter than `shortest` mm and lie between two borders. The two
+    borders then end at one point. OCCT cannot make fillets on most edges beside short walls."""
     fewest_sides = 3  # a region keeps at least three sides
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     chains, moves, node_ends = dict(net.chains), dict[tuple[int, int], int](), ends_at(net)
@@ -53,7 +53,7 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
             continue
         three = ([net.chains[i].points[-2], *net.chains[j].points[:2]] for i, j in (before[:2], after[:2]))
         turned = [turn_at(P[points]) for points in three]
-        first_gives_way = turned[0] < turned[1]  # the short wall joins the neighbour to which it bends less
+        first_gives_way = turned[0] < turned[1]  # the short wall joins the wall before or after it: at the smaller bend
         joined_wall, border = (before[0], before[2]) if first_gives_way else (after[1], after[2])
         if joined_wall not in chains or chains[joined_wall].left == chain.left or border in moves:
             continue
@@ -66,7 +66,7 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
 
 
 def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
-    """Return the outline's chains before and after a node, and its border's end; None unless there is one of each."""
+    """Return (chain before, chain after, border end) at a node of an outline; None unless each exists exactly once."""
     outline, borders = outline_through(net, ends), [end for end in ends if net.chains[end[0]].right != VOID]
     return (*outline, borders[0]) if outline and len(borders) == 1 else None
 
@@ -79,7 +79,7 @@ def turn_at(three: Floats) -> float:
 
 
 class _Arcs:
-    """Arcs of round corners. If a border ends at an arc, the arc may take over a short wall beyond the border."""
+    """Arcs of round corners. If an arc ends at a border, it may be extended over a short wall beyond the border."""
 
     def __init__(self, net: ChainNet, P: Floats, arcs: frozenset[int]) -> None:
         self.P, self.chains, self.arcs = P, dict(net.chains), arcs
@@ -119,7 +119,7 @@ class _Arcs:
 
 
 def without_fillets(net: ChainNet, lifting: Lifting) -> ChainNet:
-    """Join the region inside each rounded corner with its neighbours. Leave other regions outside stripes unchanged."""
+    """Join regions that fill rounded corners with their neighbours. Other regions outside of stripes do not change."""
     work = _Fillets(net, lifting)
     for region in sorted(net.loose & net.loops.keys()):
         work.take_region(region)
@@ -150,7 +150,7 @@ class _Fillets:
         self.outline = {int(p) for c in net.chains.values() if c.right == VOID for p in (c.points[0], c.points[-1])}
 
     def take_region(self, region: int) -> None:
-        # Largest total length of a fillet's inner borders / length of its arc: over two borders; at most two borders.
+        # Largest total length of a fillet's inner borders / length of its arc: detour for 3 or more, else flat_detour.
         detour, flat_detour = 2.2, 4.0
         if len(self.loops[region]) != 1:
             return
@@ -216,7 +216,7 @@ class _Fillets:
 
     def _crossing(self, inner: ChainLoop, neighbours: list[int]) -> int | None:
         """Return the region where the two members beside a fillet cross; None if there is no such region."""
-        smaller = 0.6  # the crossing's perimeter must be below this fraction of the other region's
+        smaller = 0.6  # the smaller neighbour is the crossing if its perimeter is below 0.6 times the larger perimeter
         if len(inner) == 3 and len(set(neighbours)) == 3:
             return neighbours[1]
         if len(inner) != 2 or neighbours[0] == neighbours[1]:
@@ -242,7 +242,6 @@ class _Fillets:
         return [k for k in self.at.get(point, []) if k in self.chains]
 
     def _divide_arc(self, inner: ChainLoop, neighbours: list[int], halves: list[Ints]) -> None:
-        """Give an arc's first part to the first neighbour, its last part to the last. halves : points of each part."""
         for i, ((k, ahead), neighbour) in enumerate(zip(inner, neighbours, strict=True)):
             replacement: ChainLoop = []
             half = halves[0] if i == 0 else halves[-1] if i == len(inner) - 1 and len(halves) > 1 else None

@@ -1,4 +1,4 @@
-"""Lines along several chains, and arcs at round corners of openings, tangent to the walls beside them."""
+"""Lines along one or several chains of mesh edges. Arcs at round corners of openings, tangent to adjacent walls."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -29,7 +29,7 @@ class ChainLine:
     at: Floats
 
     def outlines(self, net: ChainNet) -> list[tuple[float, float]]:
-        """Return (start, end) parameters of each part of this line on an outline; a part has material on its left."""
+        """Return parameters (start, end) of the parts on outlines. From start to end, material is on the left."""
         pairs = list[tuple[float, float]]()
         for (k, ahead), (a, b) in zip(self.steps, pairwise(self.at.tolist()), strict=True):
             if net.chains[k].right != VOID or net.on_seam(k):
@@ -53,9 +53,9 @@ class ChainLine:
         return self._divide(lambda a, b, P: (float(a), float(b)) not in marked)
 
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
-        """Divide cubics until `may_stay` accepts all. Cut at a chain's end near the middle, or else in the middle."""
+        """Divide cubics until `may_stay` accepts each cubic. Cut at a chain's end near the middle, or in the middle."""
         shortest = 1 / 16  # shortest span that is divided; otherwise, division may never end
-        middle_share = 1 / 4  # a cut at a chain's end is nearer to the cubic's middle than this fraction of the cubic
+        middle_share = 1 / 4  # a cubic is cut at a chain's end less than this fraction of the cubic from its middle
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
         breaks, spans = [0.0], list[Floats]()
         while todo:
@@ -138,7 +138,7 @@ class NetLines:
 
 
 def with_ends_on_lines(lines: NetLines) -> NetLines:
-    """Move the ends of lines that lie at an inner node of another line onto that other line."""
+    """If line A ends at an inner node of line B, move this end of A onto B."""
     points = _points_on(lines)
     moved = list[ChainLine]()
     for line in lines.lines:
@@ -168,7 +168,7 @@ def with_twins(lines: NetLines) -> NetLines:
 
 
 def _points_on(lines: NetLines) -> dict[int, Floats]:
-    """Return node -> point where two chains of a line join. Solve for all, because other lines may end at a point."""
+    """Return node -> point for all inner nodes of lines, from one linear system, as lines may end on other lines."""
     net, inner_nodes = lines.net, list[tuple[int, int, float]]()
     for i, line in enumerate(lines.lines):
         inner_nodes += [(node, i, x) for node, x in zip(lines.nodes(i)[1:-1], line.at[1:-1].tolist(), strict=True)]
@@ -210,7 +210,7 @@ BEND_ANGLE = np.deg2rad(10.0)  # smallest bend at a vertex of a round outline, r
 
 class ArcsOnSkins:
     """Function that moves arcs of round corners onto both skins of the sheet, with a cache.
-    away : function that returns the vectors from points (k, 6) to the skins."""
+    away : function of points (k, 6); returns vectors to the skins: columns 0-2 to the outer, 3-5 to the inner skin."""
 
     def __init__(self, away: Callable[[Floats], Floats]) -> None:
         self.away, self.known = away, dict[int, tuple[SampledChain, bytes, ChainCurve]]()
@@ -230,7 +230,7 @@ def with_arcs(
     rounded: Collection[int],
     arcs_on_skins: ArcsOnSkins,
 ) -> NetLines:
-    """Replace lines along round corners by arcs on the skins. tolerances : mm, by chain. rounded : corners' chains."""
+    """Replace lines along round corners by arcs on skins. tolerances : mm, by chain. rounded : chains at corners."""
     rounds = 4  # after the removal of an arc, the arcs beside it change, and may be too far from their chains
     corners = _Corners(lines, rounded)
     arcs = dict[int, ChainCurve]()
@@ -287,7 +287,7 @@ class _Corners:
         self.made = dict[int, tuple[Floats | None, Floats | None, ChainCurve | None]]()
 
     def arcs(self) -> dict[int, ChainCurve]:
-        """Return chain -> arc of a round corner. An arc's end without known tangent has the direction of its chain."""
+        """Return chain -> arc of its round corner. An arc end without a known tangent has the chain's direction."""
         result = dict[int, ChainCurve]()
         for k in sorted(self.round):
             arc = self._arc(k, *(self._known_way(int(self.net.chains[k].points[i])) for i in (0, -1)))
@@ -306,7 +306,7 @@ class _Corners:
         return self.made[k][2]
 
     def _known_way(self, node: int) -> Floats | None:
-        """Return an outline's tangent (6,) at a node; None at a corner, or if a border nearly follows the tangent."""
+        """Return an outline's tangent (6,) at a node; None at a corner, or if a border is within 25 degrees of it."""
         if node not in self.nodes:
             return None
         before, after = self.nodes[node]
@@ -330,7 +330,7 @@ class _Corners:
         return d if steep else None
 
     def _on_circle(self, before: int, after: int) -> Floats:
-        """Return the tangent (6,) at the joint of two chains: to the circle through the joint and their outer ends."""
+        """Return the tangent (6,) of the circle through the joint of two chains and their outer ends, at the joint."""
         spans_before, spans_after = self.curves[before].spans, self.curves[after].spans
         a, b, c = spans_before[0, 0], spans_before[-1, -1], spans_after[-1, -1]
         length_before, length_after = (float(np.linalg.norm(_mean_direction(chord))) for chord in (b - a, c - b))

@@ -1,4 +1,4 @@
-"""Boundary model of a solid with step = 'members': corners; and vertices, edges, walls and faces without duplicates."""
+"""Boundary model of a solid with step = 'members': vertices, edges, walls and faces, each stored once; and corners."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -13,7 +13,7 @@ from dsfab.export.cad.step.by_members.patch_sides import Quad, SideGrid, SideSta
 from dsfab.export.cad.step.by_members.patches import PatchBuilder
 from dsfab.export.cad.step.by_members.regions import ChainLoop, mean_width
 
-MOST_CELLS = 2  # a four-sided region that is not long becomes a trimmed face if it needs more patches
+MOST_CELLS = 2  # a four-sided region that needs more than 2 patches becomes a trimmed face, unless the region is long
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class NetEdge:
 
 @dataclass(frozen=True, eq=False)
 class NetWall:
-    """Ruled face between the skins. steps : edges with directions; material is on the left. poles : (4, 6)."""
+    """Ruled face between the skins. steps : directed edges, material on the left. poles : (4, 6), as in `NetEdge`."""
 
     steps: ChainLoop
     poles: Floats
@@ -37,7 +37,7 @@ class NetWall:
 class NetPatch:
     """Four-sided face on the outer skin, and its counterpart on the inner skin.
     loop  : edges counter-clockwise from outside; each side has one or several edges.
-    poles : (4, 4, 6), mm.    within : True if the surface extends beyond the face."""
+    poles : (4, 4, 6) of the surfaces, mm.    within : True if the surfaces extend beyond the edges of the face."""
 
     loop: ChainLoop
     poles: Floats
@@ -65,7 +65,7 @@ class NetModel:
         return 2 * (len(self.patches) + len(self.trimmed)) + len(self.walls)
 
     def outline(self, loops: Iterable[ChainLoop]) -> bytes:
-        """Return the poles of edges along loops, as bytes. They do not depend on the numbers of the edges."""
+        """Return the poles of edges along loops, as bytes that do not depend on the numbers of the edges."""
         return b"".join(self.poles(step).tobytes() for loop in loops for step in loop)
 
     def poles(self, step: tuple[int, bool]) -> Floats:
@@ -187,7 +187,7 @@ class _ModelAssembly:
                 self.model.patches.append(NetPatch(loop, P[i, j]))
 
     def _inner(self, P: Floats, grid: SideGrid) -> tuple[list[list[ChainLoop]], list[list[ChainLoop]]]:
-        """Return the edges of all cells: along[i][j] is below cell (i, j), and up[i][j] is on its left."""
+        """Return two tables of edges: along[i][j] lies below cell (i, j) of a region, and up[i][j] on its left."""
         bottom_side, right_side, top_side, left_side = ([self._steps(part) for part in side] for side in grid)
         ku, kv = P.shape[:2]
         vertex: Ints = np.zeros((ku + 1, kv + 1), dtype=np.int64)
@@ -216,7 +216,7 @@ def backwards(loop: ChainLoop) -> ChainLoop:
 
 
 def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
-    limit = 10.0  # largest perimeter / mean width of a compact region: 8 for a square, 10.7 for three squares in a row
+    limit = 10.0  # largest perimeter / `mean_width` of a compact region: 8 for a square, 10.7 for 3 squares in a row
     steps = [step for side in quad.sides for step in side]
     line = np.concatenate([chains[k].middle[:: 1 if ahead else -1][:-1] for k, ahead in steps])
     return sum(float(chains[k].lengths[-1]) for k, _ in steps) <= limit * mean_width(line)

@@ -1,4 +1,4 @@
-"""Sides of four-sided regions: their corners, lines along several chains, and points that divide opposite sides."""
+"""Sides of four-sided regions: corners, dividing points of opposite sides, and lines along chains of mesh edges."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -53,7 +53,7 @@ def quad_of(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledCha
 
 
 def _corners(angle: Floats) -> Ints | None:
-    blunt_limit = 60.0  # degrees; a region with a larger bend at a fifth node does not have four sides
+    blunt_limit = 60.0  # degrees; with a larger bend at a node besides the 4 corners, a region does not have four sides
     straight_limit = 30.0  # a node with a smaller bend (degrees) is not a corner
     deviation = 180 - angle
     corners = np.flatnonzero(np.abs(deviation) > straight_limit)
@@ -94,7 +94,7 @@ SideGrid = tuple[list[LinePart], list[LinePart], list[LinePart], list[LinePart]]
 
 
 class SideStations:
-    """Stations: points where two opposite sides of a region are divided. stops : parameters of stations, by line."""
+    """Stations: points that divide opposite sides of a region. stops : for each line, parameters of its stations."""
 
     def __init__(self, lines: NetLines, chains: Mapping[int, SampledChain]) -> None:
         self.lines, self.chains = lines, chains
@@ -108,7 +108,7 @@ class SideStations:
         return along * up
 
     def grid(self, quad: Quad) -> SideGrid:
-        """Return the sides of a region, divided at its stations (see `SideStations`); adds stations if needed."""
+        """Return the sides of a region, divided at stations. Adds stations where only the opposite side has one."""
         bottom_side, right_side, top_side, left_side = (self._side(steps) for steps in quad.sides)
         below, above = self._divide_sides(bottom_side, top_side.backwards())
         before, after = self._divide_sides(left_side.backwards(), right_side)
@@ -145,7 +145,6 @@ class SideStations:
         return first_parts, self._parts_between(second_side, second_breaks, pairs[1])
 
     def _parts_between(self, side: QuadSide, breaks: Mapping[float, tuple[int, float]], cuts: Floats) -> list[LinePart]:
-        """Divide a side at `cuts`, fractions (k,) of its length. Cuts that are not in `breaks` become new stations."""
         ends, parts = np.concatenate([[0.0], cuts, [1.0]]), list[LinePart]()
         p, x = 0, side.parts[0][1]
         for before, share, after in zip(ends, ends[1:-1].tolist(), ends[2:], strict=False):
@@ -156,7 +155,7 @@ class SideStations:
         return parts
 
     def _add_station(self, side: QuadSide, share: float, before: float, after: float) -> tuple[int, float]:
-        snap_share = 0.15  # an old station replaces a cut if it is nearer than this fraction of the way to the next cut
+        snap_share = 0.15  # an old station replaces a cut if their distance is below 0.15 * distance to the next cut
         p = int(np.clip(np.searchsorted(side.at, share, side="right") - 1, 0, len(side.parts) - 1))
         i, a, b = side.parts[p]
         long = side.at[p + 1] - side.at[p]
@@ -200,7 +199,7 @@ class LineFits:
     """Lines fitted to chains of mesh edges, with a cache for chains whose points did not change.
     distance : allowed distance of the solid from the mesh, mm.    box : (2, 3) box that must contain all poles, mm.
     skins    : (2, 3) box around both skins of the sheet, mm. Poles of parabolas are at most `distance` outside of it.
-    away     : function of points (k, 6); returns vectors to skins.    closely : True to halve cubics far from skins."""
+    away     : function of points (k, 6), as in `ArcsOnSkins`.    closely : True to halve long cubics far from skins."""
 
     def __init__(
         self, distance: float, box: Floats, skins: Floats, away: Callable[[Floats], Floats], closely: bool = False
@@ -211,7 +210,7 @@ class LineFits:
         self.pulled, self.arcs = dict[int, tuple[ChainLine, ChainLine]](), ArcsOnSkins(away)
 
     def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
-        """Fit lines along the chains of a net. One line follows several chains if this needs fewer spans in total."""
+        """Fit lines along all chains. One line follows several chains if it has fewer cubics than separate lines."""
         turns, self.within = partial(chain_turn, chains, reach), chain_tolerances(net, chains, self.distance)
         arced = {k: OUTLINE_SHARE * self.distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
         rounded = round_chains(net, chains, arced)
@@ -242,14 +241,14 @@ class LineFits:
         return min(self.within[k] for k, _ in row)
 
     def _are_good(self, net: ChainNet, chains: Mapping[int, SampledChain], lines: list[ChainLine]) -> list[bool]:
-        """A line along several chains must be near them, and have fewer spans than separate lines along them."""
+        """A line along several chains must be near them, with fewer cubics than if each chain had a line of its own."""
         maybe = [x for x in lines if len(x.curve.spans) > 1 and self._is_near(net, x)]
         runs = iter(self._fits(net, chains, [[step] for x in maybe for step in x.steps]))
         fewer = {id(x): len(x.curve.spans) < sum(len(next(runs).curve.spans) for _ in x.steps) for x in maybe}
         return [len(x.steps) == 1 or fewer.get(id(x), len(x.curve.spans) == 1 and self._is_near(net, x)) for x in lines]
 
     def _is_near(self, net: ChainNet, line: ChainLine) -> bool:
-        least_distance = 0.1  # smallest distance from chains' ends to spans' ends, as a fraction of the shortest span
+        least_distance = 0.1  # least distance from a joint of chains to a cubic's end / length of the shortest cubic
         nodes, breaks = line.at[1:-1], line.curve.breaks
         if not len(nodes) or line.curve.off > self._tolerance(line.steps) or len(set(ends_of(net, line))) == 1:
             return False
@@ -314,9 +313,9 @@ def chain_turn(chains: Mapping[int, SampledChain], reach: float, first_end: Chai
 
 
 def line_links(net: ChainNet, quads: Iterable[Quad], turn: Turn, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
-    """Pair the ends of consecutive chains if one line can follow them: on a side of a region, or on a smooth outline.
+    """Pair the ends of consecutive chains that can share one line: on a side of a region, or on a smooth outline.
     Chains in `arcs` (round corners) are paired only along outlines, not along sides of regions."""
-    smooth = 10.0  # degrees; one line follows two consecutive chains of an outline only if they bend by less
+    smooth = 10.0  # degrees; one line follows two chains of an outline only if the bend between them is smaller
     candidates = list[tuple[int, float, ChainEnd, ChainEnd]]()
     for quad in quads:
         for side in quad.sides:

@@ -85,7 +85,7 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Return the largest value (mm) of `beyond_mesh` on surfaces inside outlines (., 3); -inf without `beyond_mesh`."""
+    """Return the largest (distance from mesh - limit), mm, on surfaces inside outlines (., 3); -inf without a limit."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
@@ -93,7 +93,7 @@ def largest_excess(
 
 
 def places_inside(poles: Floats, axes: Floats, lines: Sequence[Floats]) -> Floats:
-    """(k, 3) points of a surface with poles (p + 1, p + 1, 3) inside closed lines (., 3)."""
+    """(k, 3) points of a surface with poles (p + 1, p + 1, 3) that are inside closed lines (., 3), along `axes[2]`."""
     points = ROWS(len(poles) - 1) @ poles.reshape(-1, 3)
     return np.asarray(points[points_inside(points @ axes[:2].T, [line @ axes[:2].T for line in lines])])
 
@@ -202,7 +202,7 @@ class PatchBuilder:
 
 
 def stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:
-    """Return for each region (k,) the largest distance (mm) of a patch's middle from the skins of the sheet."""
+    """Return (k,): for each region, the largest distance (mm) from the middle of one of its patches to the skins."""
     half = bernstein(np.array([0.5]))[0]
     middles = [np.einsum("a,b,uvabi->uvi", half, half, P).reshape(-1, 6) for P in patches]
     distances = np.linalg.norm(away(np.concatenate(middles)).reshape(-1, 2, 3), axis=2).max(axis=1)

@@ -21,7 +21,7 @@ from dsfab.surface import edge_table, half_edges, link_components
 
 
 def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width: float) -> ChainNet:
-    """Cut off both ends of each region with two long walls (chains of its outline). The ends become new regions.
+    """If a region has two long walls (chains of its outline), cut off its two ends. The ends become new regions.
     An end narrower than `width` mm is not cut off."""
     points_each = 9  # a chain that divides a region has 9 points
     P = np.asarray(net.weights @ lifting.skins.points)

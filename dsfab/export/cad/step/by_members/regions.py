@@ -32,7 +32,7 @@ class Chain:
     right: int
 
     def directed_points(self, ahead: bool) -> Ints:
-        """(k,) points in the direction of this chain (`ahead`), or in the opposite direction."""
+        """(k,) points of this chain, in reverse order unless `ahead`."""
         return self.points if ahead else self.points[::-1]
 
     def region_beyond(self, ahead: bool) -> int:
@@ -47,11 +47,11 @@ class Chain:
 @dataclass(frozen=True, eq=False)
 class ChainNet:
     """Regions of a sheet and the chains of mesh edges between regions.
-    weights : (p, n) barycentric weights of all points on the uncut surface.    chains : by number of the chain.
-    loops   : by region, chains around it, with the region on the left.    loose : regions outside of all stripes.
+    weights : (p, n) barycentric weights of all points on the uncut surface.    chains : chain number -> chain.
+    loops   : region -> loops of chains, with the region on the left.    loose : regions outside of all stripes.
     cell    : (m,) region of each cell of the sheet. Cells of a cut-off region have the number of its parent.
-    parent  : by number of a cut-off region, number of the region that it was cut from.
-    twins   : by point on a side of the seam, the coincident point on the opposite side, see `StripedSheet`."""
+    parent  : number of a cut-off region -> number of the region that it was cut from.
+    twins   : point on one side of the seam -> coincident point on the opposite side, see `StripedSheet`."""
 
     weights: csr_array
     chains: dict[int, Chain]
@@ -88,7 +88,7 @@ def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased:
 
 
 def ends_at(net: ChainNet) -> dict[int, list[tuple[int, int]]]:
-    """Return the ends of chains at each node: (chain, 0) if the chain begins there, (chain, -1) if it ends there."""
+    """Return node -> ends of its chains: (chain, 0) if a chain begins at the node, (chain, -1) if it ends there."""
     node_ends = dict[int, list[tuple[int, int]]]()
     for k, chain in net.chains.items():
         for end in (0, -1):
@@ -115,7 +115,7 @@ def turns(before: Floats, after: Floats, N: Floats) -> Floats:
 def _regions(
     sheet: StripedSheet, P: Floats, edges: EdgeTable, thickness: float, apart: Bools
 ) -> tuple[Ints, frozenset[int]]:
-    """Return the region of each cell, and regions outside of all stripes. apart : (i,) True for pairs at a crease."""
+    """Return each cell's region, and the regions outside of stripes. apart : (i,) True for cell pairs at a crease."""
     sliver = 1 / 4  # a region with an area below (thickness / 4)^2 joins a neighbour
     f, g = edges.pairs.T // 3
     is_joined = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
@@ -157,7 +157,7 @@ class _BorderWalk:
         once = h[(self.twin[h] < 0) | (h < self.twin[h])]
         ends = np.concatenate([self.start[once], self.end[once]])
         pair = np.minimum(self.left[once], self.right[once]) * (self.region.max() + 2) + self.left[once]
-        pair = pair + self.right[once]  # one number for each pair of regions
+        pair = pair + self.right[once]  # a number for each pair of regions, in either order
         low, high = np.full(n, np.inf), np.full(n, -np.inf)
         np.minimum.at(low, ends, np.tile(pair, 2))
         np.maximum.at(high, ends, np.tile(pair, 2))
@@ -181,7 +181,7 @@ class _BorderWalk:
         return np.stack([np.append(self.start[side], self.end[side]) for side in (side_a, side_b)])
 
     def _round_ends(self, bent: Bools, void: Bools) -> Bools:
-        """Mark outline half-edges at ends of round corners. bent : half-edges before a bend.   void : on outlines."""
+        """Mark outline half-edges at ends of round corners. bent : True before a bend.    void : True on an outline."""
         h, position = self.along, np.full(len(self.border), -1)
         position[h] = np.arange(len(h))
         after = position[self.after[h]]
@@ -241,7 +241,7 @@ class _BorderWalk:
 
 
 def joined_outlines(net: ChainNet, P: Floats, N: Floats) -> ChainNet:
-    """Join consecutive chains along a round corner or a straight wall of an outline. P, N : (p, 3) points, normals."""
+    """Join consecutive outline chains along a round corner or a straight wall. P, N : (p, 3) points, normals."""
     ends = [int(p) for chain in net.chains.values() for p in (chain.points[0], chain.points[-1])]
     degree = np.bincount(ends, minlength=len(P))
     degree[list(net.twins)] = 0  # chains on the two sides of a seam are not joined
@@ -279,7 +279,7 @@ def _outline_points(loop: ChainLoop, position: int, chains: dict[int, Chain]) ->
 
 
 def _is_outline_end(line: Floats, N: Floats) -> bool:
-    """Return True if the third of 5 points (5, 3) on an outline is a sharp corner or the end of a round corner."""
+    """Return True if the middle of 5 outline points (5, 3) is a sharp corner or ends a round corner. N : normals."""
     if len(line) < 5:
         return True
     d = np.diff(line, axis=0)
@@ -289,8 +289,8 @@ def _is_outline_end(line: Floats, N: Floats) -> bool:
 
 
 def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
-    """Remove regions between two chains that are narrower than `width`. P : (p, 3) points of the net.
-    A narrow region becomes part of a neighbour. Otherwise its chains could cross after they are straightened."""
+    """Remove lenses: regions between two chains, with a mean width below `width`. P : (p, 3) points of the net.
+    A lens becomes part of a neighbour. Otherwise its chains could cross after they are straightened."""
     chains, loops, loose, cell = dict(net.chains), dict(net.loops), set(net.loose), net.cell.copy()
     for region in list(loops):
         if len(loops[region]) != 1 or len(loops[region][0]) != 2:
@@ -325,7 +325,7 @@ INNER = ((1 / 3, 1 / 3, 1 / 3), (2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1
 """Barycentric points of each cell, to which a trimmed face is fitted. With centres alone, the face could have waves."""
 
 MORE = tuple((a / 7, b / 7, 1 - (a + b) / 7) for a in range(1, 6) for b in range(1, 7 - a))
-"""More barycentric points, for cells longer than the sheet is thick, so that a fitted face has no waves in them."""
+"""More barycentric points of cells longer than the sheet's thickness, so that fitted faces have no waves there."""
 
 
 @dataclass(frozen=True, eq=False)

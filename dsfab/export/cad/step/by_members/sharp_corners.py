@@ -1,4 +1,4 @@
-"""Preparation of sharp corners for fillets: move trimmed faces onto their edges, or else edges of walls onto faces."""
+"""Put trimmed faces exactly onto edges at sharp corners, for fillets; if this fails, put edges of walls onto faces."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from dsfab.export.splines import bernstein
 
 @dataclass(frozen=True)
 class MovedRim:
-    """Result of moving wall edges `pieces` onto a face. edges, vertices : changed edges and points (6,), by number."""
+    """Changes that move wall edges `pieces` onto a face. edges, vertices : new edges and vertices (6,), by number."""
 
     pieces: list[int]
     edges: dict[int, NetEdge]
@@ -48,7 +48,7 @@ class Rims:
 
     def moved_onto(self, face: TrimmedFace, on_seams: bool) -> MovedRim | None:
         """Return the changes that move rims (edges of walls) at sharp corners onto a face; None if no rim can move.
-        on_seams : True if the face contains its seams (other edges) at corners; then rims at seams can also move."""
+        on_seams : True if seams (other edges) at corners lie on the face; then rims that end at seams can also move."""
         nodes, around = np.linspace(0, 1, 4)[:, None], _edges_of_face(face)  # heights at 4 places determine a cubic
         free = {v for v, ends in self.ends.items() if len(ends) == 2 and around & self.rims >= set(ends)}
         ends = {e: (self.edges[e].start, self.edges[e].end) for e in around}
@@ -91,16 +91,15 @@ def _edges_of_face(face: TrimmedFace) -> set[int]:
     return {e for loop in face.loops for e, _ in loop}
 
 
-FILLET_SHARE = 1 / 6  # edges lie exactly on the surface for fillets with a radius of up to a sixth of the thickness
+FILLET_SHARE = 1 / 6  # radius / thickness of a fillet; an edge lies exactly on the surface as far as this fillet goes
 
 INNER_SHARE = 6 / 7
-"""Smallest radius of a fillet on the inner skin, as a fraction of the radius on the outer skin.
-Edges on the inner skin are shorter at openings, so large fillets do not fit there."""
+"""Smallest radius of a fillet on the inner skin / on the outer skin, because inner edges at openings are shorter."""
 
 TEST_PLACES = np.linspace(0, 1, 33)  # parameters of the samples along an edge
 
 FLUSH_TOLERANCE = 1e-6
-"""Largest distance (mm) of an edge at a sharp corner from its face. At 5e-7, OCCT makes all fillets of a dome."""
+"""Largest distance (mm) between a face and its edge at a sharp corner. At 5e-7, OCCT makes all fillets of a dome."""
 
 STILL_ROWS = rows_at(np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2))
 """Basis at a grid of places where a fit must hardly move a surface. Without the grid, a 2 m sphere moved by 1.4 mm."""
@@ -110,7 +109,7 @@ MOVED = 1 / 400  # largest movement of points inside a face, as a fraction of th
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Cut edges near sharp corners beside trimmed faces, and fit each face exactly to its edges at the corners.
-    If gaps would exceed `SPLIT`, or movements `MOVED`, edges of walls move onto the face instead, up to `SPLIT`."""
+    If a face would move by over `MOVED`, or have gaps over `SPLIT`, edges of walls move instead, by up to `SPLIT`."""
     face_edges = {e for face in faces for loop in face.loops for e, _ in loop}
     near_vertices = {v for e in face_edges for v in (model.edges[e].start, model.edges[e].end)}
     corners = {v: half for v, half in corner_tangents(model).items() if v in near_vertices}
@@ -149,7 +148,7 @@ def _on_rims(face: TrimmedFace, rims: Rims, held_curves: Iterable[Mapping[int, F
 
 
 def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats]) -> TrimmedFace | None:
-    """Return a face with edges of walls moved onto it; None if an edge moves by over `SPLIT`, or gaps get too wide."""
+    """Move edges of walls onto a face and return it; None if an edge moves by over `SPLIT`, or gaps get too wide."""
     change = rims.moved_onto(face, bool(seams))
     moves = [edge.poles - rims.edges[e].poles for e, edge in change.edges.items()] if change else []
     if change is None or np.abs(moves).max() > SPLIT:
@@ -168,15 +167,15 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
-    """Return fractions of an edge where it is cut, so that fillets fit. halves : fillet length / radius at each end."""
-    shortest_cut = 0.1  # the part between two cuts, or beyond a single cut, is at least this fraction of the edge
+    """Return fractions of an edge where it is cut, so that fillets fit. halves : tan(bend angle / 2) at each end."""
+    shortest_cut = 0.1  # least part between two cuts, or from a single cut to the far end, as a fraction of the edge
     radius = FILLET_SHARE * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
     line, shares = bernstein(TEST_PLACES) @ poles, list[float]()
     for end, half in enumerate(halves):
         if half:
             away = np.linalg.norm((line - line[-end]).reshape(-1, 2, 3), axis=2)[:: -1 if end else 1]
             limits = zip((radius * half, INNER_SHARE * radius * half), np.maximum.accumulate(away).T, strict=True)
-            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # 1 if no fillet fits
+            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # x = 1: no fillet fits
             if x > 1 - shortest_cut:
                 return []
             shares.append(1 - x if end else x)
@@ -205,12 +204,11 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
-    """Refit a surface through `points[0]`; return its poles, or None if a limit is exceeded. Limits: distance
-    `FLUSH_TOLERANCE` at `points[1]` (tests), `SPLIT` at `points[2]` (edges); move `largest_move` at `points[3]`."""
+    """Refit a surface through `points[0]`; return its poles, or None if a limit for `points[1:]` is exceeded."""
     hopeless = 20.0  # the search ends after three polynomial degrees if a residual is over 20 times its limit
     more_degrees = 6  # the degree of a surface rises by at most 6
     exact = 5e-8  # mm; goal of the fit. OCCT ignores gaps up to twice this, but rounding of poles widens gaps
-    weights = (1.0, 1e-2), (0.1, 1e-4)  # in the first and the second trial: of the old surface, of smooth changes
+    weights = (1.0, 1e-2), (0.1, 1e-4)  # for two trials: (weight of the old surface, weight of smooth changes)
     local, limits = poles @ axes.T, (FLUSH_TOLERANCE, SPLIT, largest_move)
     parameters, heights = [places(poles, axes, group) for group in points], [group @ axes[2] for group in points[:3]]
     heights.append(height_rows(parameters[3], len(poles) - 1) @ local[..., 2].ravel())
@@ -236,8 +234,8 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
-    """Return movements of pole heights that put a surface onto the points of `rows[0]`, and near those of `rows[2]`."""
-    held_weight, move_weight = 1e6, 1e-4  # weights of points that the surface must contain, of small pole movements
+    """Return changes of pole heights that put a surface onto the first group of points, and near the third group."""
+    held_weight, move_weight = 1e6, 1e-4  # weights: of points that the surface must contain; of small pole movements
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), move_weight * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]
     right = np.concatenate([held_weight * distances[0], distances[2], np.zeros(sum(map(len, still)))])

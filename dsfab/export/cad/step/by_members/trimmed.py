@@ -59,7 +59,7 @@ class FaceDomain:
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
         """Choose two of the directions `ways` (k, 2) as right-handed sides of a parallelogram.
-        Its corners, on a quadratic surface fitted to all points, leave `box` as little as possible."""
+        Its corners, on a quadratic surface fitted to all points, have the smallest distance outside of `box`."""
         least_sine = 1 / 4  # sine of the angle of the sides; at smaller angles, a bent surface would have folds
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
@@ -67,7 +67,7 @@ class FaceDomain:
         ways = ways[long[:, 0] > 0] / long[long > 0][:, None]  # a closed edge has no chord
         turned = np.stack([-ways[:, 1], ways[:, 0]])
         leftwards = places_in_plane @ turned
-        ends = np.stack([leftwards.min(axis=0), leftwards.max(axis=0)])  # (2, k) extent of points across `ways`
+        ends = np.stack([leftwards.min(axis=0), leftwards.max(axis=0)])  # (2, k) extent perpendicular to each way
         i, j = np.triu_indices(len(ways), 1)
         sine = (ways @ turned)[j, i]
         i, j = np.where(sine > 0, (i, j), (j, i))  # right-handed axes make the surface face outwards
@@ -98,8 +98,8 @@ def _outside(points: Floats, box: Floats) -> Floats:
 
 
 SPLIT = 0.045
-"""Widest gap (mm) between a face and an edge that OCCT may cut, measured at 23 points of the edge.
-Parts of a cut edge have their own 23 points, where OCCT allows gaps up to 0.05 mm (`BOPAlgo_Builder::PostTreat`)."""
+"""Widest gap (mm) between a face and its edge so that OCCT can cut the edge, measured at 23 points of the edge.
+OCCT measures each part of a cut edge at 23 new points, and allows gaps up to 0.05 mm (`BOPAlgo_Builder::PostTreat`)."""
 
 EDGE_WEIGHTS = (100.0, 10.0)
 """Weights of edge points in trial fits of a face; inner points have weight 1. The last trials have the smaller one."""
@@ -148,7 +148,7 @@ class TrimmedFace:
 
     @property
     def skins(self) -> tuple[tuple[Floats, Floats, slice], ...]:
-        """For each skin: poles and axes of its surface, and the columns (a slice) of this skin in points (k, 6)."""
+        """For each skin: poles and axes of its surface, and the slice of columns for this skin in points (k, 6)."""
         return (self.outer, self.axes[0], slice(3)), (self.inner, self.axes[1], slice(3, 6))
 
     def gaps(self, points: Floats) -> Floats:
@@ -160,7 +160,7 @@ def trimmed_face(
     model: NetModel, loops: list[ChainLoop], points: Floats, limits: FaceLimits, part: bool = False
 ) -> TrimmedFace:
     """Fit one surface on each skin to a region of the sheet. Raises ExportError if a single surface cannot fit.
-    points : (k, 6) in the region. If `part` is true, in a larger region; points outside of the edges are ignored."""
+    points : (k, 6) in the region. If `part` is true, points outside of the region are allowed, and ignored."""
     lines = [loop_samples(model, loop) for loop in loops]
     edges = np.concatenate(lines)
     if part:
@@ -183,7 +183,7 @@ def trimmed_face(
 
 
 def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
-    """Return (k,) True for points (k, 6) inside loops (., 6), with normals within 70 degrees of the loops' mean."""
+    """Return True for points (k, 6) inside loops (., 6) with normals within 70 degrees of the loops' mean normal."""
     mean = middle_normal(np.concatenate(lines))
     plane = axes_of(mean)[:2].T
     is_inside = points_inside(points[:, :3] @ plane, [line[:, :3] @ plane for line in lines])
@@ -191,7 +191,7 @@ def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
 
 
 def inside_of(line: Floats) -> Floats:
-    """Return (k, d) points inside an outline (n, d), where the movement of a surface by a new fit is measured."""
+    """Return (k, d) points inside an outline (n, d): samples to measure how far a new fit moves a surface."""
     shares, middle = np.array([0.3, 0.5, 0.7, 0.85, 0.95]), line.mean(axis=0)  # fractions from middle to outline
     return np.asarray((middle + shares[:, None, None] * (line - middle)).reshape(-1, line.shape[1]))
 
@@ -239,7 +239,7 @@ def height_surface(
 ) -> tuple[Floats, Floats, float, float]:
     """Fit a surface to inner points (k, 3) and edges (j, 3); return poles, axes, distance from edges, and from points.
     The surface covers a rectangle in its mean plane. If poles are outside `limits.box`, a parallelogram is tried.
-    The sides of the parallelogram are parallel to two of the edges' chords `ways` (c, 3)."""
+    The sides of the parallelogram are parallel to two of `ways` (c, 3), the chords of the edges."""
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
     over = FaceDomain.from_edges(points, edges, axes, np.eye(2))
     poles, gap, inner_distance = _fit_domain(over, limits)
@@ -267,7 +267,7 @@ def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
 
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
     """Fit a surface on each skin to a closed line (k, 6) and inner points (j, 6); return the line's distances (k,), mm.
-    Each is the larger distance of the two skins. All distances are infinite if the region bends too much."""
+    Each value is the larger of the two skins' values. All values are infinite if the region bends too much."""
     return np.maximum(*misfits(points, line, degree))
 
 
@@ -291,7 +291,6 @@ def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
 
 
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
-    """Rotate axes in their plane if the rectangle around a line gets much smaller: fewer poles are far from points."""
     least_gain = 3 / 4  # axes rotate only if the area of the new rectangle is below this fraction of the old area
     turned = TURNED @ axes[:2]
     area = np.ptp(line @ turned.transpose(0, 2, 1), axis=1).prod(axis=1)
@@ -324,7 +323,7 @@ def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
 
 
 def _heights(A: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) -> Floats:
-    """Return pole heights (p + 1, p + 1) for heights z (k,): `base` plus smooth changes. A : basis (k, (p + 1)^2)."""
+    """Fit pole heights (p + 1, p + 1) to heights z (k,): `base` plus a smooth correction. A : basis (k, (p + 1)^2)."""
     rows = np.concatenate([weight[:, None] * A, smooth * differences(len(base))])
     right = np.zeros(len(rows))
     right[: len(z)] = weight * (z - A @ base.ravel())

@@ -24,7 +24,7 @@ from dsfab.export.cad.step.by_members.trimmed import (
 from dsfab.export.splines import bernstein
 
 ROWS = rows_at(np.stack(np.meshgrid(*[np.arange(0.5, 12) / 12] * 2, indexing="ij"), axis=2).reshape(-1, 2))
-"""Function of a degree: it returns the basis of a Bezier surface at sample places."""
+"""Function of a surface's degree; it returns the Bezier basis at 12 x 12 places."""
 
 
 def without_strays(
@@ -36,7 +36,7 @@ def without_strays(
 ) -> dict[int, TrimmedFace]:
     """Fit faces again, with more points, if they are too far from the skins of the sheet.
     points : (k, 6) that each face was fitted to.    away : function of points; returns the vectors to both skins.
-    If `limits` limits the distance from the mesh, return the same faces; `divided_faces` divides far faces later."""
+    With `limits.beyond_mesh`, the faces do not change, because `divided_faces` divides far faces later."""
     rounds = 2  # after a correction in one place, a face may be too far from the skins in another place
     result, todo, fit_points = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
     for _ in range(rounds):
@@ -49,7 +49,7 @@ def without_strays(
             fit_points[i] = np.concatenate([fit_points[i], face_points])
             try:
                 result[i] = trimmed_face(model, result[i].loops, fit_points[i], limits, True)
-            except ExportError:  # no single surface fits the old and the added points
+            except ExportError:  # no single surface fits the first points and the points added on the skins
                 continue
             todo.append(i)
     return result
@@ -58,7 +58,7 @@ def without_strays(
 def _skins_beside(
     model: NetModel, faces: Sequence[TrimmedFace], away: Callable[[Floats], Floats], tolerance: float
 ) -> list[Floats]:
-    """Return, for each face, points (k, 6) on both skins near samples; none if the skins are within `tolerance`."""
+    """For each face, return points (k, 6) on both skins near samples, or none if the face is within `tolerance`."""
     samples = [_places(model, face) for face in faces]
     ways = away(np.concatenate(samples))
     result = list[Floats]()
@@ -90,8 +90,8 @@ def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[Trimme
 def _with_peaks(
     face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int], exact_poles: Mapping[int, Floats]
 ) -> TrimmedFace:
-    """Move widest gaps at a face's seams to where OCCT measures. exact_poles : by edge, curves of an exact face."""
-    fine = 5e-4  # mm; if an edge has a smaller gap, the poles of its face are written with all digits
+    """Change a face so that OCCT measures the widest gaps at seams. exact_poles : edge -> curve, for exact faces."""
+    fine = 5e-4  # mm; if a face has a smaller gap at a seam, the poles of the face are written with all digits
     face_edges = sorted({e for loop in face.loops for e, _ in loop})
     seams = [e for e in face_edges if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
     if not seams:
@@ -112,7 +112,7 @@ def _with_peaks(
 @dataclass(frozen=True, eq=False)
 class _PeakSurface:
     """Surface of a face on one skin: poles (p + 1, p + 1, 3), axes (3, 3), and points on edges, mm.
-    seams : (e, k, 3) on seams.  edges : (j, 3) on all edges.  held : (h, 6, 3) on each edge, to keep edges exact."""
+    seams : (e, k, 3).  edges : (j, 3) on all edges.  held : (h, 6, 3) on each edge; exact edges stay exact there."""
 
     poles: Floats
     axes: Floats
@@ -121,7 +121,7 @@ class _PeakSurface:
     edges: Floats
 
     def with_peaks_at_samples(self, exact: bool) -> Floats:
-        """Return poles that put the widest gap of as many seams as possible where OCCT measures gaps.
+        """Return poles such that OCCT measures the widest gap of as many seams as possible.
         Low degrees are preferred. exact : True if edges that lie exactly on the surface must stay on it."""
         more_degrees = 2  # the degree of a surface may rise by 2
         exact_gap = 1e-6  # an edge with at most this gap (mm) is exact and stays exact
@@ -140,9 +140,9 @@ class _PeakSurface:
         return float(np.abs(self._gaps_and_cosines(poles @ self.axes.T)[0]).max(axis=1).min())
 
     def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
-        """Move poles in rounds. Return each round's pole heights, and number of seams whose widest gap OCCT misses."""
+        """Move poles in rounds. Return for each round: pole heights, number of widest gaps between OCCT's samples."""
         rounds = 6  # largest number of times that all poles move
-        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights: gaps at samples, smooth pole movements, small pole movements
+        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of goals: gaps at samples, smooth and small pole movements
         degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
         gaps, cosines = self._gaps_and_cosines(local)
         rows, pinned = self._seam_rows(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
@@ -182,7 +182,7 @@ class _PeakSurface:
         return rows_at(self._places(self.seams + ways[:, None, None]))
 
     def _seam_rows(self, degree: int) -> Floats:
-        """(3, e, k, poles) basis at points of seams, and `SLOPE_STEP` beside these points along axis 0 and axis 1."""
+        """(3, e, k, poles) basis at k points of e seams, and at points shifted by `SLOPE_STEP` along axes 0 and 1."""
         return self._step_rows(degree).reshape(3, *self.seams.shape[:2], -1)
 
     def _gaps_and_cosines(self, local: Floats) -> tuple[Floats, Floats]:
@@ -193,7 +193,7 @@ class _PeakSurface:
     def _misplaced(self, gaps: Floats) -> Bools:
         """Return (e,) True for seams whose widest gap lies between two points where OCCT measures gaps."""
         exact = 1e-7  # OCCT ignores a gap below this (mm)
-        short = 3e-6  # the gap at OCCT's samples may be less than the widest gap by this fraction; OCCT allows 1e-5
+        short = 3e-6  # the widest gap may exceed the gap at OCCT's samples by this fraction; OCCT allows 1e-5
         wide = np.abs(gaps).max(axis=1)
         sampled = np.abs(gaps[:, ::BETWEEN]).max(axis=1)
         return np.asarray((sampled < (1 - short) * _summits(np.abs(gaps))) & (wide > exact) & (wide <= SPLIT))
@@ -208,15 +208,15 @@ def _summits(gaps: Floats) -> Floats:
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
-    """Return the index of OCCT's sample nearest to the widest of gaps (k,), and the gap to set there; 0 to set none."""
+    """Return the index of OCCT's sample nearest to the widest of gaps (k,), and a target for the gap there; 0: none."""
     higher = 1.003  # in later rounds, the wanted gap is this factor times the widest gap of the previous round
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
-    """Return linear equations for widest gaps at samples. pinned : (sample, gap) by seam. Inner samples get slope 0."""
-    slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # derivative of a gap from five points in a row
+    """Return linear equations for widest gaps at samples. pinned : seam -> (sample, gap). Inner gaps get slope 0."""
+    slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # derivative along a seam, from 5 points in a row
     pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():
         if 0 < k < gaps.shape[1] - 1:

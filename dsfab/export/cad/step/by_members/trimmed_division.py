@@ -61,7 +61,7 @@ class HalvedOutline:
     def chords(self, worst: Ints, times: int = 1) -> Iterator[tuple[int, int]]:
         """Yield pairs (i, j) of places, i < j, whose chord lies well inside the outline.
         Chords that end at a place in `worst` (k,), where gaps are widest, are the first group, all others the second.
-        Each group has at most `times * TRIED / 2` chords, sorted by length / area of the region's smaller part."""
+        Each group has at most `times * TRIED / 2` chords, sorted by chord length / area of the smaller part."""
         least_width = 1 / 20  # smallest width of a part / thickness; OCCT fails on narrower parts
         axes = axes_of(middle_normal(self.line))
         line, place_points = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
@@ -72,7 +72,7 @@ class HalvedOutline:
         long = np.linalg.norm(place_points[j] - place_points[i], axis=1)
         order = np.argsort(long / np.maximum(least, 1e-300), kind="stable")
         narrow = least_width * float(np.linalg.norm(self.line[:, :3] - self.line[:, 3:], axis=1).mean())
-        order = order[least[order] > narrow * long[order]]  # no narrow parts, and no chords outside the outline
+        order = order[least[order] > narrow * long[order]]  # drop chords with a narrow part, or outside the outline
         is_near = np.isin(i[order], worst) | np.isin(j[order], worst)
         for group in (order[is_near], order[~is_near]):
             clear = (k for k in group.tolist() if _is_clear(place_points[i[k]], place_points[j[k]], line))
@@ -81,7 +81,7 @@ class HalvedOutline:
 
 def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
     """Return True if the chord between points a and b (2,) of a closed line (k, 2) does not come close to the line."""
-    clear = 0.3  # smallest distance of a chord's point from the outline, as a fraction of that from the chord's end
+    clear = 0.3  # least distance from a chord's point to the outline / distance from this point to the chord's end
     shares = np.linspace(0, 1, 17)[1:-1]
     P, directions = a + shares[:, None] * (b - a), np.roll(line, -1, axis=0) - line
     from_start = P[:, None] - line
@@ -93,7 +93,7 @@ def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
 TRIAL_DEGREE = 6  # degree of the surfaces that are fitted to compare possible seams
 
 TIMES = 3
-"""Largest factor on the usual number of tried seams. The factor rises if parts of a divided face exceed a limit."""
+"""Largest factor on the number of seams tried in a face. It rises if parts of a divided face exceed a limit."""
 
 OUT, OFF = 1 / 150, 2.0
 """A face beyond these limits is divided. OUT : distance of poles from `limits.box`, as a fraction of its diagonal.
@@ -112,7 +112,7 @@ def divided_faces(
     limits: FaceLimits,
 ) -> list[TrimmedFace]:
     """Divide each face that exceeds its limits (see `allowance_used`), and add the new edges to the model.
-    inside : function that returns points (k, 6) inside given regions, by region.
+    inside : function of region numbers; returns region -> points (k, 6) inside the region.
     away   : function of points (k, 6); returns the vectors to both skins of the sheet."""
     bad = [region for region, face in faces.items() if allowance_used(face, limits) > 1 and len(face.loops) == 1]
     if not bad:
@@ -123,7 +123,7 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Return the largest ratio of a face's measures to limits: gap, distance from points or mesh, poles outside box."""
+    """Return the largest ratio value / limit of a face: for gap, distances from points and mesh, poles outside box."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
     astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # includes the error of OCCT's triangles
@@ -132,7 +132,7 @@ def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
 
 class FaceDivision:
     """Division of several regions of a model. away, limits : as in `divided_faces`.
-    halves : the two new edges of each halved edge.    times : multiple of the usual number of tried seams."""
+    halves : halved edge -> its two new edges.    times : factor on the number of tried seams, see `TIMES`."""
 
     def __init__(self, model: NetModel, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
         self.model, self.away, self.limits = model, away, limits
@@ -140,7 +140,7 @@ class FaceDivision:
         self.times = 1
 
     def parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face with inner points (k, 6). If the distance from the mesh is limited, more seams may be tried."""
+        """Return the parts of a divided face. points : (k, 6) inside. With `limits.beyond_mesh`, may try more seams."""
         edges, vertices, halves = len(self.model.edges), len(self.model.vertices), dict(self.halves)
         for times in range(1, TIMES + 1 if self.limits.beyond_mesh else 2):
             del self.model.edges[edges:], self.model.vertices[vertices:]
@@ -170,8 +170,8 @@ class FaceDivision:
         return steps
 
     def two_parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face by a seam that improves both parts: the first such seam if `times` is 1, else the best."""
-        less = 0.9  # each part must have an `allowance_used` below this fraction of that of the undivided face
+        """Divide a face into two better parts: by the first suitable seam if `times` is 1, else by the best seam."""
+        less = 0.9  # `allowance_used` of each part / `allowance_used` of the undivided face must be less than this
         loop, model = self.over_halves(face.loops[0]), self.model  # divisions of other faces may have halved edges
         best_seam: tuple[int, int, Floats] | None = None
         least = less * allowance_used(face, self.limits)
@@ -199,7 +199,7 @@ class FaceDivision:
 
     def seams(self, outline: HalvedOutline, points: Floats) -> list[tuple[tuple[int, int], Floats]]:
         """Return the best seams across a region: their ends as places on the outline, and their cubics (c, 4, 6)."""
-        full = 3  # for `times` = 1, the 3 seams with the smallest errors are returned
+        full = 3  # at most 3 * `times` seams, with the smallest errors, are returned
         many = 2000  # largest number of points in a trial
         at_gap = 4  # half of the tried seams begin at the four places with the widest gaps
         points = points[:: 1 + len(points) // many]

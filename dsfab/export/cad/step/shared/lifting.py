@@ -46,7 +46,7 @@ def crease_edges(surface: Surface) -> Bools:
 
 
 def _extended_creases(surface: Surface, bend: Floats, inner: Bools, crease: Bools) -> Bools:
-    """Extend creases straight. In each of the two faces of an added edge, at least one other edge bends far less."""
+    """Extend creases straight. An added edge bends far more than at least one other edge in each of its two faces."""
     edges = surface.edges
     around = np.zeros(len(bend))
     np.maximum.at(around, edges.of, np.where(inner, bend, 0.0)[edges.of[:, OTHER_EDGES]].min(axis=2))
@@ -68,7 +68,7 @@ ZERO_WEIGHT = 1e-9  # barycentric weights below this count as zero
 
 @dataclass(frozen=True, eq=False)
 class CreaseSides:
-    """Columns (s,) of weight matrices: all n vertices, then copies of crease vertices, one for each side of a crease.
+    """All n vertices, then copies of crease vertices, one for each side of a crease: columns (s,) of weight matrices.
     creases : (k, 2) edges, sorted, the smaller vertex number first.
     vertex  : (s,) vertex of each column.    corner : (m, 3) column of each face's corners.
     normals : (s, 3) at vertices and copies. half   : (s,) half the thickness, as in `DenseSurface`.
@@ -104,7 +104,7 @@ class CreaseSides:
         return cls(surface, creases, vertex, corner, N, half, mitre)
 
     def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
-        """Return weights (k, n) as two matrices (k, s), see class. On a crease, each matrix is for a different side."""
+        """Return weights (k, n) as two matrices (k, s) with columns of this class; at a crease, one for each side."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         columns = np.tile(weights.indices, (2, 1)).astype(np.int64)
@@ -120,7 +120,7 @@ class CreaseSides:
         return first_rows, second_rows
 
     def between_faces(self, weights: csr_array) -> Ints:
-        """Return indices (j,) of rows of weights (k, n) with a crease vertex, if no face has all vertices of a row."""
+        """Return indices (j,) of rows of weights (k, n) whose vertices include a crease vertex, but share no face."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         faces = self._faces(weights.indices[is_beside].astype(np.int64), row[is_beside], weights.shape[0])
@@ -135,7 +135,7 @@ class CreaseSides:
         return row, np.isin(row, row[split[weights.indices] & real]) & real
 
     def _faces(self, vertices: Ints, row: Ints, count: int) -> Ints:
-        """Return two faces (count, 2) with all vertices of a row: both faces at an edge, or equal faces; -1 if none."""
+        """Return two faces (count, 2) with all vertices of a row: two at an edge, or one face twice; -1 if none."""
         row_faces = np.full((count, 2), -1)
         order = np.lexsort([vertices, row])
         vertices, row = vertices[order], row[order]
@@ -174,7 +174,7 @@ class CreaseSides:
 
 
 def ends_of_rows(weights: csr_array) -> tuple[Ints, Ints]:
-    """Return (k,) smaller and (k,) larger vertex of the edge that has a point (row of `weights`); -1 inside a face."""
+    """Return the smaller and the larger vertex (k,) of the edge through each point of `weights`; -1 inside a face."""
     row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
     real = np.abs(weights.data) > ZERO_WEIGHT
     row, vertex = row[real], weights.indices[real].astype(np.int64)
@@ -201,7 +201,7 @@ def _corner_sides(surface: Surface, crease: Bools) -> Ints:
 
 
 def _mitres(vertex: Ints, N: Floats, half: Floats) -> Floats:
-    longest = 3.0  # a mitre is cut off at three times half the thickness
+    longest = 3.0  # largest distance from the sheet's middle to the end of a mitre / half the thickness
     mitres = np.zeros_like(N)
     for v in np.unique(vertex):
         is_same = vertex == v
@@ -234,7 +234,7 @@ class Lifting:
 
     @classmethod
     def from_sheet(cls, surface: Surface, curved: Curved) -> "Lifting":
-        """Return the mapping for the uncut surface of a sheet. curved : half-thickness vectors of the sheet."""
+        """Return the mapping for the uncut surface of a sheet. curved : the sheet, with half-thickness vectors."""
         return cls(dense_surface(surface, curved))
 
     def points(self, weights: csr_array) -> Floats:
@@ -245,7 +245,7 @@ class Lifting:
         return np.asarray((self._points(left_weights) + self._points(right_weights)) / 2)
 
     def _in_faces(self, weights: csr_array) -> csr_array:
-        """Move each point that `between_faces` selects onto the nearest face, which is on one side of the crease."""
+        """Move each point that `between_faces` selects onto the nearest face, so that it is on one side of a crease."""
         between = self.sides.between_faces(weights)
         if not len(between):
             return weights
@@ -271,7 +271,7 @@ class Lifting:
         return np.concatenate([middle + D, middle - D], axis=1)
 
     def vectors_to_skins(self, Q: Floats) -> Floats:
-        """Return vectors (k, 6) perpendicular to the sheet: from Q[:, :3] to the outer skin, Q[:, 3:] to the inner."""
+        """Return perpendicular vectors (k, 6) to the skins: from Q[:, :3] to the outer, from Q[:, 3:] to the inner."""
         targets = self.points(self.weights_at((Q[:, :3] + Q[:, 3:]) / 2))
         across = targets[:, :3] - targets[:, 3:]
         is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # on a one-sided surface, skins may swap

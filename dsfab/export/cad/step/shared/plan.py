@@ -101,7 +101,7 @@ class PieceJudge:
     def excess_volumes(self) -> Floats:
         """(p,) fraction by which a piece may have more volume than the mesh, because edges of the mesh are chords."""
         sheet = self.sheet
-        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # a search from points on a skin is twice as fast
+        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # `nearest` is twice as fast for points on a skin
         return np.maximum(self._sum(self.limits.rounder[self.limits.nearest(upper)]) / self.volumes, 0.0)
 
     def _sum(self, share: Floats) -> Floats:
@@ -117,7 +117,7 @@ class PieceJudge:
     def excess_distances(self, points: Floats) -> Floats:
         """(k,) distances of points (k, 3) from the mesh minus the allowed distances; negative for allowed points."""
         away = self.solids.distances(points)
-        is_far = away > self.limits.distance / 2  # near points pass without their chord error, which takes time
+        is_far = away > self.limits.distance / 2  # near points need no chord errors, which take time to compute
         away[is_far] -= self.limits.allowed_distances(points[is_far])
         away[~is_far] -= self.limits.distance
         return away

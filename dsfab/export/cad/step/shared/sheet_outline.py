@@ -66,7 +66,7 @@ class _HalfEdgeCharts:
 
 
 def both_skins(sheet: DividedSheet, shift: int) -> Floats:
-    """(n, 2, 3) vertices of a sheet on its upper and lower skin, millimetres."""
+    """(n, 2, 3) vertices of a sheet on its upper and lower skin, millimetres. shift : as in `sheet_of`."""
     V, D = _middle(sheet, shift)
     return np.stack([V + D, V - D], axis=1)
 
@@ -146,7 +146,7 @@ def loop_width(line: Floats, length: float) -> float:
 
 
 def _run_starts(V: Floats, loop: Ints, starts: Ints) -> Ints:
-    """Return at least two positions where parts of a loop begin. Charts on both sides get the same points."""
+    """Return `starts`, or two positions if there are fewer. Charts on both sides of the loop get the same vertices."""
     if len(starts) > 1:
         return starts
     start = int(starts[0]) if len(starts) else int(np.argmin(loop))

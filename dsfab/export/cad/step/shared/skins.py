@@ -41,7 +41,7 @@ class DenseSurface:
 
     @cached_property
     def half_vectors(self) -> Floats:
-        """(n, 3) vectors from `middle` to the upper skin, along `normals`. Other weights of faces give uneven skins."""
+        """(n, 3) vectors from `middle` to the upper skin, along `normals` (with other weights, skins are uneven)."""
         return np.asarray(MM_PER_M * self.half[:, None] * self.normals)
 
     @cached_property
@@ -70,7 +70,7 @@ class DenseSurface:
 
 
 def dense_surface(surface: Surface, curved: Curved) -> DenseSurface:
-    """Return a surface with its skins; no triangle is divided yet. curved : half-thickness vectors of the sheet."""
+    """Return a surface with its skins, before triangles are divided. curved : sheet with half-thickness vectors."""
     D = curved.D[surface.F]  # vectors are longer at creases, so that faces keep their thickness
     seen = np.bincount(surface.F.ravel(), np.einsum("mci,mi->mc", D, surface.normals).ravel(), surface.n)
     half = seen / np.bincount(surface.F.ravel(), minlength=surface.n)
@@ -102,7 +102,7 @@ def chord_errors(skins: DenseSurface) -> Floats:
 
 def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
     """Return the (m,) fraction by which the smooth solid of each triangle is larger than the mesh's prism.
-    The smooth volume is extrapolated: a division of each triangle in four makes 3/4 of the change of volume."""
+    Division of each triangle in four gives 3/4 of the change to the smooth volume; the rest is extrapolated."""
     coarse, D = prisms(skins.middle, skins.half_vectors, skins.surface.F), MM_PER_M * curved.D
     fine = skins.finer
     parts = np.bincount(fine.parent, prisms(fine.middle, fine.half_vectors, fine.surface.F), skins.surface.m)
@@ -124,12 +124,12 @@ LOOP_SHARE = 0.03  # largest tolerance of an outline loop, as a fraction of the 
 
 
 def decimals(thickness: float) -> int:
-    """Return the number of decimals of coordinates (mm) whose rounding is negligible for this thickness (mm)."""
+    """Return how many decimals coordinates (mm) need, so that rounding is negligible for this thickness (mm)."""
     rounding = 3e-5
     return int(np.clip(np.ceil(-np.log10(rounding * thickness)), 2, 6))
 
 
-MOST_CHORD = 1 / 4  # limit of chord errors, as a fraction of the thickness, because estimates at creases are too large
+MOST_CHORD = 1 / 4  # upper limit of estimated chord errors / thickness; at creases, the estimates are too large
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,8 +153,8 @@ class SmoothLimits:
 
     @property
     def summary(self) -> str:
-        """Phrase for a message: the allowed distance, the usual chord error, and the largest one if it is unusual."""
-        coarse = 2  # the phrase has the largest chord error if it exceeds twice `usual_chord`
+        """Phrase for a message: allowed distance from the mesh, usual chord error, and the largest one if unusual."""
+        coarse = 2  # the largest chord error is unusual if it exceeds twice `usual_chord`
         largest = float(self.chord.max())
         usual_text = f"usually under {self.usual_chord:.2g} mm" if self.usual_chord > 0 else "usually none"
         is_coarse = largest > coarse * self.usual_chord and largest > self.distance

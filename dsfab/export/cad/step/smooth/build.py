@@ -1,8 +1,8 @@
 """Smooth STEP of a part: pieces that OCCT checks. Refused pieces are built again, and finally become faceted.
 
-charts, skins -> all pieces -> file -> `findings`  -> `PieceJudge` -> refused pieces: smaller tolerances of curves
- ^                                                                       |  refused again
- '--------- for refused solids: another layout (division into charts) ---'-> no layout left: faceted, piece by piece"""
+1. Build all pieces with one division into charts, write a file, and let OCCT check it (`findings`, `PieceJudge`).
+2. Build refused pieces again, with smaller tolerances of curves.
+3. Divide solids that are still refused into other charts. Without another division, the solids become faceted."""
 
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack
@@ -59,7 +59,7 @@ _NOWHERE = MeshDistances(0.0, 0.0, 0.0, np.zeros((0, 3)))
 def all_verdicts(
     gate: PieceJudge, pieces: dict[int, SmoothPiece], findings: dict[int, OcctFinding]
 ) -> dict[int, Acceptance]:
-    """Return the verdict on each piece, by number, from OCCT's findings. Pieces without findings are refused."""
+    """Judge each piece by OCCT's findings; refuse pieces without findings. gate : compares pieces with the part."""
     distances = _distances(gate, {k: findings[k] for k in pieces if k in findings and findings[k].tessellates})
     return {
         k: piece_verdict(gate, k, piece, findings.get(k), distances.get(k, (_NOWHERE, _NOWHERE)))
@@ -117,7 +117,7 @@ FIT_SHARE = 1 / 3  # tolerance of the skins / allowed distance from the mesh
 LAYOUTS = ((68.0, 1, 0), (58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2), (40.0, 24, 3))
 """For each division into charts: largest angle (degrees) of normals to their mean, fewest charts, random seed."""
 
-MOST_WALLS = 1500  # largest number of walls without a request for a smooth file; more take over half a minute
+MOST_WALLS = 1500  # limit of walls unless the user asks for a smooth file; more walls take over half a minute
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +131,7 @@ class SmoothSolid:
 
 
 class SmoothPlan(SolidPlan):
-    """Data for a smooth STEP file. Raises ExportError if the part has only a solid or, with `hurry`, too many walls."""
+    """Data for a smooth STEP file. Raises ExportError if no sheet is known, or for too many walls with `part.hurry`."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
@@ -150,7 +150,7 @@ class SmoothPlan(SolidPlan):
 
     def layouts(self) -> Iterator[Floats]:
         """Yield the fields (n, c) of different divisions into charts: chart k is the part where field k is largest.
-        The first division is for open sheets only. On a closed surface, its charts would lean too far from planes."""
+        The first division is for open sheets only. On a closed surface, its charts would bend too much."""
         if len(self.curved.twins):
             raise ExportError("the surface has one side only, so it has no two skins")
         outlines = 40  # outlines per chart (part of the sheet); OCCT's time grows with the square of their number
@@ -194,7 +194,7 @@ class SmoothPlan(SolidPlan):
         return SmoothSolid(gate, builder, model, requested)
 
     def unfinished_vertices(self, finished: Collection[int]) -> Ints:
-        """Return the surface vertices (k,) nearest to unfinished solids, and the neighbours of these vertices."""
+        """Return surface vertices (k,) nearest to solids not in `finished`, and the neighbours of these vertices."""
         is_unfinished = np.isin(self.whole.piece, _unfinished_pieces(self.gate, finished))
         points = self.whole.V[np.unique(self.whole.F[is_unfinished])]
         marks = np.zeros(self.surface.n, dtype=bool)
@@ -296,7 +296,7 @@ class _SmoothSearch:
         self.last = [(model, k) for k in which]
         self.text = file_text(self.part, self.last)
         require_budget(self.part, count, len(self.text))
-        seconds = 120 + 0.1 * count  # many times the usual processor time, because a check may never end
+        seconds = 120 + 0.1 * count  # time limit, many times the usual processor time, as a check may never end
         results = findings(program, self.text, DEFLECTION * self.plan.limits.distance, seconds) if which else []
         return dict(zip(which, results, strict=True)) if len(results) == len(which) else {}
 
@@ -319,7 +319,7 @@ class _SmoothSearch:
 
 
 def raise_levels(model: SmoothModel, k: int, level: dict[RunKey, int], bad: Floats) -> bool:
-    """Reduce the tolerances of curves nearest to `bad` points (k, 3), mm; return False if all are at their minimum."""
+    """Raise levels (lower tolerances) of curves nearest to `bad` points (k, 3), mm; return False if no level rises."""
     piece = model.pieces[k]
     x = np.linspace(0, 1, 9)
     tree = cKDTree(np.concatenate([curve(x) for edge in piece.edges for curve in (edge.upper, edge.lower)]))
@@ -331,7 +331,7 @@ def raise_levels(model: SmoothModel, k: int, level: dict[RunKey, int], bad: Floa
 
 
 def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) -> None:
-    """Rebuild a piece with smaller tolerances, if possible, while curves cross, leave gaps or are far from the mesh."""
+    """Rebuild piece k with ever smaller tolerances if its curves cross, leave wide gaps or are far from the mesh."""
     model, corners = built.model, _corners(built.gate.sheet, k)
     for _ in range(CLOSEST):
         piece = model.pieces[k]

@@ -14,7 +14,7 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import link_components
 
-CONE_SLACK = np.deg2rad(12.0)  # added to `cone` (largest angle), because straight borders move faces to other charts
+CONE_SLACK = np.deg2rad(12.0)  # added to the largest angle `cone`: faces change charts when borders become straight
 REACH = 0.25  # diffusion length of the fields that define charts, as a fraction of the radius of small charts
 
 SYMMETRIC: dict[str, Any] = {
@@ -24,7 +24,7 @@ SYMMETRIC: dict[str, Any] = {
 }
 """SuperLU options for symmetric matrices; the factors then have fewer entries."""
 
-SWEEPS = 4  # number of diffusions of the fields; before each repetition, a vertex counts only for its largest field
+SWEEPS = 4  # number of diffusions of the fields; before a repetition, each vertex's largest field becomes 1, others 0
 
 
 def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Floats:
@@ -38,7 +38,7 @@ def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0)
 
 
 def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
-    """Return the cluster (m,) of each face. If possible, a cluster's normals are within `cone` of their mean."""
+    """Return the cluster (m,) of each face. If possible, normals are within `cone` of their cluster's mean normal."""
     rounds = 30  # largest number of rounds that add clusters of faces
     graph = _dual(surface)
     count, piece = connected_components(graph, directed=False)
@@ -64,7 +64,7 @@ def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
 
 
 def _dual(surface: Surface) -> csr_array:
-    """Return the graph of distances between neighbouring faces. Bends add distance, so that clusters end at bends."""
+    """Return the graph of distances between neighbouring faces. Bends add distance: clusters of faces end at bends."""
     turn_cost = 0.2  # distance added for a bend of one radian, as a fraction of the root of the surface's area
     f, g = (surface.edges.pairs // 3).T
     away = np.linalg.norm(surface.centroids[f] - surface.centroids[g], axis=1)
@@ -101,7 +101,8 @@ def _cosines(surface: Surface, label: Ints) -> Floats:
 
 
 def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
-    """Straighten chart borders; divide charts that have several parts or a normal's cosine below `least`. Repeat."""
+    """Straighten chart borders, and divide charts with several parts or steep faces; repeat.
+    least : smallest accepted cosine between the normal of a face and the mean normal of its chart."""
     f, g = (surface.edges.pairs // 3).T
     for turn in range(5):
         fields = diffused_fields(surface, label, 1.0 if turn == 0 else 0.7)

@@ -189,7 +189,7 @@ class _Cells:
 
 @lru_cache(maxsize=256)
 def _roughness(p: int, q: int) -> tuple[Ints, Floats]:
-    """Return offsets and diagonals of the band matrix for the sum of squared second differences of p x q poles."""
+    """Return a band matrix (offsets, diagonals): the quadratic form of squared second differences of p x q poles."""
     steps = ((0, 0), (0, 1), (0, 2), (1, -1), (1, 0), (1, 1), (2, 0))
     (*u,), (*v,) = ([_gram(n, order) for order in range(3)] for n in (p, q))
     terms = ((1.0, u[2], v[0]), (1.0, u[0], v[2]), (2.0, u[1], v[1]))
@@ -234,7 +234,7 @@ class SkinPoints:
 
 
 def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPoints:
-    """Collect the points of a chart and of a ring around it.
+    """Collect the points of a chart and of a ring of faces around the chart. dense : surface, perhaps subdivided.
     near_faces : (m,) True for undivided faces near the chart.    in_chart : (n,) True for the chart's vertices."""
     faces = np.flatnonzero(near_faces[dense.parent])
     used, F = np.unique(dense.surface.F[faces], return_inverse=True)
@@ -318,7 +318,7 @@ class SkinChart:
 class ChartAtlas:
     """Charts of a surface, fitted on demand.
     fields : (n, c) on the vertices; chart k is where field k is largest. Each division of a chart adds a field.
-    charts, failed : by number; surfaces of the fitted charts, and reasons for missing charts."""
+    charts : surfaces of the fitted charts, by number.    failed : reasons for missing charts, by number."""
 
     def __init__(self, surface: Surface, curved: Curved, fields: Floats, tolerance: float) -> None:
         self.surface, self.fields, self.tolerance = surface, fields, tolerance
@@ -329,7 +329,7 @@ class ChartAtlas:
     def make(
         self, numbers: Iterable[int], halve: bool = True, hopeless: Callable[[int], bool] = lambda _: False
     ) -> None:
-        """Fit the charts with the given numbers. `halve` allows divisions; then the parts of a chart are fitted.
+        """Fit the charts `numbers`. If `halve` is True, a chart may be divided; then its parts are fitted instead.
         hopeless : function of a failed chart's number; returns True to stop before the remaining fits."""
         useless = 3  # a chart fails if its error exceeds 3 times the tolerance; OCCT checks all pieces later
         fewest = 12  # a chart with fewer vertices is not divided
@@ -361,7 +361,7 @@ class ChartAtlas:
                     return
 
     def _lean_field(self, k: int) -> Floats | None:
-        """Return a field (n,) along which to halve a chart; None if its faces do not lean too far from its plane."""
+        """Return a field (n,) along which to halve chart k; None if few faces lean too far from the chart's plane."""
         touched = faces_at(self.surface.F, self._best[0] == k)
         N = self.surface.normals[touched]
         mean = self.surface.areas[touched] @ N
@@ -372,7 +372,7 @@ class ChartAtlas:
         return np.asarray(self._levels[0].normals @ (N[(N @ steepest_normal).argmin()] - steepest_normal))
 
     def _divide(self, k: int, along: Floats) -> None:
-        part_width = 0.25  # width of the strip where the fields of the two halves change / width of the chart
+        part_width = 0.25  # width of the transition strip between the two halves of a chart / width of the chart
         inside = self._best[0] == k
         low, high = along[inside].min(), along[inside].max()
         steep = np.clip((along - (low + high) / 2) / (part_width * (high - low) / 2), -1, 1)

@@ -64,7 +64,7 @@ def nodes_of(sheet: SheetOutline, charts: dict[int, SkinChart]) -> OutlineNodes:
     return nodes
 
 
-LEVEL_FACTORS = (1.0, 0.2, 0.04)  # factors of the tolerance of an outline part, after 0, 1 or 2 refusals of its curves
+LEVEL_FACTORS = (1.0, 0.2, 0.04)  # factors of an outline part's tolerance, after its curves failed checks 0 to 2 times
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ class SmoothEdge:
     start, end   : vertices of the sheet.    wall : True where the sheet ends at a wall; False where two charts meet.
     upper, lower : cubics with equal knots, or lines.
     flat         : curve in the plane of each chart, by the number of the chart.
-    gap          : largest distance of `upper` and `lower` from the curves `flat` on the skins, mm."""
+    gap          : largest distance of `upper` and `lower` from the curves `flat` mapped onto the skins, mm."""
 
     start: int
     end: int
@@ -99,13 +99,13 @@ class EdgeTolerances:
     chord: float
 
     def outline(self, run: OutlineRun, steep: float, level: int) -> float:
-        """Tolerance of an outline part's curve in the plane of its chart. level : how often the curve was refused."""
+        """Tolerance, in the chart's plane, of a curve along outline part `run`. level : number of refused curves."""
         of_chord = 0.5  # fraction of the mesh's chord error that is added to the tolerance of an outline
         limit = min(OUTLINE_SHARE * self.distance + of_chord * self.chord, LOOP_SHARE * run.width)
         return LEVEL_FACTORS[level] * limit / steep
 
     def in_space(self, run: OutlineRun, level: int) -> float:
-        """Tolerance of an outline part's curves on the two skins. level : how often these curves were refused."""
+        """Tolerance of the curves along outline part `run` on the two skins. level : number of refused curves."""
         share = 1 / 50  # largest tolerance / thickness
         return LEVEL_FACTORS[level] * min(share * self.thickness, LOOP_SHARE * run.width)
 
@@ -119,14 +119,14 @@ class RunRequest(NamedTuple):
 
 
 class RunPart(NamedTuple):
-    """Part of a chart's outline, and its curve in the plane of the chart. asked : request that contains this part."""
+    """Part of a chart's outline, and its curve in the plane of the chart. asked : the `RunRequest` for this part."""
 
     asked: RunRequest
     flat: Spline
 
 
 def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTolerances) -> list[list[SmoothEdge]]:
-    """Fit curves along outline parts at walls, all at once; return the edges of each request. nodes : end points."""
+    """Fit curves along walls for all requests together; return the edges of each request. nodes : ends of edges."""
     run_parts = flat_parts(requests, nodes, allowed)
     parts = [part for group in run_parts for part in group]
     nodes.add(np.unique([v for part in parts for v in part.asked.run.vertices[[0, -1]]]))
@@ -139,8 +139,7 @@ def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTol
 
 
 def skin_curves(parts: list[RunPart], nodes: OutlineNodes, tolerances: list[float]) -> list[Fitted]:
-    """Fit curves on the upper and lower skins, above the plane curves of `parts`, within `tolerances` (mm).
-    Return each curve and its largest error. A wavy skin needs more samples."""
+    """Fit curves on both skins along the plane curves of `parts`, within `tolerances` (mm); return them with errors."""
     results, todo = dict[int, Fitted](), list(range(len(parts)))
     for finer in (1, 4, 16):  # factors of the number of samples, until the curve is close enough
         x = [parameters(parts[i].flat, finer) for i in todo]
@@ -153,7 +152,7 @@ def skin_curves(parts: list[RunPart], nodes: OutlineNodes, tolerances: list[floa
 
 
 def flat_parts(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTolerances) -> list[list[RunPart]]:
-    """Fit plane curves to outline parts, one per request. A part is divided if no curve is within its tolerance."""
+    """Fit a plane curve to the outline part of each request. If no curve is within the tolerance, divide the part."""
     lines = [nodes.uv[request.chart][request.run.vertices] for request in requests]
     results = {i: [RunPart(requests[i], segment_spline(*line))] for i, line in enumerate(lines) if len(line) == 2}
     curved_numbers = [i for i in range(len(requests)) if i not in results]
@@ -207,7 +206,7 @@ def _parameters(knots: bytes, finer: int) -> Floats:
 def edge_on_nodes(
     run: OutlineRun, space: Spline, flat: dict[int, Spline], distance: float, nodes: OutlineNodes, wall: bool
 ) -> SmoothEdge:
-    """Return the edge along outline part `run`. Curves `space` on both skins get end points from `nodes`."""
+    """Return the `SmoothEdge` along outline part `run`. space : curves on both skins; `nodes` sets their end points."""
     start, end = int(run.vertices[0]), int(run.vertices[-1])
     poles = space.poles.copy()
     node_points = np.concatenate([nodes.at[start].reshape(1, 6), nodes.at[end].reshape(1, 6)])
@@ -225,7 +224,7 @@ RunKey = tuple[int, int, int, int]  # first two and last two vertices of a part 
 def seam_edges(
     requests: list[RunRequest], nodes: OutlineNodes, sheet: SheetOutline, allowed: EdgeTolerances
 ) -> list[SmoothEdge]:
-    """Fit curves along seams (borders of two charts) on both skins. A curve is the mean of curves on the two charts."""
+    """Fit curves on both skins along seams (borders of two charts). A curve is the mean of one curve on each chart."""
     of_edge = 0.05  # tolerance of the first curve along a seam, as a fraction of the longest mesh edge along it
     of_thickness = 1 / 1000  # tolerance of a seam's curves in the charts and on the skins / thickness of the sheet
     runs, factors = [request.run for request in requests], [LEVEL_FACTORS[request.level] for request in requests]
@@ -268,7 +267,7 @@ def _in_space(lines: list[Floats], shares: list[float]) -> list[Spline]:
 
 
 def run_key(run: OutlineRun) -> tuple[RunKey, bool]:
-    """Return a key for a part of an outline, the same in both directions, and True if `run` has the key's direction."""
+    """Return a key for a part of an outline, equal for both directions, and whether `run` has the key's direction."""
     v: Ints = run.vertices
     ahead = (int(v[0]), int(v[1]), int(v[-1]), int(v[-2]))
     back = (ahead[2], ahead[3], ahead[0], ahead[1])

@@ -44,8 +44,7 @@ from dsfab.export.splines import Spline, segment_spline
 
 @dataclass(frozen=True)
 class SmoothSkin:
-    """Upper and lower face of a region: its chart, and its loops of edges, the outer loop first.
-    Each item of a loop is the number of an edge, and True if the edge runs forwards."""
+    """Upper and lower face of a region: chart number; loops (outer first) of (edge number, True if forwards)."""
 
     chart: int
     loops: tuple[tuple[tuple[int, bool], ...], ...]
@@ -53,7 +52,7 @@ class SmoothSkin:
 
 @dataclass(eq=False)
 class SmoothPiece:
-    """Piece of the sheet, with edges and skins. keys : outline part of each edge.    gap : widest gap of an edge, mm.
+    """Piece of the sheet, with edges and skins. keys : `run_key` of each edge.    gap : widest gap of an edge, mm.
     traced  : True if the file also contains the curves of edges on skins and walls.
     refused : reason why the piece is not a single closed shell, or ''."""
 
@@ -71,7 +70,7 @@ class SmoothPiece:
 
     @property
     def ends(self) -> Floats:
-        """(k, 3) points on the upper skin where the edges start."""
+        """(k, 3) start point of each edge on the upper skin."""
         return np.array([edge.upper.poles[0] for edge in self.edges])
 
 
@@ -169,7 +168,7 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
 
 
 def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
-    """Return ends (2 k, 2 k + 1 of edge k) at sharp corners where edges cross: tangents and middles turn oppositely."""
+    """Return ends (2 k, 2 k + 1 of edge k) at sharp corners where edges cross: they swap sides before their middles."""
     least_cosine = 0.5  # the sides of a sharp corner enclose at most 60 degrees
     forwards = np.array([forwards for loop in skin.loops for _, forwards in loop])
     number = np.split(np.arange(len(forwards)), np.cumsum([len(loop) for loop in skin.loops])[:-1])

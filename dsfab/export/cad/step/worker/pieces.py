@@ -92,7 +92,7 @@ REPAIRS = (
 
 
 def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies: bool = False) -> list[dict[str, Any]]:
-    """Return OCCT's findings about each solid of a file with one solid per product; [] if OCCT cannot read the file.
+    """Return OCCT's findings about each solid of a file (one solid per product); [] if OCCT cannot read the file.
     deflection : largest distance (mm) of triangles from the solid. Triangles become `0.stl`, `1.stl` ... in the folder.
     copies     : True to share work with forked processes. A fork after OCCT has made triangles would hang."""
     reader = _reader(path)

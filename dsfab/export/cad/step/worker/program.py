@@ -75,7 +75,7 @@ def _later_arguments() -> list[str]:
 
 def main() -> None:
     """Run a command and print its report, or one line of error for an unreadable file."""
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # a forked process does not inherit threads
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # OpenBLAS must not use threads: a forked process does not inherit them
     gc.disable()  # OCCT loads 10 % faster without garbage collection
     command, *arguments = sys.argv[1:] or _later_arguments()
     try:

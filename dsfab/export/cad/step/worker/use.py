@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 from dsfab.export.cad.step.worker.shapes import bounds, compound, faces_of, gauss_kronrod_volume, is_valid, parts, read
 
-TOGETHER_LIMIT = 1e-5  # largest relative error of the volume of a cut solid's two halves, measured as one shape
-ALONE_LIMIT = 1e-4  # largest relative error of the volume of a cut solid's two halves, measured separately
+TOGETHER_LIMIT = 1e-5  # largest relative volume error of a cut solid, if its two halves are measured as one shape
+ALONE_LIMIT = 1e-4  # largest relative volume error of a cut solid, if its two halves are measured separately
 
 PLANES = (
     *((1.0, 0.11, 0.07, 0.03), (0.09, 1.0, -0.13, -0.05), (0.05, 0.08, 1.0, 0.02), (1.0, 0.9, 0.2, 0.07)),
@@ -32,8 +32,8 @@ def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, An
     solids, faces : numbers.    valid : OCCT finds no fault.    seconds : processor time of all trials.
     volume, plain : by the Gauss-Kronrod rule, and by OCCT's default integration rule, mm3.
     box           : OCCT's bounding box of the solids, six numbers, mm.
-    sound         : number of half-space cuts with two valid halves and volume errors below both limits. Trials end
-                    with the first failure, unless `every_cut` is set.
+    sound         : number of half-space cuts with two valid halves and errors within `ALONE_LIMIT`, `TOGETHER_LIMIT`.
+                    Trials end with the first failure, unless `every_cut` is set.
     worst, alone  : largest volume errors of the valid cuts: `together` and `alone` in `VolumeErrors`.
     missed        : for each cut: 0 if it is sound, 1 if a half is invalid, otherwise the relative volume error.
     boxed         : True if a cut with a box gives two sound parts.    box_missed : as `missed`, for this cut.
@@ -103,7 +103,7 @@ class VolumeErrors(NamedTuple):
 
     @property
     def fault(self) -> float:
-        """The error `together` if it is above `TOGETHER_LIMIT`, otherwise 0."""
+        """The volume error `together` if it is above `TOGETHER_LIMIT`, otherwise 0."""
         return self.together if self.together > TOGETHER_LIMIT else 0.0
 
 
@@ -233,8 +233,8 @@ def fillet_counts(shape: Any) -> tuple[int, int]:
 
 
 def thickness_edges(shape: Any) -> list[tuple[Any, float]]:
-    """Return sharp straight edges between the skins, with lengths: only edges near the most frequent length.
-    Edges between skin and wall are excluded, because they smoothly continue other edges."""
+    """Return the sharp straight edges from skin to skin, with lengths: only edges near the most frequent length.
+    An edge that smoothly continues another edge is excluded, for example an edge between skin and wall."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve
     from OCP.collections import IndexedDataMap_TopoDS_Shape_List_TopoDS_Shape_TopTools_ShapeMapHasher as Faces

@@ -23,8 +23,7 @@ class PlaneSpline(NamedTuple):
 
 
 def volume(solid: Any) -> float:
-    """Return the volume (mm3): the sum of cones from one point over all faces.
-    The point is the mean of the vertices, as in OCCT. With this point, gaps between faces change the sum least."""
+    """Return the volume (mm3): the sum of cones from the vertices' mean, as in OCCT. There, gaps change it least."""
     from OCP.BRep import BRep_Tool
     from OCP.gp import gp_Pnt
     from OCP.TopoDS import TopoDS
@@ -143,7 +142,7 @@ def _outline_points(outline: Sequence[PlaneSpline]) -> tuple[Any, Any]:
 
 
 def _spans(curve: PlaneSpline) -> tuple[Any, Any, Any]:
-    """Return, for each span of a curve of degree d: d knots on each side (k, 2 d), poles (k, d + 1, 2), `way` (k,)."""
+    """Return, for k spans of a curve of degree d: 2 d knots around each (k, 2 d), poles (k, d + 1, 2), `curve.way`."""
     d = curve.degree
     K = sliding_window_view(np.array(curve.knots[1:-1]), 2 * d)
     poles = sliding_window_view(np.array(curve.poles), d + 1, axis=0).swapaxes(1, 2)
