@@ -70,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         gc.set_threshold(100_000, *gc.get_threshold()[1:])
     try:
         with warnings.catch_warnings():
-            if arguments is None and not sys.warnoptions:  # with python's option -W, warnings are shown
+            if arguments is None and not sys.warnoptions:  # python's option -W decides about warnings, if given
                 warnings.simplefilter("ignore")
             code = app(words, exit_on_error=False, print_error=False, result_action="return_value")
     except RepeatArgumentError as error:

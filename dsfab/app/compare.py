@@ -203,7 +203,7 @@ class CompareTask:
 
 def compare_one(preset: "Preset", task: CompareTask, folder: Path, name: str, quiet: bool, as_json: bool) -> int:
     """Compare a design, write all files, print the result; return 1 if the design does not carry its loads, else 0.
-    name : name of the preset on the command line. If `name` is a built folder, the pattern in the folder is used."""
+    name : name of the preset on the command line. If it is a built folder of this preset, the built design is used."""
     from dsfab.design import draft
 
     reporter, questions, command = Reporter(quiet or as_json), task.questions, task.command(name)

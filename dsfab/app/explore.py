@@ -49,7 +49,7 @@ class Variants:
         self.short = short_names(list(values))
 
     def tiles(self, reporter: Reporter, yes: bool) -> list[ContactTile]:
-        """Return each variant's picture (tile), in order. Raises DsfabError if all fail, or for many without `yes`."""
+        """Return each variant's picture (tile), in order. Raises DsfabError if all fail, or over 200 without `yes`."""
         total = count(self.values)
         if total > UNCONFIRMED_VARIANTS and not yes:
             self._refuse_many(total, reporter)

@@ -39,7 +39,7 @@ def new(
     """Write a preset for a surface of your own, with sensible values and a line for each decision.
 
     dsfab proposes unit, vertical axis, supports and loads of the mesh, then thickness, pattern and widths. If dsfab is
-    in doubt, it first prints questions, which options answer. `dsfab build` takes the preset or the mesh.
+    in doubt, it first prints questions, with options that answer them. `dsfab build` takes the preset or the mesh.
 
     Parameters
     ----------

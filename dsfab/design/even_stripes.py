@@ -167,7 +167,7 @@ def _exchanged_on(directions: StressDirections, faces: Bools) -> StressDirection
 
 
 def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
-    """Return a mask (n,) where major and minor swap names; all False with guides or `rotate`, or for uneven masks."""
+    """Return a mask (n,) where major and minor swap names; all False with guides or `rotate`, or if asymmetric."""
     crossed = family_crossings(frames, along)
     symmetric = np.abs(images.mean(crossed.astype(float)) - crossed).max() < 0.5
     return crossed if symmetric and not options.is_steered else np.zeros_like(crossed)

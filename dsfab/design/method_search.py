@@ -271,7 +271,7 @@ def _exchangeable(width: Width) -> bool:
 
 
 def _width_variants(width: Width) -> dict[str, Width]:
-    """Return width rules to try, by name. Half the exponent `width.q` suits designs that mainly carry their weight."""
+    """Return width rules to try, by name. Half of `width.q` suits designs that mainly carry their own weight."""
     if not _exchangeable(width):
         return {width.rule: width}
     gentle = 0.5 * width.q
@@ -309,7 +309,7 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
 
 
 def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return candidates; up to four near the best are cut as in a build. The best is cut last: slicing continues it."""
+    """Return candidates; up to four near the best are cut as in a build, the best last so that slicing can continue."""
     *flaws, soft = min(candidate.attempt.rank for candidate in candidates)
     limit = (*flaws, (1 + NEAR_BEST) * soft)
     shares = [other for other in candidates if other.sheet and other.preset.pattern.width.solid_fraction]

@@ -136,7 +136,7 @@ LEAST_HALF_WIDTH, MOST_HALF_WIDTH = 0.01, 0.55
 
 
 class WidthStep(NamedTuple):
-    """Trial of the rule `stressed`. worth : compliance (J) * material share, to minimise.    after : next widths."""
+    """Trial of the rule `stressed`. worth : compliance (J) * material share, minimised.    after : next half-widths."""
 
     worth: float
     grading: Floats

@@ -92,7 +92,7 @@ def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
 
 
 REQUESTED_SHARE = 0.95
-"""Limit of the default least width, divided by the requested width. Flat triangles cause errors of a few percent."""
+"""Upper limit of the default least width / smallest requested width. Flat triangles cause errors of a few percent."""
 
 
 class WorkshopWidths(NamedTuple):

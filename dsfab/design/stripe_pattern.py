@@ -80,7 +80,7 @@ def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) 
 
 
 def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
-    """Return a mask (m,) of faces where a mode's stripes run closer to the other family's direction; or None."""
+    """Return a mask (m,) of faces where a mode's stripes run closer to the other family's direction; None: no mode."""
     if layer.name not in FAMILIES or not isinstance(layer.field, np.ndarray):
         return None
     x: Floats = layer.field if layer.field.ndim == 1 else layer.field.mean(axis=1)

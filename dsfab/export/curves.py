@@ -196,7 +196,7 @@ class SplineSystem:
 SHARP = np.deg2rad(35.0)
 """Smallest bend (radians) at a corner of an outline. Between chords of a fillet, bends are at most 34 degrees."""
 SPANS = 4
-"""Largest number of spans of an edge of a plane face: for more, CAD programs integrate volumes with too few points."""
+"""Largest number of spans of an edge of a plane face. With more, CAD programs integrate volumes with too few points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +213,7 @@ class Curve(Spline):
 
 def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve] | None:
     """Fit at least two curves to the closed polyline `loop` (k, 2); return None if no spline is within the tolerance.
-    Curves end at vertices marked in `corner` (k,) and at sharp corners. With fewer than 2 ends, one curve is halved."""
+    Curves end where `corner` (k,) is True and at sharp corners. With fewer than 2 of these, one curve is halved."""
     corners = np.flatnonzero(corner | (np.abs(turning(loop)) > SHARP))
     if len(corners) > 1:
         ends = [*corners.tolist(), int(corners[0]) + len(loop)]

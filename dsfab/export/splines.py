@@ -106,7 +106,7 @@ class LeastSquares:
 
     @classmethod
     def from_hats(cls, values: Floats, first_hats: Ints, first_poles: Ints, n: int, fixed_poles: Ints) -> Self:
-        """Factor the normal matrix (n, n) for n poles and k samples. values : (4, k) cubic basis functions at samples.
+        """Factor the normal matrix (n, n) for n poles, k samples. values : (4, k) nonzero basis functions at samples.
         first_hats  : (k,) number of the first of the 4 functions.    fixed_poles : numbers of poles that are given.
         first_poles : (r,) number of the first pole of each curve."""
         factor, failed = dpbtrf(_band(values, first_hats, first_poles, fixed_poles, n), lower=1)

@@ -120,7 +120,7 @@ class PreparedProgram:
             return _last(pending.result())
 
     def last_line(self, *arguments: str, seconds: float) -> str:
-        """Send arguments to the program; return its last line of output. Raises errors as the function `last_line`."""
+        """Send arguments; return the program's last line of output. Raises the errors of the function `last_line`."""
         self.send(*arguments)
         return self.answer(seconds)
 

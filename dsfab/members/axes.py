@@ -104,7 +104,7 @@ def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats
 
 
 def without_specks(lines: list[MiddleLine], width: float) -> list[MiddleLine]:
-    """Return the first and longest of `lines`, and all other lines longer than `SPECK` times `width`."""
+    """Return the first of `lines`, which is the longest, and all others longer than `SPECK` times `width`."""
     return [line for k, line in enumerate(lines) if k == 0 or line.length > SPECK * width]
 
 

@@ -16,7 +16,7 @@ from dsfab.surface import CornerField, DividedField, Surface, link_components
 Kind = Literal["strip", "stub", "rim", "band", "ring", "disc", "plate", "fill"]
 """Kinds of members, see `dsfab.members.graph.Member`. Material around supports has the kind "keep" at first."""
 FAMILIES = {"major": "A", "minor": "B"}  # First letter of the names of members, for each family of stripes.
-NOWHERE = 10.0  # Marks a region without a middle line; all real offsets are smaller.
+NOWHERE = 10.0  # Offset that marks a region without a middle line; all real offsets are smaller.
 
 
 class NamedBand(NamedTuple):

@@ -301,7 +301,7 @@ class Joints:
     normals: Floats
 
     def nodes(self, shared: list[SharedPatch]) -> list[Node]:
-        """Return the nodes of the overlaps `shared`, numbered member by member: each node along its first member."""
+        """Return the nodes of the overlaps `shared`, numbered by first member, then by arc length along this member."""
         listed = []
         for overlap in shared:
             pair = min(overlap.a, overlap.b), max(overlap.a, overlap.b)

@@ -201,7 +201,7 @@ class FamilyRole(NamedTuple):
 
 def family_roles(surface: Surface, directions: StressDirections) -> tuple[FamilyRole, FamilyRole]:
     """Return the roles of the major and the minor family of stripes; z points up, and tension is positive. Hoops and
-    purlins are level in the mean, weighted with squared slopes. Arches rise, and are mainly in compression."""
+    purlins are level on average, weighted with squared slopes. Arches rise, and are mainly in compression."""
     size = surface.areas[:, None] * np.abs(directions.stress)
     total = size.sum(axis=0)
     pulled = np.divide((size * (directions.stress > 0)).sum(axis=0), total, out=np.full(2, np.nan), where=total > 0)

@@ -21,7 +21,7 @@ Solve = Callable[[Complexes], Complexes]
 
 
 class TwistedFactors:
-    """Factors of twisted (complex) Laplacians on points V (n, 3), edges (e, 2), with one analysis of their pattern."""
+    """Factors of twisted (complex) Laplacians on points V (n, 3), edges (e, 2). The sparse pattern is analysed once."""
 
     def __init__(self, V: Floats, ends: Ints) -> None:
         self._V, self._ends, self._one_pattern = V, ends, SamePatternFactors(V)
@@ -68,7 +68,7 @@ class TwistedFactors:
     @cached_property
     def _real_pattern(self) -> "tuple[_EntryPositions, SamePatternFactors]":
         n = len(self._V)
-        i, j = 2 * self._ends.T
+        i, j = 2 * self._ends.T  # two adjacent rows per complex number
         parts = ((0, 0), (0, 1), (1, 0), (1, 1))
         every = np.arange(2 * n)
         rows = np.concatenate([i + a for a, _ in parts] + [j + b for _, b in parts] + [every])

@@ -90,7 +90,7 @@ class Guidance:
 
 
 def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) -> Complexes:
-    """Return squares (n,) of a guide's direction, complex in the vertices' frames. |square| = 0: no guide; 1: full."""
+    """Return squares (n,) of a guide's direction, complex in the vertices' frames. |square| = 0: no effect; 1: full."""
     surface = frames.surface
     if guide.at is not None:
         assert guide.direction is not None

@@ -115,7 +115,7 @@ def _finite_distances(distance: Floats, reach: float) -> Floats:
 
 
 def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools:
-    """Return a mask (e,) of edges to divide: distance not linear at the outline, or outline too far moved by `SNAP`."""
+    """Return a mask (e,) of edges to divide: distance not linear at the outline, or outline moved too far by `SNAP`."""
     vertex, middle, faces = distances.vertex, distances.middle, np.flatnonzero(distances.reached)
     sides, ends = surface.edges.of[faces], surface.edges.ends
     deviation = np.abs(vertex[ends[sides]].mean(axis=2) - middle[sides])

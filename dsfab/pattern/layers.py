@@ -111,7 +111,7 @@ class DrawableFamily(Protocol):
 def stripe_layers(
     families: Sequence[DrawableFamily], widths: Widths, factor: float = 1.0, closing: float = 0.0
 ) -> list[Layer]:
-    """Return layers of all families: coarse stripes, then finer stripes by `DrawableFamily.adds`; see also `layers`."""
+    """Return layers of all families: coarse stripes, then finer stripes in the order of `DrawableFamily.adds`."""
     family_layers = [(family.adds, family.layers(widths, factor, closing)) for family in families]
     return [layers[0] for _, layers in family_layers] + [
         layer for _, layers in sorted(family_layers, key=itemgetter(0)) for layer in layers[1:]
@@ -208,7 +208,7 @@ class EvenFamily:
 
     def _open_half_widths(self, requested: Floats, widths: Widths) -> Floats:
         d = np.minimum(requested, self._crowded_half_width(requested))
-        return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)
+        return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)  # fills gaps under `min_gap`
 
     def _closed_half_widths(self, requested: Floats, widths: Widths) -> Floats:
         if widths.rule == "plain":
@@ -231,7 +231,7 @@ class EvenFamily:
 
 def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: int) -> Floats:
     """Return half widths (n,) as multiples of the line distance before halvings. local : the same after halvings.
-    slope, density : lines per metre before and after halvings. Where `local` is `SOLID` or more, stripes fill all."""
+    slope, density : lines per metre before and after halvings. Where `local` is at least `SOLID`, all is material."""
     return np.asarray(np.where(local >= SOLID, SOLID * 2**halvings, local * slope / density))
 
 

@@ -96,7 +96,7 @@ class Flow:
 
 
 def _lowest(B: Callable[[Complexes], Complexes], start: Floats, mass: Floats) -> Complexes:
-    """Return B^20 `start`, scaled to norm 1, with an error of 1e-5. B is linear only over the real numbers."""
+    """Return B^20 `start`, with norm 1, error 1e-5. B conjugates some numbers, so it is linear only over the reals."""
     x = krylov_power(
         lambda x: _real_pairs(B(_complex_numbers(x))), _real_pairs(start.astype(complex)), np.repeat(mass, 2), 20, 12
     )
@@ -208,7 +208,7 @@ def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
     step = flow.turn + miss - np.rint(miss)
     edge, F = surface.edges.of, surface.F
     forward = i[edge] == F  # half-edges that run in their edge's direction
-    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # along half-edges, for `flow.g` at their start
+    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # along half-edges; positive along g at the start
     edge_sign = sign[edge]
     s1 = edge_sign[:, 0]
     s2 = s1 * edge_sign[:, 1]
@@ -251,7 +251,7 @@ def propagate_phases(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
     """Set `signs` and `shifts` (m,): phase continued from the first face in `order` = sign x (phase in a face) + shift.
-    s, q : sign and shift for a step between adjacent faces. Each loop combines twice as many steps to predecessors."""
+    s, q : sign and shift for a step between adjacent faces. Each pass of the loop doubles the steps combined so far."""
     child = order[1:]
     if not len(child):
         return

@@ -95,7 +95,7 @@ def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
 
 
 def density(surface: Surface, u: Floats, spacing: float, halved: Halving) -> Floats:
-    """Return periods per m (n,) before halvings. After them, the mean distance is `spacing` (m). u : see `halving`."""
+    """Return periods per m (n,) before halvings. After these, mean line distance is `spacing`, m. u : see `halving`."""
     w = np.exp(np.clip(u, *halved.limits))
     remaining = w / 2**halved.times
     mean = float(surface.vertex_areas @ remaining) / surface.area

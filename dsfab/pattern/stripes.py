@@ -58,12 +58,12 @@ class Stripes:
         return self.frequency * x + self.phase
 
     def band(self, x: Floats, d: Floats) -> Floats:
-        """Return z + d, z - d (n, 2) for phases z of x, half widths d (n,). Material has a whole number between."""
+        """Return z + d, z - d (n, 2) for phases z of x, half widths d (n,). In material, a whole number is between."""
         z = self.phases(x)
         return np.stack([z + d, z - d], axis=1)
 
     def middles(self, x: Floats) -> Floats:
-        """Return the phases (k,) of middle lines: whole numbers in the range of phases of x, up to two beyond it."""
+        """Return phases (k,) of middle lines: whole numbers in the range for x (n,), plus up to two at each end."""
         z = self.phases(x)
         return np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
 

@@ -45,7 +45,7 @@ class Images:
         if len(self.maps) == 1:
             return along
         n = len(along)
-        products = (along[:, :, None] * along[:, None, :]).reshape(n, 9)
+        products = (along[:, :, None] * along[:, None, :]).reshape(n, 9)  # matrices v v^T, equal for v and -v
         total = np.zeros((n, 3, 3))
         for R, T in zip(self.R, self.maps, strict=True):
             total += R.T @ (T @ products).reshape(n, 3, 3) @ R

@@ -153,7 +153,7 @@ class Diffusion(Section):
     gamma: Annotated[float, Gt(0)] = 1.0
     """Factor on the loads (force magnitude in the paper by Madan et al.); it only decides which faces are isotropic."""
     labelling: Labelling = "signed"
-    """Stress that major stripes follow. signed: the more tensile stress; magnitude: the larger size (Madan et al.)."""
+    """Stress that major stripes follow. signed: the more tensile; magnitude: the larger in size (Madan et al.)."""
     isotropy: Annotated[float, Ge(0), Lt(1)] = ISOTROPY
     """A face is isotropic if its principal stresses differ by at most this fraction of their root mean square."""
     modes: Annotated[int, Ge(1), Le(50)] = 5
@@ -268,7 +268,7 @@ class Width(Section):
     min_gap: Annotated[float, Ge(0)] = 0.0
     """Smallest gap between two stripes of a family, metres; narrower gaps become material. 0: no limit."""
     solid_fraction: Annotated[float, Ge(0), Lt(1)] = 0.0
-    """Share of the surface that is material, also by the keys keep and rim. Widths are scaled to it. 0: not scaled."""
+    """Share of the surface that is material, including keep and rim. Widths are scaled to reach it. 0: not scaled."""
     solid_fraction_tolerance: Annotated[float, Ge(0), Le(0.1)] = JUMP
     """Largest error of solid_fraction if no width gives this share, because ends of members appear or vanish."""
 

@@ -33,7 +33,7 @@ SUPPORT_SPACING = Spacing(0.05, 40)
 GRADIENT_SPACING = Spacing(0.055, 160)
 
 CONE_HEIGHT = 0.026  # height of a support cone, divided by the structure's size
-LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06  # of arrows, divided by the structure's size
+LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06  # lengths of arrows / structure's size
 
 
 def thin_points(points: Floats, size: float, spacing: Spacing) -> Ints:

@@ -251,7 +251,7 @@ class Previewer:
 
     def _try_shader(self) -> None:
         view = self._view(TRIAL_SIZE, True)
-        seen = []
+        seen = []  # drivers that refuse the shader draw the whole mesh or nothing, without an error
         for settings in (ALL_MATERIAL, NO_MATERIAL):
             self._shader.set(settings)
             seen.append(int(self._scene.mask(view, *TRIAL_SIZE).sum()))

@@ -171,7 +171,7 @@ def pictures_on_page(folder: Path) -> set[str]:
 
 
 def save(tiles: Sequence[ContactTile], folder: Path) -> None:
-    """Write the picture of each tile that has a picture to a folder."""
+    """Write the pictures of the tiles to a folder. Tiles without a picture are skipped."""
     for tile in tiles:
         if tile.png is not None:
             (folder / tile.file).write_bytes(tile.png)

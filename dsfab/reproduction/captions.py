@@ -155,7 +155,7 @@ ANGLE, EVENNESS = 60.0, 3.0  # limits for a grid: least crossing angle, degrees;
 
 
 def finding(claim: str, rendition: Rendition) -> str:
-    """Return a clause: does a version (`rendition`) of a figure show the figure's claim; '' without claim or design."""
+    """Return a clause: whether a figure's version (`rendition`) shows the claim; '' without claim or design."""
     if not claim or rendition.design is None:
         return ""
     if claim == "grid":

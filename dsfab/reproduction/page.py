@@ -113,7 +113,7 @@ COLUMNS = (
 
 
 def rendition_section(pictures: FigurePictures, coarser: float) -> str:
-    """Return HTML on a figure's three versions (renditions): pictures, measures, changes from the paper, commands."""
+    """Return HTML on a figure's three versions (renditions): pictures, measures, differences from paper, commands."""
     if not pictures.ways:
         return ""
     name = pictures.figure.preset

@@ -143,7 +143,7 @@ def _carried_share(design: Design) -> float:
 
 
 def _compliances(design: Design, share: float, uncut_compliance: dict[str, float]) -> tuple[float, float, str]:
-    """Return the compliance / that of the uncut sheet, and / that of a sheet `share` x as thick; if infinite, why."""
+    """Return compliance / uncut sheet's compliance, the same for a sheet `share` x as thick, and why if infinite."""
     statics, weights = design.preset.statics, design.preset.followed_weights
     uncut_loads = design.statics.loads(weights)
     if not any(load.force.any() for load in uncut_loads.values()):

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class StripedField(NamedTuple):
-    """Stripes of a family, and the values x (n,) at the vertices of the mode that they follow."""
+    """Stripes of a family, and x (n,): values, at the vertices, of the mode that the stripes follow."""
 
     stripes: Stripes
     x: Floats
@@ -98,7 +98,7 @@ def division(surface: Surface, families: Sequence[StripedField], crowded: Bools)
 
 
 def _wrong_share(surface: Surface, families: Sequence[StripedField], value: Sequence[Floats], side: int = 9) -> float:
-    """Return the share of area where interpolated `value` (n,) swaps material and void. side : samples per side."""
+    """Return the area's share where interpolated `value` (n,) swaps material and void. side : samples per face side."""
     i, j = np.meshgrid(*[np.arange(side)] * 2, indexing="ij")
     inside = i + j < side
     u, v = (i[inside] + 1 / 3) / side, (j[inside] + 1 / 3) / side

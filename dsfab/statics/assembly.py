@@ -91,7 +91,7 @@ class VertexPairs:
 
     @cached_property
     def _block_positions(self) -> tuple[Index, Index, Index]:
-        """Row pointers, columns, block numbers. Order: p blocks of pairs above the diagonal, p below it, n on it."""
+        """Row pointers, columns, block numbers. Blocks 0 to p - 1 lie above the diagonal, then p below it, n on it."""
         low, high = self.ends.T.astype(np.int32)
         vertex, pair = np.arange(self.n, dtype=np.int32), np.arange(len(low), dtype=np.int32)
         # this order gives ascending columns in each row without sorting
@@ -155,7 +155,7 @@ def ascending_pairs(a: Floats, b: Floats, ascending: Bools) -> tuple[Floats, Flo
 
 
 def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
-    """Return coupled vertex pairs: ends of edges and, if given, pairs in hinges (i, 4). The result is computed once."""
+    """Return coupled vertex pairs, computed once: ends of edges and, if given, opposite vertices of hinges (i, 4)."""
     results, key = derived_results(surface), (VertexPairs, hinge is None)
     if key not in results:
         results[key] = VertexPairs.from_surface(surface, hinge)

@@ -79,7 +79,7 @@ def moment_loads(surface: Surface) -> Floats:
         integral of lambda_a M : hess w  -  sum over half-edges of  integral of lambda_a (m M m) (dw/dm + s theta)
 
     m points out of the face [Hellan 1967; Herrmann 1967; Johnson 1973; Neunteufel and Schoeberl 2019, shells].
-    A rotation theta has the half-edge's sign s. A slope has no sign: slope and m both reverse in the next face."""
+    A rotation theta has the half-edge's sign s. A slope needs no sign: slope and m both reverse in the next face."""
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
     across = np.einsum("mia,mca->mci", slope, outward)  # (faces, half-edge, corner): slope of lambda_a along normal m

@@ -83,7 +83,7 @@ def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
-    """Return corner moments of `hhj`, newtons: (12 / A) (I - J / 4) D r. J : ones, r : work by `moment_loads`."""
+    """Return corner moments of `hhj`, N: (12 / A) (I - J / 4) D r. J : ones, r : unit moments' work, `moment_loads`."""
     edge, unknowns = surface.edges.of, answer.on_edges
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))

@@ -109,7 +109,7 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
     fixed   : (n, 3) fixed directions of the vertices.
     clamped : (e,) edges that do not rotate: built-in edges, and edges on a plane of symmetry.
     If a face is fixed in all directions, its edges do not rotate. A bubble unknown moves an edge's middle along a unit
-    vector d. It is fixed if d^2, summed over the middle's fixed directions (`held_middles`), exceeds 1/2."""
+    vector d. It is fixed if the squares of d's components in fixed directions (`held_middles`) sum to over 1/2."""
     faces, held_directions = held_faces(surface, fixed), held_middles(surface, fixed)
     no_rotation = np.zeros(len(held_directions), dtype=bool)
     no_rotation[surface.edges.of[faces.all(axis=1)]] = True

@@ -108,7 +108,7 @@ def equilibria(
 ) -> tuple[Equilibrium, ...]:
     """Return the `equilibrium` of each load, then of each combination of the loads, from one factorisation.
     K    : (u, u), see `equilibrium`.    spreads : part of each load on faces and edges.    factor_of : factorises K.
-    sums : k factors for each combination, one per load. Their residuals are bounds from the loads' residuals.
+    sums : k factors for each combination, one per load. A combination's residual is a bound from the loads' residuals.
     Raises StaticsError as `equilibrium`, and for loads on different supports."""
     _require_same_supports(loads)
     is_held = held_unknowns(surface, loads, elements)

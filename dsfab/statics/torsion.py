@@ -38,7 +38,7 @@ class RibShape(NamedTuple):
 
 def rib_shape(surface: Surface) -> RibShape:
     """Return the width of the material around each face [medial discs, Blum 1967], and the nearest border's direction.
-    Width: diameter of the largest disc in the material at the border point nearest to the face."""
+    Width: diameter of the largest disc in the material that touches the border point nearest to the face."""
     border = np.flatnonzero(surface.edges.boundary[surface.edges.of.ravel()])
     if not len(border):
         return RibShape(np.full(surface.m, np.inf), tangents(surface)[:, 0])

@@ -194,7 +194,7 @@ def is_searched(preset: Preset) -> bool:
 
 
 def design_alternatives(design: Design) -> tuple[Alternative, ...]:
-    """Return a design's alternatives. Each comparison uses the fastest solve that shows the stiffer structure.
+    """Return a design's alternatives. Each comparison uses the fastest solve that shows which structure is stiffer.
     Raises DsfabError if the design cannot be cut."""
 
     def solve() -> tuple[Alternative, ...]:

@@ -77,8 +77,8 @@ class SizingResult:
 
     def lines(self, every: bool = False) -> Iterator[str]:
         """Yield a table of the trials, then remarks.
-        every : True to list all trials. False to list the cut designs and the drafts of one thickness: the next thinner
-                tried one, or the chosen thickness if the pattern was changed or the targets are missed."""
+        every : True to list all trials. False to list the cut designs and the drafts of one thickness. This is the next
+                thinner tried thickness; if the pattern was changed or the targets are missed, it is the chosen one."""
         thickness, final = self.trials[-1].thickness, {trial.thickness for trial in self.trials if trial.is_final}
         if every or self.changes or not self.fits:
             shown = {trial.thickness for trial in self.trials} if every else {thickness}
@@ -175,8 +175,8 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
 
 
 def _possible_thicknesses(design: Design, stock: Sequence[float], source: str) -> tuple[Sequence[float], str]:
-    """Return the thicknesses (m) for which the surface does not bend too sharply. Return also the text `source`, and in
-    it the other thicknesses. Raises SolidError if the surface bends too sharply for all thicknesses."""
+    """Return the thicknesses (m) for which the surface does not bend too sharply. Return also the text `source`, with
+    the other thicknesses added. Raises SolidError if the surface bends too sharply for all thicknesses."""
     possible = list[float]()
     for thickness in stock:
         with suppress(SolidError):
@@ -198,8 +198,8 @@ def _standing_design(design: Design, thickest: float, progress: Progress) -> Des
 
 
 def _nearest_trials(design: Design, stock: Sequence[float], progress: Progress) -> "_StockTrials":
-    """Try stock thicknesses near that of a draft (approximate design). If thinner (thicker) sheets may be better, draft
-    again with the thinnest (thickest) tried or next in stock. Raises the first draft's PatternError or StaticsError."""
+    """Try stock thicknesses near that of a rough draft. If thinner (thicker) ones may be better, draft again with
+    the thinnest (thickest) tried one or the next in stock. Raises the first draft's PatternError or StaticsError."""
     thickness, solved, rows = design.preset.statics.thickness, set[float](), None
     while True:
         solved.add(thickness)

@@ -128,7 +128,7 @@ def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
 
 
 def _unit_normals(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
-    """Normalise `point`, or `mean` if `point` is 90 degrees or more off a face normal; if near zero, a face normal."""
+    """Normalise `point`, or `mean` if `point` is 90 degrees or more off a face normal. Near zero, use a face normal."""
     N = np.where(_sees_all(surface, point, faces)[:, None], point, mean)
     lost = lengths(N) < 1e-6
     if lost.any():

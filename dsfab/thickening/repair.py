@@ -48,7 +48,7 @@ def flatten_contacts(
     surface: Surface, skin: Skin, D: Floats, backslash: Bools, pairs: Ints
 ) -> tuple[Floats, Floats, Ints]:
     """Remove intersections that other repairs left; return vertices V (n, 3), offsets D (n, 3) and remaining face pairs
-    (k, 2). Offsets at these faces are shortened, to about 0.2 % if needed. Offsets nearly parallel to a face, and their
+    (k, 2). Offsets at intersecting faces shrink, to about 0.2 % if needed. Offsets nearly parallel to a face, and their
     vertices, move halfway to their neighbours' means. The result is from the round with fewest pairs."""
     V, faces, averages = surface.V, skin.faces(backslash), _averages(surface)
     least = 0.002 * np.linalg.norm(D, axis=1)  # shortest offset; with half of it, rounding errors would be visible
@@ -71,7 +71,7 @@ def flatten_contacts(
 
 
 def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
-    """Return the smallest cosine (n,) between an offset and the face normals, turned to its side, around its vertex."""
+    """Return each offset's smallest cosine (n,) to the normals of its vertex's faces, turned to the offset's side."""
     side = np.where(skin.upper < surface.n, 1, -1)
     unit = D / np.linalg.norm(D, axis=1, keepdims=True)
     cosine = np.einsum("mi,mvi->mv", surface.normals, unit[surface.F]) * side

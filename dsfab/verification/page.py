@@ -34,7 +34,7 @@ INK, FAINT = "#010203", "#040506"  # Placeholders for the page's colours of text
 
 
 def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standing]) -> str:
-    """Plot error (%) over unknowns: lines for element pairs (membrane, bending), marks for values from `against`."""
+    """Plot error (%) over unknowns: lines for element pairs (membrane, bending), marks for published values."""
     with _figure(6.6, 3.1) as (figure, axes):
         for colour, name in zip(COLOURS, dict.fromkeys(row.elements for row in rows), strict=False):
             for k, mesh in enumerate(test.meshes):

@@ -272,7 +272,7 @@ class Standing:
     ours     : largest relative error of dsfab's elements on all regular mesh patterns, on meshes at least as fine as
                the published mesh; None without a comparable mesh.
     basis    : `unknowns`: `ours` is interpolated at the published number of unknowns, or is from dsfab's finest mesh if
-               this has fewer unknowns. `cells`: `ours` is for the published cell count, as dsfab has more unknowns.
+               this has fewer unknowns. `cells`: `ours` is for the published cell count, as dsfab's meshes have more.
     outcome  : result of the comparison: our error is better than, like, or worse than the published error."""
 
     published: Published

@@ -109,7 +109,7 @@ def turns_within_its_width(member: Member) -> Bools:
 
 
 def uncurled_span(member: Member) -> tuple[float, float]:
-    """Return the arc lengths of a member without its sharply turning ends, which result from dividing a sharp bend."""
+    """Return a member's span (arc lengths) without its sharply turning ends, which come from dividing a sharp bend."""
     axis = member.curve
     reach = OBLIQUE_WIDTHS * float(np.median(member.width))
     if axis.closed or axis.length < 4 * reach:

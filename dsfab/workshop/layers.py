@@ -122,7 +122,7 @@ def shortened_courses(
     overhang: float,
 ) -> dict[str, StripCourse]:
     """Return courses (built parts of axes) of one layer that stop before they run into another course.
-    A course ends `overhang` metres beyond its last node before the collision; without this node, at the collision.
+    A course ends `overhang` metres beyond its last node before the collision; if it has none there, at the collision.
     nodes : arc lengths of nodes on each course, metres. joined : pairs of members that are notched at a common node."""
     open_courses = {name: course for name, course in courses.items() if not course.closed}
     ends = [_StripEnd.from_course(name, c, at_end) for name, c in open_courses.items() for at_end in (False, True)]

@@ -133,7 +133,7 @@ def usable_sizes(options: Workshop) -> list[tuple[float, float]]:
 
 
 def _route_by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up: Floats) -> ConstructionRoute:
-    """Choose the first possible route: strips within the limit, bars near the surface, planks, bars farther from it."""
+    """Choose the first possible route: strips bent within limits, bars near the surface, planks, bars farther off."""
     worst, layers_text = max(limits.bending, limits.shape), f"layers of {length(limits.thickness)} of strips"
     if not limits.limit:
         reason = f"{layers_text} would be bent to {worst:.2%}, and the limit of the material is not known"

@@ -111,7 +111,7 @@ def scarf_line(splices: int, lap: float) -> str:
 def lap_marks(
     layer: Development, span: tuple[float, float], full_span: tuple[float, float], lap: float, height: float
 ) -> tuple[Floats, ...]:
-    """Return the lines and texts that mark bevels. lap : half the overlap (m). full_span : `span` + `lap` at joints."""
+    """Return lines and texts that mark bevels. lap : half overlap (m). full_span : `span` longer by `lap` at joints."""
     lines = list[Floats]()
     for k, (s, end) in enumerate(zip(span, full_span, strict=True)):
         if s != end:

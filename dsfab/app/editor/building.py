@@ -42,7 +42,7 @@ class EditorBuild:
 class BuildRequest:
     """A request to build a preset.
     old     : design whose unchanged stages are used again.    picture : True for a picture, too.
-    mesh    : mesh file that is open in the editor. The build copies this file, and the built preset names the copy.
+    mesh    : mesh file that is open in the editor. The build copies this file, and the written preset names the copy.
     only    : a single format as in `dsfab export --to`; '' for all files of a build.
     before  : folder of an earlier build; its design is used again if its preset equals this preset."""
 

@@ -215,7 +215,7 @@ class Session:
         return self._model(shown, 0) if shown else b""
 
     def model(self, have: int) -> bytes:
-        """Return the last draft; only widths if the page has its version `have`. Raises DsfabError for no draft."""
+        """Return the last draft; only widths if the page has it (version `have`). Raises DsfabError without a draft."""
         with self._lock:
             shown = self._shown
         if shown is None:

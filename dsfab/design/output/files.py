@@ -46,7 +46,7 @@ class OpenedSurface(NamedTuple):
     twins: Ints
 
     def offsets(self, corners: Floats) -> Floats:
-        """Return vectors (n', 3), half a thickness, at vertices of the cut surface; `corners`: vectors (m, 3, 3)."""
+        """Return half-thickness vectors (n', 3) at vertices of the cut surface. corners : (m, 3, 3) at face corners."""
         vectors = np.zeros((self.surface.n, 3))
         vectors[self.surface.F] = np.where(self.turned[:, None, None], -corners[:, [0, 2, 1]], corners)
         return vectors
@@ -127,7 +127,7 @@ def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
 def _shortest_path(
     count: int, starts: Ints, ends: Ints, turns: Ints, lengths: Floats, source: int, target: int
 ) -> Ints:
-    """Return the path's edges in order, or (0,). Nodes i and i + count / 2 are copies; `turns` 1 leads to the copy."""
+    """Return a path's edges in order; (0,): no path. Nodes i, i + count / 2 are copies; `turns` 1 leads to the copy."""
     half = count // 2
     tails = np.concatenate([starts, starts + half])
     heads = np.concatenate([ends + half * turns, ends + half * (1 - turns)])

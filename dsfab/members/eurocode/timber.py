@@ -99,7 +99,7 @@ def _bending(section: Rectangle, stress: Stresses, grade: TimberGrade) -> tuple[
 def section_checks(
     section: Rectangle, stress: Stresses, over: float, lengthy: Floats, grade: TimberGrade
 ) -> CheckRatios:
-    """Check b bays at 5 sections each. over : gamma_M / k_mod. lengthy : (b, 1) factor of tension in long LVL [3.4]."""
+    """Check b bays at 5 sections each. over : gamma_M / k_mod. lengthy : (b, 1) factor on tension in long LVL [3.4]."""
     y, z = (over * ratio for ratio in _bending(section, stress, grade))
     bent = np.maximum(y + K_M * z, K_M * y + z)
     tension = over * lengthy * np.maximum(stress.axial, 0.0) / grade.ft

@@ -65,7 +65,7 @@ class Beams:
 
 
 def beams_along(joints: AxisJoints) -> Beams:
-    """Return the beams along the axes of all members, and for `joints.links`. New nodes are added to `joints`."""
+    """Return beams along all members' axes, and beams for `joints.links`. Nodes inside bays are added to `joints`."""
     rows = list[BeamRow]()
     for number, member in enumerate(joints.members_with_axis):
         for begin, end in pairwise(_stations(joints, member)):
@@ -123,7 +123,7 @@ def _sides(member: Member) -> Floats:
 def _divide_bay(
     member: Member, span: tuple[float, float], joint_widths: tuple[float, float], least: int
 ) -> tuple[Floats, Floats]:
-    """Return arc lengths (k + 1,) that divide a bay into joints and beams, and extra widths (k,) of joints; 0: beam."""
+    """Return arc lengths (k + 1,) that divide a bay into joints and beams, and extra widths (k,), 0 for beams."""
     (s, t), axis = span, member.curve
     half = fitting(np.array(joint_widths) / 2, t - s)
     half[half < 0.05 * member.mean_width] = 0.0  # joints whose half length is smaller are left out

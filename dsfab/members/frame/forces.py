@@ -154,7 +154,7 @@ class MemberForces:
 
 
 def member_forces(graph: MemberGraph, forces: Mapping[str, SectionForces]) -> dict[str, MemberForces]:
-    """Return forces by member, from section forces of the sheet. Members without an axis and two nodes are left out."""
+    """Return forces by member, for members with an axis and two nodes or more. forces : section forces of the sheet."""
     by_member = {}
     for member in graph.members:
         s, bays = _stations(graph, member)

@@ -140,8 +140,8 @@ def join_ends(joints: AxisJoints) -> None:
 
 
 def _join_touching(joints: AxisJoints, trees: Trees) -> None:
-    """Join member ends to members that touch them: free ends to all members, ends that continue in a member only to
-    members that also end there, as in a star. Members with a common node there get no link: it would be too stiff."""
+    """Join member ends to members that touch them. Free ends join all of these; other ends join only members that also
+    end there, as in a star. Members with a common node there get no link, because it would be too stiff."""
     surface = joints.graph.sheet.surface
     middle = surface.V[surface.edges.ends].mean(axis=1)
     borders = [np.unique(surface.edges.of[member.cells]) for member in joints.members_with_axis]

@@ -191,7 +191,7 @@ class SupportChoice:
 
     @property
     def rivals(self) -> list[JudgedReading]:
-        """At most two ways of support with nearly the best score. Axes other than the best axis have at most one."""
+        """At most two ways of support with nearly the best score. Each axis other than the best has at most one."""
         rivals = [rival for rival in self.ranking[1:] if rival.score > CLOSE * self.best.score]
         best_on = {rival.up: rival for rival in reversed(rivals)}
         return [rival for rival in rivals if rival.up == self.best.up or rival is best_on[rival.up]][:2]

@@ -1,4 +1,4 @@
-"""Sections of a compliance report. A design that cannot carry its loads has other sections."""
+"""Sections of a compliance report, and of the report on a design that cannot carry its loads."""
 
 from collections.abc import Mapping, Sequence
 

@@ -123,7 +123,7 @@ def _kept_words(design: Competitor, sheet: Surface | None) -> str:
 
 
 def loads_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return a table of forces: sums for each case and combination, on the cut sheet if it carries all, else uncut."""
+    """Return the sums of forces of each case and combination: on the cut sheet if it carries every load, else uncut."""
     task, rows = findings.task, []
     cases = task.statics.cases
     uncut = {name: case.load.force.sum(axis=0) for name, case in cases.items()}

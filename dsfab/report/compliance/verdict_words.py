@@ -106,7 +106,7 @@ def _thinner_sentence(findings: Findings, rival: Competitor) -> str:
 
 
 def thinner_sheet_words(findings: Findings) -> str:
-    """Return sentences on which is stiffer at each share of material: design or thinner sheet; '' without a sheet."""
+    """Return sentences: which is stiffer at each share of material, the design or a thinner sheet; '' without one."""
     pairs = [
         (f"{share:.0%}", _compliance_range(compared.design), _compliance_range(compared["thinner"]))
         for share, compared in findings.volumes

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 def answer_facts(design: Design, case: "CaseResult | StaticsResult") -> dict[str, Any]:
     """Return stress, energy and requested results of the uncut sheet under one load, in SI units.
-    The fact `answered_by` names the finite elements. Stress and energy are left out for elements that reports omit.
+    `answered_by` names the finite elements. Stress and energy are left out for elements whose results reports omit.
     Requested frequencies and buckling factors are lists, which are empty if the results are missing."""
     answers, questions, areas = case.answers, design.preset.statics.analyses, design.surface.areas
     stress, facts = answers.stress, dict[str, Any](answered_by=str(answers.elements))

@@ -109,7 +109,7 @@ def _write_facts(
     spent: float,
     earlier: Mapping[str, Any] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """Write `design.json`; return its facts. measured : facts to add. spent : export, s. earlier : older manifest."""
+    """Write `design.json`; return its facts. measured : facts to add. spent : export, s. earlier : manifest so far."""
     seconds = {**design.seconds, "export": spent}
     facts = design_facts(design, seconds, files.names, files.refused, files.notes) | dict(measured)
     facts |= {MANIFEST: {**earlier, **manifest(folder)}}

@@ -173,7 +173,7 @@ def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
 
 
 def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
-    """Divide each polygon (g, s) into triangles so that the worst quality is best; return also the triangles' polygons.
+    """Divide polygons (g, s) so that the worst triangle is as good as possible; return triangles, and their polygons.
     rating[i, j] : worst quality in the best division of the polygon with the corners i, ..., j."""
     g, size = polygons.shape
     if size == 3:

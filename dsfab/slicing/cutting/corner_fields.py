@@ -25,7 +25,7 @@ from dsfab.surface.fields import CornerField
 class PolygonField:
     """A `CornerField` on the vertices of a mesh of polygons.
 
-    lead   : (n',) for each vertex, the face in which its values hold.    values : (n', 1 or 2) see `CornerField.x`.
+    lead   : (n',) for each vertex, the face in which its values hold.    values : (n', 1 or 2) the field in this face.
     sign, shift : (h,) for polygon corners: in the polygon's own uncut face, the field is sign * value + shift.
     blank  : (h,) True for polygon corners without a value."""
 

@@ -231,7 +231,7 @@ def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
 
 
 def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
-    """Return the sheet with polygons in place of cells. mesh : `recut_polygons`, then cut. source : (c,) the cells."""
+    """Return the sheet with cut polygons in place of cells. mesh, source : from `recut_polygons`, after the cut."""
     surface = sheet.surface
     stay = np.ones(surface.m, dtype=bool)
     stay[source] = False

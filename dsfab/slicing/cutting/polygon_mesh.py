@@ -154,7 +154,7 @@ def corner_places(F: Ints, vertex: Ints) -> Ints:
 
 
 def weights_after_split(weights: csr_array, split: Split) -> csr_array:
-    """Append barycentric weights (k, n) of a split's new vertices. A row has up to three weights: a face's corners."""
+    """Append barycentric weights (k, n) of a split's new vertices. A row has at most three, at a face's corners."""
     new_weights = split.new_weights(weights.shape[0]) @ weights
     data, indices = (
         np.concatenate([getattr(part, name) for part in (weights, new_weights)]) for name in ("data", "indices")
@@ -230,7 +230,7 @@ class Contacts:
         return np.asarray((places == 1) & (np.bincount(part, length, len(gone)) < self.around / 2))
 
     def single_contacts(self, gone: Bools) -> tuple[Ints, Ints]:
-        """Return parts (k,) with only one stretch of contact, and the neighbours there. gone : (p,) removed parts."""
+        """Return parts (k,) whose only contact is one stretch with a neighbour; and neighbours. gone : (p,) removed."""
         part, neighbour, _, _ = self._remaining(gone)
         is_single = (np.bincount(part, minlength=len(gone))[part] == 1) & (neighbour >= 0)
         return part[is_single], neighbour[is_single]

@@ -212,7 +212,7 @@ class Sheet:
 
     def vertices_between(self, surface: Surface, marks: Bools, edges: Bools | None = None) -> Bools:
         """Return a mask (n', ...) of the vertices that lie on or between marked vertices (n, ...) of the uncut surface.
-        edges : (e, ...) marked edges of the uncut surface; default: the edges from `spanned_edges`.
+        edges : (e, ...) marked edges of the uncut surface; default: edges between marked vertices (`spanned_edges`).
         A vertex inside a face counts if all three edges of the face are marked, and not all are on the boundary."""
         result: Bools = np.asarray(self.carry(marks.astype(np.float64)) >= ON_SIMPLEX)
         table = surface.edges

@@ -236,7 +236,7 @@ def _sides(
 
 
 def _with_new_corners(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
-    """Return polygons with new corners, and strips of sides. Sides on a level (not all are) take the strip before."""
+    """Return polygons with new corners, and strips of sides. Sides on a level (never all) get the previous strip."""
     count = sides.count + 1
     offset = np.concatenate([[0], np.cumsum(count)])
     side = np.repeat(np.arange(len(count)), count)
@@ -253,7 +253,7 @@ def _flat_sides_relabelled(cells: Cells, strip: Ints, flat: Bools) -> Ints:
         return strip
     slot = np.where(flat, -1, np.arange(len(strip)))
     source = np.maximum.accumulate(slot)
-    before = source < cells.start[:-1][cells.owner]  # flat sides at a polygon's start: its last other side counts
+    before = source < cells.start[:-1][cells.owner]  # flat first sides get the strip of the last side not flat
     source[before] = cells.per_polygon(np.maximum, slot)[cells.owner[before]]
     return np.asarray(strip[source])
 

@@ -88,7 +88,7 @@ def _stops(flat: FlatOpenings, loops: list[Floats], radius: float) -> DiscStops:
 
 
 def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
-    """Return left turns (p, 2) of loops, over `SHARPEST`, and right unit normals of the edges before and after."""
+    """Return points (p, 2) of left turns over `SHARPEST` in loops, and right unit normals of edges before and after."""
     empty = np.empty((0, 2))
     points, rights = [empty], ([empty], [empty])
     for loop in loops:
@@ -143,7 +143,7 @@ class Fillets:
     pair : (p, 2) number of an arc, and of a void cell that the arc fills at least in part.
 
     Two rays lead from an arc's centre through its ends. Void outside of the rays stays. Arcs have rays only where they
-    could otherwise fill void far from the corner. If an arc has under c chords, or no rays, the other normals are 0."""
+    could otherwise fill void far from the corner. If an arc has under c chords, or no rays, missing normals are 0."""
 
     wall: Ints
     circle: Floats
@@ -258,7 +258,7 @@ def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: boo
 
 
 def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
-    """Mark arcs that fill void only near their corner. At a fold, the arc's planes may also reach void far from it."""
+    """Mark arcs that fill void only near their corner. At a fold, the arc's planes may also reach void far away."""
     surface, (arc, cell) = corners.walls.surface, fillets.pair.T
     reach = 1.1 * np.maximum(arcs.way_a, arcs.way_b)
 
@@ -333,7 +333,7 @@ def _with_fillets(sheet: Sheet, fillets: Fillets) -> Sheet:
 
 
 def _colours(arc: Ints, corner: Ints) -> Ints:
-    """Return a group for each arc. Cells of two arcs in a group share no vertex. A mixed order of arcs saves groups."""
+    """Return a group for each arc. Cells of two arcs in a group share no vertex. A mixed order gives fewer groups."""
     vertex, arc = corner.ravel(), np.repeat(arc, 3)
     count = int(arc.max()) + 1
     rank = np.argsort(np.argsort(np.arange(count) * GOLDEN % 1))
@@ -352,7 +352,7 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
 def _filled_corners(
     mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
 ) -> tuple[PolygonMesh, Ints, Bools]:
-    """Cut polygons along chords of their arc (-1: none). Return the mesh, old polygon numbers, and a mask to fill."""
+    """Cut polygons along chords of `arc` (-1: none). Return mesh, old polygon numbers, and mask of polygons to fill."""
     arc = np.where(mesh.void, arc, -1)
     source, beyond = np.arange(len(arc)), np.zeros(len(arc), dtype=bool)
     planes = [(fillets.ray[:, k], fillets.ray_distance[:, k], True) for k in range(fillets.ray.shape[1])]

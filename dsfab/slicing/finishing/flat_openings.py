@@ -183,9 +183,9 @@ def _is_alley(run: Floats, radius: float) -> bool:
 
 
 def _mouth_sides(run: Floats, radius: float) -> tuple[Floats, Floats]:
-    """Return stretches (s, 2) of `run` (r, 2), the wall around a dead end of an opening, beside its entrance."""
+    """Return the walls (s, 2) on both sides of a dead end's entrance. run : (r, 2) wall around this dead end."""
     place = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
-    low, high = 1.2 * radius, 3.2 * radius  # a stretch lies between these distances (m) from an end of `run`
+    low, high = 1.2 * radius, 3.2 * radius  # a side lies between these distances (m) from an end of `run`
     sides = []
     for begin, end in ((low, high), (place[-1] - high, place[-1] - low)):
         stations = np.concatenate([[begin], place[(place > begin) & (place < end)], [end]])

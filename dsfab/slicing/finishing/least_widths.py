@@ -206,7 +206,7 @@ def with_least_widths(
     cells: Sheet, gap: float, member: float, merge: Merging = "none", neck: float = 0.0
 ) -> LeastWidths:
     """Add material where openings are narrower than `gap` metres, or members narrower than `member` metres.
-    A limit of 0 has no effect. Members over `LOCAL` x `usual_width`, or between two surface edges, are not widened.
+    A limit of 0 has no effect. Members wider than `LOCAL` x `usual_width`, or between surface edges, are not widened.
     merge : which slits to fill after widening, because wider members make openings narrower.
     neck  : after widening, openings narrower than `neck` metres get bridges."""
     cells, filled = _without_specks(cells, gap)

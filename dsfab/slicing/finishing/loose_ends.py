@@ -101,7 +101,7 @@ def between_crossings(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Ints:
 
 
 def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bools]:
-    """Return each polygon's part (c,), divided at crossings and `nodes`; and masks of void and of unstriped parts."""
+    """Return parts (c,) of polygons, divided at crossings and `nodes`; and two masks: void parts, unstriped parts."""
     striped, material = np.array(tidy.striped), ~mesh.void
     kind = np.where(mesh.void | striped[mesh.family], mesh.family, KEPT)
     kind[mesh.also != VOID] = CROSSING

@@ -124,7 +124,7 @@ class Openings:
 
     @cached_property
     def _member_widths(self) -> Floats:
-        """Member width at each wall; NaN at other edges. The median replaces widths over 2.5 medians (crossings)."""
+        """Member width at each wall; NaN at other edges. Widths over 2.5 medians (at crossings) become the median."""
         wall_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         wall_edges[self.void.parent_edges[self.void.walls]] = True
         surface, sheet_edges = self.material.surface, self.material.parent_edges

@@ -171,7 +171,7 @@ def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field])
 
 
 def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy) -> list[FairBar]:
-    """Return disjoint new bars that replace nodes with their stripes and crossings, or stripes near singular points."""
+    """Return disjoint new bars. They replace nodes with stripes (and crossings), or stripes near singular points."""
     bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
     for lumps, seeds in ((with_crossings(mesh, nodes), nodes), (nodes, nodes), (none, near_singular)):
         label = mesh.part_labels(_with_touching_stretches(mesh, lumps | seeds, between_crossings(mesh, tidy, lumps)))

@@ -24,9 +24,9 @@ from dsfab.slicing.finishing.loose_ends import Tidy, dependent_polygons, nodes_o
 from dsfab.surface import link_components
 
 LARGE = 1.6
-"""Where a stub is removed, the new opening must be smaller than LARGE x the median. 5 % of openings are larger."""
+"""Where a stub is removed, the new opening must be smaller than LARGE x the median size. 5 % of openings are larger."""
 EYELET, LARGER = 0.5, 2.5
-"""An eyelet (opening) has under EYELET x a neighbour's 4 area / perimeter. For eyelets, LARGER replaces `LARGE`."""
+"""An opening smaller than EYELET x the size of a neighbour is an eyelet. For eyelets, LARGER replaces `LARGE`."""
 GOOD = 1.1  # Stubs (ends of stripes) stay if all openings beside them are larger than GOOD x the median size.
 SMALL = 0.6  # Stubs (ends of stripes) stay if the opening without them would be smaller than this size.
 TURN = float(np.radians(110))
@@ -141,14 +141,14 @@ class _Bars:
 
     @cached_property
     def lumps(self) -> Bools:
-        """(b,) mask of bars beside one opening. Without the bar, the opening's size (4 area / perimeter) would grow."""
+        """(b,) mask of bars beside only one opening, whose size (4 area / perimeter) would grow without the bar."""
         return np.asarray(
             (self.opening_count == 1) & (self.sizes_without_each > np.maximum(1.02 * self.extremes[1], SMALL))
         )
 
     @cached_property
     def eyelets(self) -> Bools:
-        """(b,) mask of bars between several openings. Without the bar, the openings join to one of suitable size.
+        """(b,) mask of bars between several openings. Without the bar, the openings form one opening of suitable size.
         If several of these bars touch the same opening, either all of them are marked or none."""
         smallest, limits = self.extremes
         ratio = np.divide(smallest, limits, out=np.full_like(smallest, np.inf), where=limits > 0)

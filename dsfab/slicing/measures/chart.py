@@ -43,7 +43,7 @@ class Chart:
 
 def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None = None) -> Chart:
     """Return the chart of a surface that `halve_lines` divided. phases : fields of both families, default
-    `halved.phases`. Lines that halving removes also have whole numbers as phases."""
+    `halved.phases`. In these fields, lines that halving removes also have whole numbers."""
     mesh, phases = halved.mesh, phases or halved.phases
     surface, cell, _ = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     slot = _corner_slots(mesh, surface.F, cell)

@@ -232,7 +232,7 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
 
 def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
-    """Return end nodes of segments' parts, and points. Parts share a node if only two segments end there, uncut."""
+    """Return end nodes of segments' parts, and points. Parts share a node if just two segments meet there, uncut."""
     link = chords.link[spans.segment]
     a, b = (chords.point[link[:, k]] for k in (0, 1))
     crowded = np.bincount(link.ravel(), minlength=len(chords.point))[link] > 2

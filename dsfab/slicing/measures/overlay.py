@@ -53,7 +53,7 @@ class Overlay:
     source : (m,) the undivided cell that contains each cell.
     part   : (m, f) for each field, the number of the stripe that contains the cell; -1 for none.
     of     : (count,) number of each stripe's field.
-    level  : (count,) field value on each stripe's middle line; if cells differ, the value with the largest area.
+    level  : (count,) each stripe's level (see `DrawnBand`); if its cells differ, the level with the largest area.
     own    : (m,) True if the cell lies in a stripe of the field that made the cell.
     offset : (m, 3, f) field at the corners, minus its value on the stripe's middle line; never 0. Two cells have the
              same offsets at their common edge, up to a sign."""

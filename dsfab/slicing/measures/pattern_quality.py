@@ -252,7 +252,7 @@ class FamilyQuality:
 
     spacing    : distance between middle lines, metres: P5, median and P95 over the area with stripes only.
     opening    : clear distance between neighbours, metres: P5, median and P95 over the open area.
-    deviation  : mean angle to the stress, degrees. Weight: area x stress along members x `confidence` (`dead_ends`).
+    deviation  : mean angle to the stress, degrees. Weight: area x stress along members x clarity of its direction.
     off        : fraction of the weight of `deviation` where members deviate by over 30 degrees.
     dead_ends  : see `dead_ends`.
     slits      : number of openings narrower than the members beside them; before the cut, see `Bays.slits`.

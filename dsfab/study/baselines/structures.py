@@ -227,7 +227,7 @@ def area_share(task: ComparisonTask, layers: Sequence[Layer]) -> float:
 def striped_structure(
     task: ComparisonTask, preset: Preset, diffusion: DiffusionResult, even: EvenStripes | None = None
 ) -> Structure:
-    """Return a structure of area `task.area`. Its stripes are `even`, or follow modes of `diffusion` without `even`."""
+    """Return a structure of area `task.area`. Its stripes are `even` or, by default, follow modes of `diffusion`."""
     radius = preset.pattern.width.widths(np.sqrt(task.surface.area)).radius
     task = replace(task, diffusion=diffusion)
     return widened_structure(task, preset, drawable_families(preset, task.stressed_surface, radius, even=even))

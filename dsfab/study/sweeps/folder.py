@@ -173,7 +173,7 @@ class SweepFolder:
         return cls(path, plan, base_preset(plan))
 
     def job(self, draw: Drawer | None = None, ship_mesh: bool = False) -> Job:
-        """Return the data that all runs need. draw : function for pictures. ship_mesh : True to add the mesh file."""
+        """Return the data for all runs. draw : draws pictures. ship_mesh : True to add the mesh if workers lack it."""
         values = self.preset.model_dump(mode="json", exclude_none=True)
         mesh = mesh_of(self.preset) if ship_mesh else None
         plan = self.plan
@@ -190,7 +190,7 @@ class SweepFolder:
         report: Callable[[Progress], None] = lambda progress: None,
         retry: Collection[State] = TRIED_AGAIN,
     ) -> None:
-        """Carry out waiting and interrupted runs, and runs in states `retry`. Runs whose worker often died are last."""
+        """Carry out waiting and interrupted runs, and those in states `retry`; last, runs that lost `TRIES` workers."""
         with Store.open(self.path) as store:
             store.reset_to_waiting(("running", *retry))
             try:

@@ -3,7 +3,7 @@
 check ─► attached_material                     supported pieces and their loads (verdict.py)
       ─► Refinement ─► on_mesh ─► level          mesh after mesh (verdict.py, levels.py)
                     ─► estimate                  value and bound (estimates.py)
-                    ─► theory_share              compliance of a solid relative to a thin sheet (levels.py)
+                    ─► theory_share              extra compliance of a solid, divided by a thin sheet's (levels.py)
       ─► Verdict                                 status and reason (verdict.py)
 mode_intervals ─► mode_level, mesh after mesh ─► mode_estimate      buckling and frequency (modes.py)"""
 

@@ -295,7 +295,7 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
 
 
 def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) -> Floats:
-    """Return the translation (3,) to the second part, of area side^2; else empty (0,) [Chen and Medioni 1992]."""
+    """Return the translation (3,) to the second part (area side^2); (0,) if none fits [Chen and Medioni 1992]."""
     P, n = V[first_part].mean(axis=1), area_vectors(V, first_part)
     area = lengths(n)
     n /= np.maximum(area, 1e-300)[:, None]

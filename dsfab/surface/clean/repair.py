@@ -336,7 +336,7 @@ def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
 
 
 def _collapse_edges(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
-    """Collapse shortest edges of `crumpled` faces to their boundary end or their middle. Return V, vertex numbers."""
+    """Collapse shortest edges of `crumpled` faces to a lone boundary end, else the middle. Return V, vertex numbers."""
     edges, n = edge_table(F), len(V)
     rim, face_edges = on_boundary(edges, n), edges.of[crumpled]
     length = np.full(len(edges.ends), np.inf)

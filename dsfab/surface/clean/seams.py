@@ -193,7 +193,7 @@ def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
 
 
 def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
-    """Insert vertices on at most one half-edge of each face. The face becomes a fan; the first part keeps its index."""
+    """Insert vertices on at most one half-edge of each face. Faces become fans; the first part keeps the index."""
     start, end, across = (F.ravel()[next_half_edge(half, k)] for k in range(3))
     order = np.lexsort((positions_on_segments(V[vertex], V[start], V[end]), half))
     half, vertex, end, across = half[order], vertex[order], end[order], across[order]

@@ -167,7 +167,7 @@ class _Entities:
     def leaves(
         self, entities: Any, outer_names: tuple[str, ...] = (), mirrored: bool = False, hidden: bool = False
     ) -> Iterator[tuple[Any, tuple[str, ...], bool, bool]]:
-        """Yield each visible entity, its names, if a block mirrors it, and if its layer is hidden (`hidden_layers`).
+        """Yield each visible entity, its names, True if a block mirrors it, True on a hidden layer (`hidden_layers`).
         The names are its layer, then layer and name of each enclosing block insertion (`outer_names`), innermost first.
         Layer 0 in a block means the layer on which the block is inserted."""
         if len(outer_names) > 2 * self.budget.depth:

@@ -84,7 +84,7 @@ def _numbers_before_words(block: bytes) -> Floats:
 
 def text_element(numbers: Floats, position: int, element: PlyElement, budget: Budget) -> tuple[Columns, int]:
     """Return the properties of an element whose records begin at index `position` of the numbers (c,), and the index
-    where the records end. Raises MalformedFileError for a file that ends too early, or has a word as a number."""
+    where they end. Raises MalformedFileError for a file that ends too early, or has a word in place of a number."""
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * len(element.properties) > len(numbers) - position:

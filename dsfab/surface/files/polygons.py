@@ -64,7 +64,7 @@ def _bend(normals: Floats, neighbour_normals: Floats) -> Floats:
 
 
 def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, starts: Ints) -> Floats:
-    """Return normals (r, 4, 3) beside quads that begin at `starts`; 0 at a side without exactly one, flat neighbour."""
+    """Return normals (r, 4, 3) beside quads that begin at `starts`; 0 at sides with no, several or bent neighbours."""
     owner, h = np.repeat(np.arange(len(sizes)), sizes), np.arange(len(corners))
     start = np.cumsum(sizes) - sizes
     onward = np.where(h + 1 < (start + sizes)[owner], h + 1, start[owner])

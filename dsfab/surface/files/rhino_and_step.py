@@ -138,7 +138,7 @@ _Surface = tuple[Any, list[Any] | None, Floats]
 
 
 def _by_selectable_names(parts: list[tuple[_Groups, _Surface]]) -> Iterator[tuple[tuple[str, ...], _Surface]]:
-    """Yield parts with the names that select them. Only its path selects an inner layer named like an outermost one."""
+    """Yield parts with the names that select them. The name of an outermost layer never selects an inner layer."""
     outermost = {layer[-1] for groups, _ in parts for layer in groups[::2]}
     for groups, part in parts:
         layers = [(x[0], *(name for name in x[1:-1] if name not in outermost), x[-1]) for x in groups[::2]]

@@ -318,7 +318,7 @@ def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
 
 
 def _divide_flat_faces(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Divide faces whose corners all lie on outlines. The place of a new vertex tells the side of its face."""
+    """Divide faces with all corners on outlines by a new vertex. Its position tells on which side its face lies."""
     s, inner = outlined.surface, ~_outline_edges(outlined, extent)
     flat = np.flatnonzero((outlined.on | outlined.fixed)[s.F].all(axis=1))
     length = np.where(inner, s.edge_lengths, 0.0)[s.edges.of[flat]]

@@ -303,7 +303,7 @@ class _Plane:
         return Extent(prism_depth, foot[:, None] + ends, min(_width(flat) for flat in loops))
 
     def _nearest_part(self, surface: Surface) -> tuple[float, float]:
-        """Return the prism's ends (m off its plane): halfway from the surface's nearest part to the next, or inf."""
+        """Return the prism's ends (m off its plane): halfway from the surface's nearest part to the next; else inf."""
         reach, normal = np.abs(self.distances(surface.V)).max() + surface.size, self.axes[2]
         nearest_hits, behind = list[float](), list[float]()
         for p in self._sight_points():

@@ -156,7 +156,7 @@ def _leading(net: Net, long: Bools, length: Floats) -> Bools:
 
 
 def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions: Floats) -> Net:
-    """Divide the edges `halves` (e,) in the middle, or along curves at `split_positions` (l,) that are not nan."""
+    """Divide the edges `halves` (e,) in the middle; edges along curves at `split_positions` (l,) that are not nan."""
     V, F, _ = halved_edges(net.V, net.F, net.edges, halves)
     added = len(V) - net.n
     size = np.concatenate([net.size, net.edge_sizes[halves]])
@@ -227,7 +227,7 @@ def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -
 
 
 def _keeps_curves(net: Net, curves: FeatureCurves, target: Ints, gone: Ints, edge: float) -> Bools:
-    """Mark `gone` vertices on curves that may merge with `target`: the edge must be near the curve, short and new."""
+    """Mark curve vertices `gone` that may merge into `target`: the joining edge must be near the curve, short, new."""
     position = np.zeros(net.n, dtype=np.int64)
     position[net.node] = np.arange(len(net.node))
     k = np.clip(position[gone], 1, max(len(net.node) - 2, 1))
@@ -421,7 +421,7 @@ def _collapsed_tips(surface: Surface) -> Ints | None:
     """Return the vertex (n,) onto which each vertex moves: the third corners of low border faces move to the nearer end
     of the border edge. Return None if no corner moves.
     A corner moves only if the curve of the border explains its height over the border edge. It stays at a crease and at
-    a side of the bounding box. It also stays if a face would become low (`LOW`), or rotate by more than the border."""
+    a side of the bounding box. It also stays if a face would become low (`LOW`), or rotate more than the border."""
     V, F, edges, n = surface.V, surface.F, surface.edges, surface.n
     faces, a, b, tip = _low_border_faces(surface, LOW)
     to_a, to_b = (edge_lengths(V, np.stack([tip, end], axis=1)) for end in (a, b))

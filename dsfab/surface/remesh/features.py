@@ -110,7 +110,7 @@ class FeatureCurves:
         return which, np.arange(len(which)) - (np.cumsum(count) - count)[which] + low[which]
 
     def deviation(self, start: Floats, end: Floats) -> tuple[Floats, Floats]:
-        """Return each chord's (`start`-`end`) largest distance (k,) from its curve, m, and where (k,) it occurs."""
+        """Return the curve's largest distance (k,) from each chord, metres, and its position (k,) on the axis."""
         which, point = self.points_between(start, end)
         distance = distances_from_segments(self.points[point], self.place(start)[which], self.place(end)[which])
         largest = np.zeros(len(start))

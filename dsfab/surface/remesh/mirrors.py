@@ -234,7 +234,7 @@ class Chamber:
 
     @classmethod
     def from_mirrors(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
-        """Return the part on the side of each mirror where a weighted vertex sum lies; it rotates with the surface."""
+        """Return the part between mirrors that contains a weighted vertex sum; this choice rotates with the surface."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
         return cls(surface, mirrors, np.where(mirrors.normals @ mix < 0, -1.0, 1.0)[:, None] * mirrors.normals, edge)
 

@@ -78,7 +78,7 @@ def _smallest_angle(surface: Surface) -> float:
 
 
 def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
-    """Mesh one part of a symmetric surface and mirror it; None without mirrors, for a small part or a new topology."""
+    """Mesh one part of a symmetric surface and mirror it; None without mirrors, for small parts or changed topology."""
     surface = nearest_on.surface
     mirrors = Mirrors.from_surface(nearest_on, edge, smooth)
     chamber = Chamber.from_mirrors(surface, mirrors, edge) if mirrors else None

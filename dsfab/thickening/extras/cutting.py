@@ -58,7 +58,7 @@ class Trim:
     kind: Literal["trim"] = "trim"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Keep material in a box, behind the plane (away from `normal`), or both; SolidError if a value is missing."""
+        """Keep the solid in a box and behind a plane (away from `normal`), as given; SolidError for missing values."""
         plane, corners = (self.point, self.normal), (self.low, self.high)
         if (None in plane and any(plane)) or (None in corners and any(corners)) or not (any(plane) or any(corners)):
             raise SolidError("thickening.extra 'trim' needs point and normal of a plane, or low and high of a box")

@@ -65,7 +65,7 @@ class Ring:
     kind: Literal["ring"] = "ring"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Return the solid with a beam along boundary loops that `at` picks; raises SolidError if it picks no loop."""
+        """Return the solid with a beam along each boundary loop that `at` picks; raises SolidError if there is none."""
         positive(self, "width", "height")
         marks = np.ones(base.surface.n, dtype=bool) if self.at is None else self.at.vertices(base.surface)
         loops = [loop for loop in base.surface.loops if marks[loop].any()]

@@ -59,7 +59,7 @@ class Footing:
     """Ground contact of a structure.
     supports : (q, 3) supported points, metres.
     up       : (3,) unit vector.
-    reach    : metres; a node stands on a support closer than `reach` plus 0.75 times the width of its widest member.
+    reach    : metres; a node stands on a support within `reach` plus 0.75 times the width of the node's widest member.
     anchor   : diameter of the anchors, metres."""
 
     supports: Floats
@@ -311,8 +311,8 @@ def _counter_clockwise(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints,
 
 
 def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
-    """Return half the width of a node plate's arms, and the distance of their folds from the node (m). Small angles
-    `gaps` of bars enlarge this distance and narrow arms. lean : extra distances of tilted bars. long : bay lengths."""
+    """Return half the width of a node plate's arms, and their folds' distance from the node (m). Small angles `gaps`
+    between bars enlarge this distance and narrow arms. lean : extra distances of tilted bars. long : bay lengths."""
     notch = 0.9  # distance of the corner between two arms from the node, divided by the bars' distance from the node
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2

@@ -53,8 +53,8 @@ def nest_parts(
     stock  : lengths and widths of the sheets, metres.
     grain  : true if parts of members must lie lengthwise on the sheets.
     prices : price of a sheet of each size.
-    Several trials nest all parts. A trial prefers one size, or takes the size with the most used area per price for
-    each sheet. Each sheet is then replaced by the cheapest size that holds its parts. The cheapest trial wins;
+    Several trials nest all parts. A trial prefers one size, or takes for each sheet the size with the most used area
+    per price. Each sheet is then replaced by the cheapest size that holds its parts. The cheapest trial wins;
     without prices, the trial with the least area. Raises PatternError for a part that fits on no sheet."""
     grid, costs = column_grid(stock, gap, grain), _costs(stock, prices)
     box_area = float(sum((part.size[0] + gap) * (part.size[1] + gap) for part in parts))

@@ -55,7 +55,7 @@ class PlankStock:
 def level_cut(
     layer: Development, ground: BasePlane, station: float, at_end: bool, depth: float
 ) -> tuple[float, float] | None:
-    """Return arc lengths of the right and left corner of a plank's end, cut horizontally at a support, or None."""
+    """Return arc lengths of right and left corner of a plank end, cut horizontally at a support; None if impossible."""
     height = ground.support_height(layer.course.frame_at(np.array([station]))[0][0], depth)
     direction = layer.frame(np.array([station]))[1][0] * (1 if at_end else -1)
     if height is None or -direction @ ground.up < STEEP_SINE:
@@ -134,7 +134,7 @@ class Plank:
         ground: BasePlane | None,
         parts: PlankParts,
     ) -> None:
-        """Cut the plank into pieces that fit sizes `room` and, if possible, slide onto lower planks at `crossings`."""
+        """Cut pieces that fit stock sizes `room` and, if possible, slide onto lower planks at `crossings`."""
         course, stock = self.course, self.stock
         upper = [crossing for crossing in crossings if self._has_role(crossing, 1)]
         crossing_stations = np.array([crossing.at[1] for crossing in upper])
@@ -182,7 +182,7 @@ class Plank:
         return [self.member.id] if count == 1 else [f"{self.member.id}.{k}" for k in range(1, count + 1)]
 
     def direction_at(self, s: float) -> Floats | None:
-        """Return the direction in which the piece at arc length s slides onto lower planks; None if it cannot."""
+        """Return the direction in which the piece at s slides onto lower planks; None without these, or if it jams."""
         return next((d for d, (a, b) in zip(self.directions, self.spans, strict=True) if a <= s <= b), None)
 
     def _fits(self, begin: float, end: float, room: list[tuple[float, float]]) -> bool:

@@ -102,7 +102,7 @@ def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes
 
 def check(part: Part, path: Path) -> ReadBack:
     """Read the file back with OCCT and compare the number of solids and faces, validity and volume; raises ExportError.
-    For step = 'members', and smooth files without faceted pieces, OCCT has already checked the text; only compare it.
+    Files of step = 'members', and smooth files without faceted pieces, are only compared with the text OCCT checked.
     If the user wants to cut a smooth file (`cut`), OCCT's triangles must also bound a solid."""
     if part.step == "members":
         file = member_file(part)

@@ -159,7 +159,7 @@ def _require_hope(simple: Part) -> None:
 
 
 def simplification(part: Part, step: float) -> tuple[Part, float]:
-    """Coarsen a part within `step` (mm). Return it and its distance (mm), or no triangles and inf if that fails."""
+    """Coarsen a part within `step` (mm). Return it and its distance (mm) from the old part, or no triangles and inf."""
     try:
         V, F = coarsen_mesh(part.V, part.F, step)
     except SolidError:

@@ -158,7 +158,7 @@ def _plane(skins: Floats, F: Ints) -> Facet:
 
 
 def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
-    """Move each vertex into the planes of its facets of several triangles. Return points, and (n,) True on failure."""
+    """Move vertices into planes of facets that have several triangles. Return points, and (n,) True for failures."""
     exact = 1e-5  # largest distance (mm) of a fold's corners from the planes that meet there
     count = np.bincount(facet)
     planes = {int(k): _plane(skins, F[facet == k]) for k in np.flatnonzero(count > 1)}

@@ -121,7 +121,7 @@ def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
 
 
 def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
-    """Return two positions for each half-edge (h,): of the last corner up to its start, and of the next corner.
+    """Return two positions for each half-edge (h,): the corner at or before its start, and the next in the loop.
     alive : (h,) True for half-edges that begin at a corner."""
     corner_positions = np.flatnonzero(alive)
     loop = outline.loop
@@ -133,7 +133,7 @@ def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
 
 
 def step_positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
-    """Return edge positions (p,) of `loops` (k,), and each edge's index in `loops`. start : where each loop begins."""
+    """Return positions (p,) of edges of `loops` (k,), and indices (p,) into `loops`. start : where each loop begins."""
     length = np.diff(start)[loops]
     loop = np.repeat(np.arange(len(loops)), length)
     return (start[loops] - np.cumsum(length) + length)[loop] + np.arange(len(loop)), loop

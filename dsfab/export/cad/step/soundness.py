@@ -125,7 +125,7 @@ MOST_FACES = 2000  # largest number of faces for an automatic trial cut (up to 1
 
 @dataclass(frozen=True)
 class SampledUse:
-    """Result of a trial cut of the solid. tried : True if OCCT tried a cut.    fault : reason of failure, or ""."""
+    """Result of a trial cut of the solid. tried : True if OCCT tried a cut.    fault : reason for failure, or ""."""
 
     tried: bool
     fault: str = ""

@@ -119,7 +119,7 @@ class TriangleReport:
 
     @classmethod
     def from_mesh(cls, mesh: StepMesh, gate: PieceJudge) -> "TriangleReport":
-        """Check the triangles of `mesh`. A fault is stored and not raised, because other checks run meanwhile."""
+        """Check triangles; `gate` measures distances. A fault is stored, not raised, as other checks run meanwhile."""
         triangles = step_triangles(mesh)
         forth, back = gate.distances(MM_PER_M * triangles.V, triangles.F)
         try:

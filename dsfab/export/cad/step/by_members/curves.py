@@ -36,7 +36,7 @@ class InnerSpline:
 
     @cached_property
     def hats(self) -> Floats:
-        """Return weights (k + 1, k, 4) of all Bezier poles. The sum with weights of row i is the point `places[i]`."""
+        """Return weights (k + 1, k, 4) of all Bezier poles. Row i gives the spline's point at parameter `places[i]`."""
         count = len(self.places) - 1
         span = np.clip(np.searchsorted(self.breaks, self.places, side="right") - 1, 0, count - 1)
         hats = np.zeros((count + 1, count, 4))
@@ -250,7 +250,7 @@ def _middle_pole(P: Floats) -> Floats:
 
 def _are_parabolas(spans: Floats, tolerance: float, box: Floats) -> bool:
     """Return True if cubics (k, 4, 6) are parabolas on both skins within `tolerance` mm."""
-    turn, turn_out = np.tan(np.deg2rad([0.5, 0.25]))  # largest turns of tangents: in any direction, out of the skin
+    turn, turn_out = np.tan(np.deg2rad([0.5, 0.25]))  # largest turns of end tangents: in any direction, out of the skin
     P = spans.reshape(-1, 4, 2, 3).swapaxes(0, 1)
     outer = _middle_pole(P)
     if (outer < box[0]).any() or (outer > box[1]).any():

@@ -160,7 +160,7 @@ class ManyFacesError(ExportError):
 
 @dataclass(frozen=True, eq=False)
 class MemberDraft:
-    """STEP text before OCCT's checks; numbers of solids, faces, trimmed faces. gap : widest, face to its edges, mm."""
+    """STEP text (unchecked); counts of solids, faces, trimmed faces. gap : widest gap, trimmed face to edge, mm."""
 
     text: str
     solids: int

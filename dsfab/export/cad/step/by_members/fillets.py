@@ -119,7 +119,7 @@ class _Arcs:
 
 
 def without_fillets(net: ChainNet, lifting: Lifting) -> ChainNet:
-    """Join regions that fill rounded corners with their neighbours. Other regions outside of stripes do not change."""
+    """Join each region that fills a rounded corner to its neighbours. Other regions outside stripes do not change."""
     work = _Fillets(net, lifting)
     for region in sorted(net.loose & net.loops.keys()):
         work.take_region(region)

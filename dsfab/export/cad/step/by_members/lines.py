@@ -55,7 +55,7 @@ class ChainLine:
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
         """Divide cubics until `may_stay` accepts each cubic. Cut at a chain's end near the middle, or in the middle."""
         shortest = 1 / 16  # shortest span that is divided; otherwise, division may never end
-        middle_share = 1 / 4  # a cubic is cut at a chain's end less than this fraction of the cubic from its middle
+        middle_share = 1 / 4  # cut at a chain's end if its distance from the cubic's middle / cubic's length is smaller
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
         breaks, spans = [0.0], list[Floats]()
         while todo:

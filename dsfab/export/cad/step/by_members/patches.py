@@ -93,7 +93,7 @@ def largest_excess(
 
 
 def places_inside(poles: Floats, axes: Floats, lines: Sequence[Floats]) -> Floats:
-    """(k, 3) points of a surface with poles (p + 1, p + 1, 3) that are inside closed lines (., 3), along `axes[2]`."""
+    """(k, 3) points of a surface, poles (p + 1, p + 1, 3), that are inside closed lines (., 3) seen along `axes[2]`."""
     points = ROWS(len(poles) - 1) @ poles.reshape(-1, 3)
     return np.asarray(points[points_inside(points @ axes[:2].T, [line @ axes[:2].T for line in lines])])
 

@@ -91,10 +91,10 @@ def _edges_of_face(face: TrimmedFace) -> set[int]:
     return {e for loop in face.loops for e, _ in loop}
 
 
-FILLET_SHARE = 1 / 6  # radius / thickness of a fillet; an edge lies exactly on the surface as far as this fillet goes
+FILLET_SHARE = 1 / 6  # largest fillet radius / thickness; edges lie exactly on the surface as far as such fillets go
 
 INNER_SHARE = 6 / 7
-"""Smallest radius of a fillet on the inner skin / on the outer skin, because inner edges at openings are shorter."""
+"""Smallest fillet radius on the inner skin / radius on the outer skin, as inner edges are shorter at openings."""
 
 TEST_PLACES = np.linspace(0, 1, 33)  # parameters of the samples along an edge
 
@@ -109,7 +109,7 @@ MOVED = 1 / 400  # largest movement of points inside a face, as a fraction of th
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Cut edges near sharp corners beside trimmed faces, and fit each face exactly to its edges at the corners.
-    If a face would move by over `MOVED`, or have gaps over `SPLIT`, edges of walls move instead, by up to `SPLIT`."""
+    If a face would move by over `MOVED`, or have gaps over `SPLIT`, edges of walls move onto it, by up to `SPLIT`."""
     face_edges = {e for face in faces for loop in face.loops for e, _ in loop}
     near_vertices = {v for e in face_edges for v in (model.edges[e].start, model.edges[e].end)}
     corners = {v: half for v, half in corner_tangents(model).items() if v in near_vertices}
@@ -204,7 +204,7 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
-    """Refit a surface through `points[0]`; return its poles, or None if a limit for `points[1:]` is exceeded."""
+    """Refit poles to `points[0]`; return None if test, edge or inner points, `points[1:]`, exceed their limits."""
     hopeless = 20.0  # the search ends after three polynomial degrees if a residual is over 20 times its limit
     more_degrees = 6  # the degree of a surface rises by at most 6
     exact = 5e-8  # mm; goal of the fit. OCCT ignores gaps up to twice this, but rounding of poles widens gaps

@@ -183,7 +183,7 @@ def trimmed_face(
 
 
 def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
-    """Return True for points (k, 6) inside loops (., 6) with normals within 70 degrees of the loops' mean normal."""
+    """Return (k,) True for points (k, 6) inside loops (., 6), with normals within 70 degrees of the loops' mean."""
     mean = middle_normal(np.concatenate(lines))
     plane = axes_of(mean)[:2].T
     is_inside = points_inside(points[:, :3] @ plane, [line[:, :3] @ plane for line in lines])

@@ -112,7 +112,7 @@ def _with_peaks(
 @dataclass(frozen=True, eq=False)
 class _PeakSurface:
     """Surface of a face on one skin: poles (p + 1, p + 1, 3), axes (3, 3), and points on edges, mm.
-    seams : (e, k, 3).  edges : (j, 3) on all edges.  held : (h, 6, 3) on each edge; exact edges stay exact there."""
+    seams : (e, k, 3) on seams.  edges : (j, 3) on all edges.  held : (h, 6, 3) on each edge, to keep edges exact."""
 
     poles: Floats
     axes: Floats
@@ -215,7 +215,7 @@ def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
-    """Return linear equations for widest gaps at samples. pinned : seam -> (sample, gap). Inner gaps get slope 0."""
+    """Return linear equations for widest gaps at samples. pinned : seam -> (sample, gap). Inner samples get slope 0."""
     slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # derivative along a seam, from 5 points in a row
     pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():

@@ -93,7 +93,7 @@ def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
 TRIAL_DEGREE = 6  # degree of the surfaces that are fitted to compare possible seams
 
 TIMES = 3
-"""Largest factor on the number of seams tried in a face. It rises if parts of a divided face exceed a limit."""
+"""Largest factor on the number of seams tried in a face. The factor rises if parts of a divided face exceed a limit."""
 
 OUT, OFF = 1 / 150, 2.0
 """A face beyond these limits is divided. OUT : distance of poles from `limits.box`, as a fraction of its diagonal.

@@ -146,7 +146,7 @@ def loop_width(line: Floats, length: float) -> float:
 
 
 def _run_starts(V: Floats, loop: Ints, starts: Ints) -> Ints:
-    """Return `starts`, or two positions if there are fewer. Charts on both sides of the loop get the same vertices."""
+    """Return `starts`, or two positions if it has fewer. Charts on both sides of the loop get the same vertices."""
     if len(starts) > 1:
         return starts
     start = int(starts[0]) if len(starts) else int(np.argmin(loop))

@@ -41,7 +41,7 @@ class DenseSurface:
 
     @cached_property
     def half_vectors(self) -> Floats:
-        """(n, 3) vectors from `middle` to the upper skin, along `normals` (with other weights, skins are uneven)."""
+        """(n, 3) vectors from `middle` to the upper skin, along `normals`, whose angle weights keep skins even."""
         return np.asarray(MM_PER_M * self.half[:, None] * self.normals)
 
     @cached_property

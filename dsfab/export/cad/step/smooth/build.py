@@ -2,7 +2,7 @@
 
 1. Build all pieces with one division into charts, write a file, and let OCCT check it (`findings`, `PieceJudge`).
 2. Build refused pieces again, with smaller tolerances of curves.
-3. Divide solids that are still refused into other charts. Without another division, the solids become faceted."""
+3. Divide solids that are still refused into other charts. If no division is left, they become faceted."""
 
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack
@@ -331,7 +331,7 @@ def raise_levels(model: SmoothModel, k: int, level: dict[RunKey, int], bad: Floa
 
 
 def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) -> None:
-    """Rebuild piece k with ever smaller tolerances if its curves cross, leave wide gaps or are far from the mesh."""
+    """Rebuild piece k with ever smaller tolerances while its curves cross, leave wide gaps or are far from the mesh."""
     model, corners = built.model, _corners(built.gate.sheet, k)
     for _ in range(CLOSEST):
         piece = model.pieces[k]

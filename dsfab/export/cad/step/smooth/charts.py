@@ -189,7 +189,7 @@ class _Cells:
 
 @lru_cache(maxsize=256)
 def _roughness(p: int, q: int) -> tuple[Ints, Floats]:
-    """Return a band matrix (offsets, diagonals): the quadratic form of squared second differences of p x q poles."""
+    """Return offsets and diagonals of a band matrix A; x^T A x sums the squared second differences of p x q poles x."""
     steps = ((0, 0), (0, 1), (0, 2), (1, -1), (1, 0), (1, 1), (2, 0))
     (*u,), (*v,) = ([_gram(n, order) for order in range(3)] for n in (p, q))
     terms = ((1.0, u[2], v[0]), (1.0, u[0], v[2]), (2.0, u[1], v[1]))

@@ -99,13 +99,13 @@ class EdgeTolerances:
     chord: float
 
     def outline(self, run: OutlineRun, steep: float, level: int) -> float:
-        """Tolerance, in the chart's plane, of a curve along outline part `run`. level : number of refused curves."""
+        """Tolerance, in the chart's plane, of a curve along outline part `run`. level : how often it was refused."""
         of_chord = 0.5  # fraction of the mesh's chord error that is added to the tolerance of an outline
         limit = min(OUTLINE_SHARE * self.distance + of_chord * self.chord, LOOP_SHARE * run.width)
         return LEVEL_FACTORS[level] * limit / steep
 
     def in_space(self, run: OutlineRun, level: int) -> float:
-        """Tolerance of the curves along outline part `run` on the two skins. level : number of refused curves."""
+        """Tolerance of the curves along outline part `run` on the two skins. level : how often they were refused."""
         share = 1 / 50  # largest tolerance / thickness
         return LEVEL_FACTORS[level] * min(share * self.thickness, LOOP_SHARE * run.width)
 
@@ -139,7 +139,7 @@ def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTol
 
 
 def skin_curves(parts: list[RunPart], nodes: OutlineNodes, tolerances: list[float]) -> list[Fitted]:
-    """Fit curves on both skins along the plane curves of `parts`, within `tolerances` (mm); return them with errors."""
+    """Fit curves on both skins along plane curves of `parts`. Return each with its largest error. tolerances : mm."""
     results, todo = dict[int, Fitted](), list(range(len(parts)))
     for finer in (1, 4, 16):  # factors of the number of samples, until the curve is close enough
         x = [parameters(parts[i].flat, finer) for i in todo]

@@ -115,7 +115,7 @@ def findings(
     """Return findings about each solid of a file; [] if OCCT fails or takes longer than `limit` seconds.
     deflection   : largest distance of the triangles from the solid, mm.
     on_triangles : function of the triangles of all solids (as from `read_step`), called if every face has triangles.
-                   With this function, OCCT reads all solids together. Only without it, findings contain triangles."""
+                   With this function, OCCT reads all solids together, and the findings contain no triangles."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         path = Path(folder) / "a.step"
         path.write_text(text, encoding="ascii")

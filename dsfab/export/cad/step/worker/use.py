@@ -32,7 +32,7 @@ def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, An
     solids, faces : numbers.    valid : OCCT finds no fault.    seconds : processor time of all trials.
     volume, plain : by the Gauss-Kronrod rule, and by OCCT's default integration rule, mm3.
     box           : OCCT's bounding box of the solids, six numbers, mm.
-    sound         : number of half-space cuts with two valid halves and errors within `ALONE_LIMIT`, `TOGETHER_LIMIT`.
+    sound         : number of half-space cuts with valid halves and errors within `ALONE_LIMIT` and `TOGETHER_LIMIT`.
                     Trials end with the first failure, unless `every_cut` is set.
     worst, alone  : largest volume errors of the valid cuts: `together` and `alone` in `VolumeErrors`.
     missed        : for each cut: 0 if it is sound, 1 if a half is invalid, otherwise the relative volume error.

@@ -23,7 +23,7 @@ class PlaneSpline(NamedTuple):
 
 
 def volume(solid: Any) -> float:
-    """Return the volume (mm3): the sum of cones from the vertices' mean, as in OCCT. There, gaps change it least."""
+    """Return the volume (mm3): cones from the vertices' mean to all faces, as in OCCT. Gaps change this sum least."""
     from OCP.BRep import BRep_Tool
     from OCP.gp import gp_Pnt
     from OCP.TopoDS import TopoDS
