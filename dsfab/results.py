@@ -83,12 +83,12 @@ class StripeSteering:
 
 @dataclass(frozen=True, eq=False)
 class EvenStripes:
-    """Lines of evenly spaced stripes, major and minor, of any width. An unused family has no phase.
-
-    phases  : phases of each family's finest lines, before halving (removal of each second line).
+    """Lines of evenly spaced stripes, major (family 0) and minor (family 1). An unused family has no phase.
+    Halving removes every second line of a family where its lines lie too close together, once or more.
+    phases  : for each family, a phase that is a whole number on every line before halving.
     wanted  : wanted[i][k], (m,), is the share of each face where lines of family i are halved at most k times.
-    slope   : (n, 2) finest lines per metre.    density : (n, 2) lines per metre after halving.
-    first   : number of the family, 0 or 1, whose finer lines are added first.
+    slope   : (n, 2) lines per metre before halving.    density : (n, 2) lines per metre after halving.
+    first   : the family, 0 or 1, that is halved first.
     chart   : surface divided at ends of lines, with both phases, for pictures and measures.
     symmetry : reflections and rotations that leave the stripes unchanged, or None.
     steered  : changes of the stripes' directions by guides or symmetry, or None.
@@ -108,7 +108,7 @@ class EvenStripes:
 class Candidate(NamedTuple):
     """A trial for preset values that are `auto`: modes and phases of the major and of the minor stripes.
 
-    compliance : joules on its own cut mesh; infinite for a refused trial.
+    compliance : joules, on the mesh of the trial's cut sheet; infinite for a refused trial.
     over_uncut : compliance divided by that of the uncut sheet.
     kept       : share of the surface that is material, loose pieces included.
     whole      : share of the material in the largest supported piece.
@@ -126,7 +126,7 @@ class Candidate(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The candidates for modes and phases that are `auto`, best first: the first is used."""
+    """The candidates for modes and phases that the preset leaves to dsfab (`auto`), best first. The first is used."""
 
     candidates: tuple[Candidate, ...]
 
@@ -156,10 +156,10 @@ class StressedSurface:
 
 
 class Attempt(NamedTuple):
-    """A method and a width rule, as a trial for the method `auto`.
+    """A trial for the pattern method `auto`: a method and a width rule.
 
     name       : names of the method and the rule, in plain words.
-    compliance : joules on its own cut mesh; infinite for a refused trial.
+    compliance : joules, on the mesh of the trial's cut sheet; infinite for a refused trial.
     over_uncut : compliance divided by that of the uncut sheet.
     kept       : share of the surface that is material, loose pieces included.
     dead_ends  : number of members with a free end.    slits : number of narrow openings.
@@ -177,7 +177,7 @@ class Attempt(NamedTuple):
 
     @property
     def rank(self) -> tuple[bool, bool, bool, bool, float]:
-        """Sort key, least first: flags for refused, dead ends, plates (filled openings), slits; then softness.
+        """Sort key; the least is best: flags for refused, dead ends, plates (filled openings), slits; then softness.
         Softness is compliance times share of material, rounded so that mirror images are equal."""
         soft = float("inf") if self.refused else float(f"{self.compliance * self.kept:.3g}")
         return bool(self.refused), self.dead_ends > 0, self.plate > 0, self.slits > 0, soft
@@ -190,16 +190,16 @@ class PatternResult:
     fields      : (n,) values at vertices, or (n, 2) for stripes of varying width; a `CornerField` for evenly spaced
                   stripes; a `DividedField` for kept regions. If a family has several, widely spaced lines come first.
     levels      : values at which to cut each field. A point is material if an odd number of levels lie below its value.
-    half_widths : (n,) d for each field: a family has material where |z - k| < d for an integer k. For stripes on modes,
-                  z is frequency x + phase. For even stripes, z is an integer on lines left by halving. Others: d = inf.
-    factor      : factor on the widths, which gives pattern.width.solid_fraction; 1 without this key.
+    half_widths : (n,) half-width of the stripes of each field, as a fraction of the distance between their middle
+                  lines; infinite for a field that is not a family of stripes.
+    factor      : factor on the widths, chosen to reach pattern.width.solid_fraction; 1 without this key.
     frequency   : frequencies of the major and of the minor stripes, from `spacing` if the preset has it.
     mode, phase : modes and phases of both families; for `auto` the results.
     even        : lines of evenly spaced stripes; None for stripes that follow diffusion modes.
     asked       : the preset's section [pattern] with results in place of `auto`; None if no value is `auto`.
     choice      : trials for `auto`, or None.    tidy : rules by which finishing removes stripes, or None.
     attempts    : trials for the method `auto`, best first; empty for another method.
-    trial       : last cut of the search for widths, for use by slicing; not pickled."""
+    trial       : last cut that the search for widths made, which slicing continues; not pickled."""
 
     names: tuple[str, ...]
     fields: tuple[Floats | CornerField | DividedField, ...]
@@ -221,11 +221,11 @@ class PatternResult:
 
     @property
     def cut_inputs(self) -> tuple[tuple[Floats | CornerField | DividedField, ...], tuple[Floats, ...], Tidy | None]:
-        """Inputs of the cut: fields, levels, and stripes to remove."""
+        """Inputs of the cut: fields, levels, and rules for the removal of stripes."""
         return self.fields, self.levels, self.tidy
 
     def with_trial(self, trial: TrialCut | None) -> "PatternResult":
-        """Return this pattern with `trial`, if `trial` is a cut of its fields, levels and `tidy`; else this pattern."""
+        """Return this pattern with `trial`; this pattern unchanged if `trial` is no cut of its `cut_inputs`."""
         return replace(self, trial=trial) if trial and trial.is_cut_of(self.cut_inputs) else self
 
     def half_width(self, family: str) -> Floats:

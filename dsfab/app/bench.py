@@ -23,7 +23,7 @@ TIMING_COLUMNS = (
     *("membrane", "bending", "statics", "stress", "diffusion", "modes"),
     *("stripes", "slicing", "thickening", "export", "total"),
 )
-"""Columns of the table, in seconds: those of the paper's Table 2, then further stages of dsfab.
+"""Columns of the table, in seconds: first the stages in the paper's Table 2, then further stages of dsfab.
 `stripes` is the time for the directions, densities and phases of evenly spaced stripes."""
 
 SCALING = (10_000, 40_000, 100_000)  # Vertex counts of the meshes for `--scaling`.
@@ -37,7 +37,7 @@ STATICS_COLUMNS = ("assembly", "factor", "solve", "stress", "total", "cpu")
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Workload:
-    """Stages to time, and vertex counts of the meshes."""
+    """Options of a benchmark: stages to time, and vertex counts of the meshes."""
 
     scaling: Annotated[
         bool,
@@ -52,7 +52,7 @@ class Workload:
     ] = "all"
 
     def sizes(self) -> tuple[int, ...]:
-        """Return the vertex counts; empty for the preset's own mesh. Raises DsfabError if `vertices` is not a list."""
+        """Return the vertex counts to time; empty for the preset's own mesh. Raises DsfabError for an invalid list."""
         if self.vertices is None:
             return (SCALING_STATICS if self.stages == "statics" else SCALING) if self.scaling else ()
         try:
@@ -125,7 +125,8 @@ def _edge_overrides(name: str, source: Source, vertex_counts: tuple[int, ...]) -
 
 
 def measure(name: str, source: Source, step: bool) -> dict[str, Any]:
-    """Run a preset in this process; return seconds per stage, peak memory in MiB, and mesh sizes."""
+    """Run all stages of a preset in this process; return seconds per stage, peak memory (MiB), and mesh sizes.
+    step : True to write STEP, too, and to count its time as export."""
     from dsfab.design import run
     from dsfab.design.output.files import deliverable
     from dsfab.export import write
@@ -156,7 +157,7 @@ def measure(name: str, source: Source, step: bool) -> dict[str, Any]:
 
 
 def measure_statics(name: str, source: Source) -> dict[str, Any]:
-    """Run the statics alone in this process; return seconds per part, peak memory in MiB, and mesh sizes."""
+    """Run only the statics of a preset in this process; return seconds per part, peak memory (MiB), and mesh sizes."""
     from dsfab.design import Log, statics_step, surface_step
 
     preset, log = source.read_preset(name), Log(None)

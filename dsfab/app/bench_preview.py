@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 SIZES = (10_000, 60_000, 300_000, 1_000_000)  # Triangle counts of the tested meshes.
 PIXELS = (1024, 768)
-SECONDS = 4.0  # Least seconds of a measurement.
+SECONDS = 4.0  # Shortest duration of a measurement.
 KINDS = ("plain", "shader", "graded", "walls")  # Kinds of pictures, see `measure`.
 
 SOFTWARE = re.compile(r"llvmpipe|softpipe|swrast|swiftshader|software|gdi generic|basic render", re.IGNORECASE)
@@ -47,11 +47,11 @@ def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
 
 
 def measure(triangles: int) -> dict[str, Any]:
-    """Measure frames per second in this process, for each kind of picture.
+    """Draw a mesh of about this many triangles in this process; return frames per second and further values.
     plain  : the mesh alone.
     shader : the mesh with stripes whose settings change before each frame.
     graded : stripes of varying width.    walls : stripes with the walls of the sheet.
-    over_clock, over_cpu : real time and processor time of a frame with stripes, divided by those of a plain frame.
+    over_clock, over_cpu : real time and processor time of a `shader` frame, divided by the time of a `plain` frame.
     change_ms : milliseconds to change the settings.    peak_mb : peak memory in MiB."""
     from dsfab.render.opengl import require_rendering
     from dsfab.render.scene import Body, Scene
@@ -121,7 +121,8 @@ def _change_settings(stripes: "StripeShader", number: int, kind: str, eye: Float
 
 
 def frame_rates(sizes: tuple[int, ...] = SIZES) -> list[dict[str, Any]]:
-    """Measure each mesh size in a process of its own, by the graphics card and then by the processor."""
+    """Return the results of `measure` for each triangle count in `sizes`, each from a process of its own.
+    On Linux with a graphics card, further results follow: the same meshes, drawn by the processor."""
     rows = [_in_own_process(triangles, {}) for triangles in sizes]
     if rows and sys.platform.startswith("linux") and not SOFTWARE.search(rows[0]["renderer"]):
         rows += [_in_own_process(triangles, {"LIBGL_ALWAYS_SOFTWARE": "1"}) for triangles in sizes]
@@ -138,7 +139,7 @@ def _in_own_process(triangles: int, variables: dict[str, str]) -> dict[str, Any]
 
 
 def rates_table(rows: list[dict[str, Any]]) -> str:
-    """Return the results of `measure` as a text table, with the renderer's name."""
+    """Return results of `measure` as a text table, a row for each result."""
     frames = tuple(f"{kind} fps" for kind in KINDS)
     head = ("triangles", *frames, "shader/plain", "by CPU", "change ms", "peak MiB", "drawn by")
     return table(

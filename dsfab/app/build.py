@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Files:
-    """Folder and formats of a build, and permission to write a faulty design."""
+    """Options of a build: folder, formats, and permission to write a faulty design."""
 
     output: Annotated[Path | None, OutputName(help="Folder for the files [outputs/NAME].")] = None
     format_: Annotated[
@@ -34,7 +34,7 @@ class Files:
     ] = False
 
     def preset_overrides(self) -> tuple[str, ...]:
-        """Return these options as KEY=VALUE texts for the preset. Raises ExportError for an unknown format."""
+        """Return these options as changes of the preset (texts KEY=VALUE). Raises ExportError for an unknown format."""
         accepted = ("fabrication.accept=true",) * self.accept
         if self.format_ is None:
             return accepted
@@ -46,7 +46,7 @@ class Files:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class PictureFlags:
-    """Pictures that a build draws."""
+    """Options of a build: which pictures it draws."""
 
     picture: Annotated[bool, Parameter(name=["--preview", "--picture"], help="Also make preview.png.")] = True
     marked: Annotated[
@@ -61,7 +61,7 @@ class PictureFlags:
             probe_ahead()
 
     def drawable(self, reporter: Reporter) -> "PictureFlags":
-        """Return these flags, or default flags without pictures if this machine cannot draw requested pictures."""
+        """Return these flags. If this machine cannot draw, print the reason and return flags without pictures."""
         from dsfab.render.opengl import why_no_pictures
 
         why = why_no_pictures() if self.picture or self.marked else ""

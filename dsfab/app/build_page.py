@@ -39,7 +39,7 @@ USUAL = Output()
 
 
 class BuildPage:
-    """Printer of build results, each as soon as it is known. faulty : True if the design does not carry its loads."""
+    """Printer of the results of a build. faulty : True if the design does not carry its loads."""
 
     def __init__(self, output: Output) -> None:
         self.output, self.faulty, self._count = output, False, 0
@@ -53,7 +53,8 @@ class BuildPage:
             self._count += 1 + line.count("\n")
 
     def announcements(self, design: "Design", reporter: Reporter, picture: bool) -> "Announcements":
-        """Return two functions: one prints the verdict, one the picture's path (before slow files are written)."""
+        """Return functions that a build calls early: the first prints the verdict, the second the picture's path.
+        picture : False if the build draws no picture."""
         from dsfab.report.design.save import Announcements
 
         def print_verdict(judged: "Carrying") -> None:
@@ -83,7 +84,7 @@ class BuildPage:
         sys.stdout.flush()
 
     def print_rest(self, design: "Design", folder: Path, saved: "SavedDesign", refused: Sequence[str]) -> None:
-        """Print reactions, notes and files; by default the whole page has at most `LINES` lines."""
+        """Print reactions, notes and files, after the verdict. refused : a sentence for each file that is missing."""
         from dsfab.render.design_picture import caption
         from dsfab.report.design.carrying import reaction_lines
         from dsfab.study import sizing_result

@@ -41,12 +41,12 @@ class Expected:
     set_: Set = ()
 
     def preset_name(self, file: Path) -> str | None:
-        """Return the preset of the command line, or the preset file beside the checked file; None if neither exists."""
+        """Return the preset's name on the command line, else the path of preset.toml beside `file`, else None."""
         neighbour = file.parent / "preset.toml"
         return self.preset if self.preset is not None else str(neighbour) if neighbour.is_file() else None
 
     def read_preset(self, name: str) -> "Preset":
-        """Return the preset of a name, a file, or a built folder."""
+        """Return the preset with this name, or from this preset file or built folder."""
         folder = built_folder(name)
         return Source(self.set_).read_preset(str(folder / "preset.toml") if folder else name)
 
@@ -61,7 +61,7 @@ class Reading:
     density: Annotated[float, Parameter(help="Density for the mass, kg/m3 [the density in the preset].")] = 0.0
 
     def contents(self, file: Path, deflection: float) -> "FileContents":
-        """Read a file; `deflection` (m) is the largest distance of its triangles from curved faces of STEP."""
+        """Read the solid in a file. deflection : largest distance (m) from curved faces of a STEP file to triangles."""
         from dsfab.study.file_check import read_shipped
         from dsfab.surface import DEFAULT_TRIANGLES
 
@@ -119,7 +119,7 @@ def _read_file(
 
 
 def check_facts(checked: "FileCheck", preset: str | None = None) -> dict[str, Any]:
-    """Return the results for JSON, in SI units; null stands for a quantity that dsfab could not measure."""
+    """Return the results of a file check for JSON, in SI units; None if not measured. preset : the expected preset."""
     soundness, clearances = checked.soundness, checked.clearances
     return {
         "file": str(checked.path),
@@ -181,7 +181,7 @@ def _clearance_facts(clearance: "Clearance | None") -> dict[str, Any] | None:
 
 
 def check_lines(checked: "FileCheck", preset: str | None = None) -> Iterator[str]:
-    """Yield the results as lines of text, the verdicts before the numbers."""
+    """Yield the results of a file check as lines of text, verdicts first. preset : name of the expected preset."""
     rows = [(QUESTIONS[f.name], f.verdict, _reason(f, checked)) for f in checked.findings]
     width = max(len(question) for question, _, _ in rows)
     yield f"{checked.path}, read by {checked.found.reader}" + (f", against {preset}" if preset else "")

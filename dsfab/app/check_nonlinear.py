@@ -49,7 +49,8 @@ LINEAR_FILE_CHECK = Nonlinear()  # Default options, with which `dsfab check` mak
 
 
 def check_nonlinear(name: str, source: Source, options: Nonlinear, as_json: bool, quiet: bool) -> int:
-    """Check a design and print the result; return 1 if the design fails under less than its loads, else 0."""
+    """Find the load limit of the design `name` and print the result.
+    Return the exit code: 5 if the design gives way under less than its loads, else 0."""
     from dsfab.design import Design
     from dsfab.study import nonlinear_check, require_ccx
 
@@ -68,7 +69,7 @@ def check_nonlinear(name: str, source: Source, options: Nonlinear, as_json: bool
 
 
 def nonlinear_facts(result: "NonlinearCheck") -> dict[str, Any]:
-    """Return the result for JSON, in SI units."""
+    """Return the result of a nonlinear check as values for JSON, in SI units."""
     return {
         "case": result.case,
         "linear_factor": result.linear,
@@ -84,7 +85,7 @@ def nonlinear_facts(result: "NonlinearCheck") -> dict[str, Any]:
 
 
 def nonlinear_lines(result: "NonlinearCheck") -> Iterator[str]:
-    """Yield the result as lines of text."""
+    """Yield the result of a nonlinear check as lines of text."""
     yield result.sentence
     if result.linear is None:
         return

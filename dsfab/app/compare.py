@@ -39,7 +39,8 @@ HEAD = (
 
 
 def comparison_text(share: float | None, result: "Comparison") -> str:
-    """Return a table of the structures that carry the loads, and remarks below it."""
+    """Return a table of the compared structures that carry the loads, with remarks below the table.
+    share : share of material (0 to 1), as a headline; None for no headline."""
     losing_words = losing_line(result.alternatives)
     lines = [sentence(losing_words)] if losing_words else []
     lines += [] if share is None else [f"{share:.0%} of the material"]
@@ -150,7 +151,7 @@ class Questions:
 
     @property
     def area_shares(self) -> list[float]:
-        """Shares of material to compare: '0.2:0.8:7' gives seven. Raises DsfabError for a text in another form."""
+        """Shares of material (0 to 1) to compare; '0.2:0.8:7' gives seven. Raises DsfabError for another form."""
         if self.volumes is None:
             return []
         try:
@@ -177,7 +178,7 @@ class Questions:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Results:
-    """Folder and files of the results."""
+    """Options for the results of a comparison: folder and files."""
 
     output: Annotated[
         Path | None,
@@ -189,7 +190,7 @@ class Results:
 
 @dataclass(frozen=True)
 class CompareTask:
-    """A preset with its changes, the options of its comparison, and whether to write a report."""
+    """Options of a comparison: changes of the preset, questions, and whether to write a report."""
 
     source: Source
     questions: Questions
@@ -202,8 +203,9 @@ class CompareTask:
 
 
 def compare_one(preset: "Preset", task: CompareTask, folder: Path, name: str, quiet: bool, as_json: bool) -> int:
-    """Compare a design, write all files, print the result; return 1 if the design does not carry its loads, else 0.
-    name : name of the preset on the command line. If it is a built folder of this preset, the built design is used."""
+    """Compare the design of a preset, write all files into `folder`, and print the result.
+    name : preset on the command line. If `name` is a built folder of this preset, the built design is used.
+    Return the exit code: 5 if the design does not carry its loads, else 0."""
     from dsfab.design import draft
 
     reporter, questions, command = Reporter(quiet or as_json), task.questions, task.command(name)
@@ -227,7 +229,6 @@ def compare_one(preset: "Preset", task: CompareTask, folder: Path, name: str, qu
 
 
 def _comparisons(design: "Design", questions: Questions, reporter: Reporter) -> list[ComparisonAtShare]:
-    """Compare the design as it is, then with each share of material; report and skip a share that fails."""
     from dsfab.statics import ResultRequest
     from dsfab.study import compare_at
     from dsfab.study.comparison import Checks, comparison, judges
@@ -308,14 +309,14 @@ SummaryRow = dict[str, Any]
 @dataclass(frozen=True)
 class Batch:
     """Comparisons of several presets.
-    output : folder of the summary, with a folder for each preset in it; by default outputs/compare."""
+    output : folder of the summary, with a subfolder for each preset. None for the default folders."""
 
     task: CompareTask
     output: Path | None
 
     def run(self, presets: Sequence[str], resume: bool, quiet: bool, as_json: bool) -> int:
-        """Compare all presets, also after an invalid preset, and write the summary.
-        Return 1 if a preset is invalid or a design does not carry its loads, else 0."""
+        """Compare all presets and write the summary. An invalid preset does not stop the others.
+        Return the exit code: 4 if a preset is invalid, else 5 if a design does not carry its loads, else 0."""
         reporter = Reporter(quiet or as_json)
         rows: list[SummaryRow] = []
         for count, preset in enumerate(presets, start=1):

@@ -39,7 +39,8 @@ UNCONFIRMED_VARIANTS = 200  # Largest number of variants without --yes.
 
 
 class Variants:
-    """Variants of a preset with all combinations of `values`. base : command line that builds the preset itself."""
+    """Variants of a preset, with all combinations of `values`.
+    base : words of the command line that builds the unchanged preset.    pixels : width and height of a picture."""
 
     def __init__(
         self, preset: Preset, values: Values, base: list[str], view: str, show: str, pixels: tuple[int, int]
@@ -49,7 +50,8 @@ class Variants:
         self.short = short_names(list(values))
 
     def tiles(self, reporter: Reporter, yes: bool) -> list[ContactTile]:
-        """Return each variant's picture (tile), in order. Raises DsfabError if all fail, or over 200 without `yes`."""
+        """Draw each variant; return the pictures (tiles) in the order of the variants.
+        yes : True to draw more than 200 variants. Raises DsfabError if no variant can be drawn, or for too many."""
         total = count(self.values)
         if total > UNCONFIRMED_VARIANTS and not yes:
             self._refuse_many(total, reporter)
@@ -82,7 +84,6 @@ class Variants:
         return ContactTile(number, parameters, command, png_bytes(picture))
 
     def _refuse_many(self, total: int, reporter: Reporter) -> None:
-        """Raise DsfabError with the expected time of all variants, because there are too many."""
         reporter("preview", f"trying one of {total:,} variants")
         with self._previewers() as previewers:
             for number, changes in enumerate(combinations(self.values), start=1):

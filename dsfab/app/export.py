@@ -40,7 +40,7 @@ GROUPS = {
     "member_forces": "forces of members",
     "utilisation": "forces of members",
 }
-"""Titles of groups of formats, by the content of their files. If a content has no title here, its name is the title."""
+"""Titles of groups of file formats, by the content of the files. Other contents are their own title."""
 
 TO_HELP = (
     "The solid: stl, 3mf, step, stpz (compressed), brep, obj, ply, off, glb; ifc with its material and mass; 3dm with "
@@ -58,7 +58,8 @@ SheetName = Literal["uncut", "cut"]
 
 @dataclass(frozen=True)
 class ExportRequest:
-    """A request for a file. If `sheet` is None, a mesh file holds the solid, and a calculix file the uncut sheet."""
+    """A request to write a file. suffix : suffix of its format.    sheet : sheet to write in place of the solid.
+    If `sheet` is None, a mesh file holds the solid, and a file for CalculiX holds the uncut sheet."""
 
     suffix: str
     path: Path
@@ -105,7 +106,8 @@ def export(
 
 
 def write_file(preset: "Preset", built: "Design | None", request: ExportRequest, progress: Progress) -> list[str]:
-    """Write the requested file of a built or a new design; return lines about the file. Raises DsfabError."""
+    """Write the requested file; return lines of text about the file. Raises DsfabError.
+    built : design to write; None to compute the design of `preset`."""
     if request.suffix == ".member_utilisation.csv":
         preset.statics.require_strength()
     if request.suffix == CALCULIX_SUFFIX:
@@ -114,7 +116,7 @@ def write_file(preset: "Preset", built: "Design | None", request: ExportRequest,
 
 
 def offered_formats() -> list[dict[str, str]]:
-    """Return all formats: suffix, group, and `missing`, the reason why this machine cannot write the format, or ''."""
+    """Return a record for each file format: suffix, group, and the reason why this machine cannot write it, or ''."""
     from dsfab.export.formats import FORMATS, MeshFormat
 
     offered = []
@@ -132,7 +134,7 @@ def offered_formats() -> list[dict[str, str]]:
 
 
 def preset_and_folder(name: str, source: Source) -> tuple["Preset", Path]:
-    """Return the preset, and the folder for its files: the built folder, or outputs/NAME."""
+    """Return the preset of a name, file or built folder, and the folder for its files (by default outputs/NAME)."""
     if folder := built_folder(name):
         return source.read_preset(str(folder / "preset.toml")), folder
     loaded_preset = source.read_preset(name)
@@ -140,7 +142,7 @@ def preset_and_folder(name: str, source: Source) -> tuple["Preset", Path]:
 
 
 def built_design(name: str, preset: "Preset") -> "Design | None":
-    """Return the design of a built folder if the folder's preset equals `preset`; else None."""
+    """Return the design in the built folder `name` if its preset equals `preset`; otherwise None."""
     from dsfab.design.output.archive import read_archive
 
     folder = built_folder(name)
@@ -154,7 +156,7 @@ def _suffix_by_word() -> dict[str, str]:
 
 
 def format_suffix(word: str) -> str:
-    """Return the suffix for a word of --to. Raises ExportError for an unknown word and for a missing library."""
+    """Return the suffix of a format: '.step' for 'step'. Raises ExportError if it is unknown or lacks its library."""
     from dsfab.export import FORMATS
 
     suffixes = _suffix_by_word()

@@ -24,7 +24,7 @@ SKETCH_SECONDS = 60.0  # Longest time to wait for the drawing process to finish 
 
 class FirstPicture:
     """The drawing process; use as `with FirstPicture(on_sketch) as first`, and draw inside `first.restore_on_error()`.
-    on_sketch : function that another thread calls when the sketch is ready; None for no sketch."""
+    on_sketch : function that is called, in another thread, when the sketch is drawn; None to draw no sketch."""
 
     def __init__(self, on_sketch: Callable[[], None] | None) -> None:
         self._told = on_sketch
@@ -65,8 +65,8 @@ class FirstPicture:
             raise
 
     def draw(self, sketch: "Design", path: Path, pixels: tuple[int, int], options: dict[str, Any]) -> None:
-        """Start to draw the sketch; later calls do nothing. Draw nothing if an old file at `path` is unreadable.
-        sketch  : see `Design.sketch`.    options : options of `dsfab.render.previewer.Previewer`."""
+        """Start to draw a sketch (a design with an approximate pattern) into the file `path`. Later calls do nothing.
+        pixels : width and height.    options : options of `dsfab.render.previewer.Previewer`."""
         if self._sketched:
             return
         self._path = path
@@ -86,7 +86,7 @@ class FirstPicture:
         return self._window
 
     def draw_structure(self, structure_picture: object, path: Path) -> bool:
-        """Draw a `StructurePicture` into a file; return False after a failure, so that the caller draws it."""
+        """Draw a `StructurePicture` into a file, and wait for the file. Return False if the process failed."""
         successes: list[bool] = []
         if self.finish() is not None:
             self._start_request(pickle.dumps((structure_picture, path), protocol=5), lambda: successes.append(True))

@@ -94,7 +94,6 @@ def inspect(
 
 
 def _built_facts(folder: Path) -> dict[str, Any]:
-    """Return the measures in a folder's design.json; raise PresetError for a folder without them."""
     try:
         facts = json.loads((folder / "design.json").read_text(encoding="utf-8"))
         return {
@@ -106,7 +105,6 @@ def _built_facts(folder: Path) -> dict[str, Any]:
 
 
 def _measured_facts(preset: str, source: Source, picture: Path | None) -> dict[str, Any]:
-    """Return the measures of a new design. Its supports and loads are printed first, in case a later stage fails."""
     from dsfab.design import Design
     from dsfab.render.fabrication import write_workshop_picture
     from dsfab.study.fabrication import fabrication
@@ -139,7 +137,7 @@ def _show_mesh(path: Path, source: Source) -> bool:
 
 
 def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str, str | None]:
-    """Return whether `dsfab build` takes a mesh, a text with reasons or repairs, and the unit of the file's numbers."""
+    """Return (True if `dsfab build` takes a mesh, text with reasons or repairs, unit of the file's numbers)."""
     from dsfab.core.arrays import polygon_perimeter
     from dsfab.preset.proposal import propose
     from dsfab.surface import unit_guess

@@ -16,7 +16,7 @@ from dsfab.core.errors import PresetError
 @Parameter(name="*")
 @dataclass(frozen=True)
 class PresetFile:
-    """File of the preset."""
+    """Options of `dsfab new` for the file that it writes."""
 
     output: Annotated[Path | None, OutputName(help="TOML file to write [NAME.toml].")] = None
     force: Annotated[bool, Switch(help="Overwrite an existing file.")] = False

@@ -59,8 +59,8 @@ def picture_size(text: str) -> tuple[int, int]:
 
 
 def built_folder(name: str) -> Path | None:
-    """Return the path of a built folder; None for any other name: `dome` is a preset, `./dome` a folder.
-    Raises PresetError for a folder that dsfab did not build."""
+    """Return the path of the folder `name` that `dsfab build` wrote; None if `name` is a preset or a file.
+    The name of a shipped preset never means a folder. Raises PresetError for a folder that dsfab did not build."""
     from dsfab.core.toml_files import shipped_presets
 
     folder = Path(name)
@@ -115,7 +115,7 @@ class MeshFlags:
 
     @property
     def wishes(self) -> "MeshWishes":
-        """The user's choice of parts, supports and loads of a mesh."""
+        """These options as the input of a proposal: the user's choice of parts, supports and loads of a mesh."""
         from dsfab.preset.proposal import MeshWishes
 
         return MeshWishes(self.stand or "", self.built_in, self.load, self.only)
@@ -138,9 +138,9 @@ class Source(MeshFlags):
     def read_preset(
         self, name: str, proposal: "Proposal | None" = None, thickness: Literal["sized", "guessed", "open"] = "sized"
     ) -> "Preset":
-        """Return the preset of a name or file, or the proposed preset of a mesh file, with these options applied.
-        proposal  : proposal for the mesh, if the caller has it.
-        thickness : for `auto`: "sized" computes the thickness, "guessed" takes a first guess, "open" leaves `auto`.
+        """Return the preset of a name or file, or the proposed preset of a mesh file, changed by these options.
+        proposal  : result of `self.proposal(name)`; default: it is computed.
+        thickness : if it is `auto`, "sized" computes a thickness, "guessed" takes a first guess, "open" leaves `auto`.
         Raises PresetError for an unknown or invalid preset, and for a preset without its mesh."""
         from dsfab.preset.file import load_preset, require_mesh, with_overrides
 
@@ -160,7 +160,7 @@ class Source(MeshFlags):
         return _built_preset(preset) or sized_preset(preset)
 
     def proposal(self, name: str) -> "Proposal | None":
-        """Return the proposal for a mesh file; None for a preset."""
+        """Return the preset that dsfab proposes for the mesh file `name`; None if `name` is a preset."""
         from dsfab.preset.proposal import OWN, propose
         from dsfab.surface import MESH_SUFFIXES
 
@@ -184,7 +184,7 @@ class Source(MeshFlags):
             )
 
     def overrides(self) -> dict[str, Any]:
-        """Return all changes as values by dotted keys. Raises PresetError for a text without the form KEY=VALUE."""
+        """Return all changes of the preset as values by dotted keys. Raises PresetError if --set has no KEY=VALUE."""
         options = {"unit": self.unit, "up": self.up, "max_triangles": self.max_triangles, "only": [*self.only] or None}
         return self.set_values() | {f"surface.{key}": value for key, value in options.items() if value is not None}
 
@@ -195,7 +195,7 @@ class Source(MeshFlags):
         return dict(parse_override(text) for text in self.set_)
 
     def with_overrides(self, *texts: str) -> "Source":
-        """Return a copy with further changes, KEY=VALUE each; they override the earlier changes."""
+        """Return a copy with further changes, each as a text KEY=VALUE. They override the earlier changes."""
         return replace(self, set_=(*self.set_, *texts))
 
     def command_words(self, name: str) -> list[str]:
@@ -211,7 +211,6 @@ class Source(MeshFlags):
 
 
 def _built_preset(preset: "Preset") -> "Preset | None":
-    """Return the preset with the thickness that its last build chose; None if the preset or its mesh has changed."""
     from dsfab.preset.file import load_preset
 
     path, mesh = Path("outputs") / preset.name / "preset.toml", getattr(preset.surface, "file", None)
@@ -252,7 +251,7 @@ class StepFlags:
     ] = False
 
     def overrides(self) -> tuple[str, ...]:
-        """Return the options as KEY=VALUE texts for the preset."""
+        """Return these options as changes of the preset, each a text KEY=VALUE."""
         options = {"step": self.step, "step_faces": self.max_faces, "step_mb": self.max_mb}
         return tuple(f"export.{key}={json.dumps(value)}" for key, value in options.items() if value is not None)
 
@@ -261,7 +260,8 @@ NO_FLAGS = StepFlags()  # No option is set, so the preset's own STEP options app
 
 
 def estimate_step(preset: "Preset", reporter: Reporter, built: "Design | None" = None) -> int:
-    """Print the faces, size, times and memory that dsfab expects for a STEP file of `built` or of a new design."""
+    """Print the faces, size, times and memory that dsfab expects for a STEP file; return the exit code 0.
+    built : design to estimate; None to compute the design of `preset`."""
     from dsfab.design import run
 
     with reporter:
@@ -273,7 +273,7 @@ def estimate_step(preset: "Preset", reporter: Reporter, built: "Design | None" =
 
 
 def estimate_lines(design: "Design") -> Iterator[str]:
-    """Yield a table of the methods for STEP, then notes and reasons of refusals."""
+    """Yield a table of the methods to write a design as STEP, then lines with notes and reasons of refusals."""
     from dsfab.design.output.files import deliverable
     from dsfab.export import step_estimates
 

@@ -37,11 +37,11 @@ SHOW_WORDS = {
 """Words of --show that are not the name of a single picture, with the pictures that they show."""
 
 SHOWN_ON_REQUEST = {"utilisation": "strength", "buckling": "buckling", "frequency": "frequencies"}
-"""Pictures that `--show all` includes only if the preset sets a certain key of [statics]: picture -> key."""
+"""Pictures that `--show all` includes only if the preset sets a key of [statics]; this key by the picture's name."""
 
 
 def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
-    """Return the pictures that a text names, such as 'all' or 'structure,stress'. Raises DsfabError for other words."""
+    """Return the pictures that a text such as 'all' or 'structure,stress' names. Raises DsfabError for other names."""
     from dsfab.render.colouring import MODE_FIELDS, check_show
 
     names: list[str] = []
@@ -59,7 +59,8 @@ def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class PreviewPage:
-    """Pictures for one page, and the path of the page. options : options of `Previewer`, except `show`."""
+    """A picture file. names : pictures in the file, side by side.    pixels : width and height of each picture.
+    options : options of `Previewer`, except `show`."""
 
     names: tuple[str, ...]
     pixels: tuple[int, int]
@@ -88,7 +89,8 @@ class PictureOptions:
     ] = None
 
     def page(self, preset: "Preset", folder: Path = Path()) -> PreviewPage:
-        """Return a preset's page. Without --output, its file goes to `folder`. Raises DsfabError for a wrong option."""
+        """Return the picture file that these options request. Raises DsfabError for a wrong option.
+        folder : folder of the file, if the options name no file."""
         from dsfab.render.drawing import check_ground
 
         names = (self.show.strip(),) if self.show.strip() in FINISHED_PICTURES else picture_names(self.show, preset)
@@ -239,7 +241,7 @@ def _draw_structure(
     reporter: Reporter,
     first_picture: FirstPicture | None,
 ) -> bool:
-    """Draw the sheet after cutting and thickening; return False if stripes are not evenly spaced, or cutting fails."""
+    """Draw the thickened sheet; return False if the stripes are not evenly spaced, or if cutting fails."""
     from dsfab.render.design_picture import structure_drawing
     from dsfab.render.opengl import require_rendering
     from dsfab.render.picture import write_png

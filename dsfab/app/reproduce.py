@@ -74,7 +74,7 @@ def reproduce(
 
 
 def figures_by_name(names: tuple[str, ...]) -> "list[PaperFigure]":
-    """Return the figures of these names, or all, in the paper's order. Raises DsfabError for an unknown name."""
+    """Return the paper's figures of these presets; all figures without names. Raises DsfabError for an unknown name."""
     from dsfab.reproduction.published import FIGURES
 
     presets = [figure.preset for figure in FIGURES]
@@ -145,7 +145,6 @@ def _processor_name() -> str:
 
 
 def _system_load() -> float:
-    """Return how many programs waited for a core in the last minute, on average; nan if the system does not know."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else math.nan
 
 

@@ -44,7 +44,8 @@ class PlanOptions:
     view: Annotated[str | None, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")] = None
 
     def tables(self, file_tables: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the options as keys of a sweep file; unset options are None. file_tables : keys of the sweep file."""
+        """Return these options as keys of a sweep file. An unset option gives None or an empty list.
+        file_tables : keys of the user's sweep file, which the options add to."""
         from dsfab.app.sweep_options import listed_words
 
         keep_words = listed_words(self.keep)
@@ -69,7 +70,7 @@ class PlanOptions:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Work:
-    """Folder and workers of a sweep, and which earlier runs a continued sweep repeats."""
+    """Options of a sweep: its folder, its processes, and the earlier runs that it repeats."""
 
     output: Annotated[Path | None, OutputName(help="The sweep's folder [outputs/NAME-sweep].")] = None
     workers: Annotated[int | None, Parameter(help="Number of processes [all cores, if memory suffices].")] = None
@@ -82,11 +83,12 @@ class Work:
 
     @property
     def retried_states(self) -> "tuple[State, ...]":
-        """States of earlier runs: a sweep that continues repeats the runs with these states."""
+        """States of the earlier runs that a continued sweep repeats."""
         return ("killed", "failed") if self.retry == "all" else (self.retry,)
 
     def folder(self, what: str, varied: bool) -> Path | None:
-        """Return `what` if it is a sweep's folder; otherwise -o or None. Raises DsfabError if -o is another folder."""
+        """Return the folder of the sweep: `what` if it is an existing sweep's folder, else --output, which may be None.
+        varied : True if the command varies a preset. Raises DsfabError if `what` and --output are different folders."""
         if _is_sweep_folder(what, varied):
             if self.output is not None and self.output.resolve() != Path(what).resolve():
                 raise DsfabError(f"{what} is a sweep's folder, and the sweep continues in it; leave out -o")
@@ -97,7 +99,7 @@ class Work:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class RunChoice:
-    """Runs of an existing sweep to list or to build."""
+    """Options for an existing sweep: runs to list or to build."""
 
     best: Annotated[int | None, Parameter(help="List the best N runs of a sweep's folder.")] = None
     by: Annotated[str | None, Parameter(help="Metric of --best [compliance].")] = None

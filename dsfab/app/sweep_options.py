@@ -12,7 +12,7 @@ Tables = dict[str, Any]
 
 
 def vary_tables(texts: Sequence[str]) -> tuple[Tables, list[Tables]]:
-    """Return the tables [vary] and [[linked]] for the texts of --vary. Raises DsfabError for another form of text.
+    """Return the tables [vary] and [[linked]] of a sweep file for texts of --vary. Raises DsfabError for a wrong form.
 
     KEY=LOW:HIGH:COUNT    COUNT evenly spaced values     KEY=LOW:HIGH:COUNT:log   values with equal ratios
     KEY=LOW:HIGH          a range for --sample; with :log at the end, a logarithmic range
@@ -63,14 +63,15 @@ def _linked_tables(text: str, keys: list[str], values: str) -> Tables:
 
 
 def listed_words(texts: Sequence[str]) -> list[str]:
-    """Return the words of a repeated option whose texts may have commas: ('a,b', 'c') gives a, b, c."""
+    """Return all words in comma lists: ('a,b', 'c') gives a, b, c."""
     return [word.strip() for text in texts for word in text.split(",") if word.strip()]
 
 
 def with_options(
     values: Tables, source: Source = UNCHANGED, vary: Sequence[str] = (), plan_table: Tables | None = None
 ) -> Tables:
-    """Return the tables of a sweep file, changed by the command line. plan_table : further keys, or None."""
+    """Return the tables of a sweep file, changed by options of the command line.
+    values : tables of the file.    vary : texts of --vary.    plan_table : further keys, which override `values`."""
     result = dict(values)
     vary_table, linked = vary_tables(vary)
     if vary_table:

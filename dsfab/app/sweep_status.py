@@ -22,7 +22,8 @@ from dsfab.study.variations import short_names, spelled_value
 
 
 class SweepProgress:
-    """Printer of the progress of a sweep on standard error, with the best value of `metric`."""
+    """Printer of the progress of a sweep on standard error, with the best value of a metric so far.
+    limits : conditions that a run must meet to count as the best."""
 
     def __init__(self, quiet: bool, metric: str, limits: Sequence[Constraint] = ()) -> None:
         self._console = Console(stderr=True, highlight=False, soft_wrap=True, quiet=quiet)
@@ -32,7 +33,7 @@ class SweepProgress:
         self._told = 0.0
 
     def add_run(self, number: int, metrics: Mapping[str, float]) -> None:
-        """Record the metrics of a run that finished in this session or in an earlier session."""
+        """Note a finished run, which may be the best. number : number of the run.    metrics : its values by name."""
         value = metrics.get(self._metric, float("nan"))
         if not isfinite(value) or not all(limit.holds(metrics) for limit in self._limits):
             return
@@ -41,7 +42,7 @@ class SweepProgress:
             self._best = (value, number)
 
     def __call__(self, progress: Progress) -> None:
-        """Report the run that ended last, if any, and the progress of the sweep."""
+        """Print the progress of the sweep, and the error of the last run if it failed."""
         outcome = progress.last
         if outcome is not None and outcome.error:
             limit = 110  # characters of the reason that are shown; the log has the whole reason
@@ -83,7 +84,8 @@ class SweepProgress:
 
 
 def list_or_build_run(path: Path, best_count: int | None, by: str | None, number: int | None, quiet: bool) -> int:
-    """List the best runs by the metric `by`, or build run `number`. Raises DsfabError for a missing sweep or run."""
+    """Build run `number` of a sweep in full; if `number` is None, print the best runs. Return the exit code.
+    by : metric that orders the runs; default: the sweep's first. Raises DsfabError for a missing sweep or run."""
     sweep = SweepFolder.from_folder(path)
     if number is None:
         print_result(_best_runs_table(sweep, best_count or 0, by))

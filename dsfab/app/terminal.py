@@ -27,8 +27,8 @@ class ExitCode(IntEnum):
 
 
 class Reporter:
-    """Printer of stages and seconds on standard error, unless `quiet`. The end of a `with` block ends the last stage.
-    steps : False to show a stage only while it runs."""
+    """Printer of the stages of a command, with seconds, on standard error. The end of a `with` block ends a stage.
+    quiet : True to print nothing.    steps : False to show a stage only while it runs."""
 
     def __init__(self, quiet: bool = False, steps: bool = True) -> None:
         self.quiet, self.steps = quiet, steps
@@ -65,7 +65,7 @@ class Reporter:
             self._stage = None
 
     def stop(self) -> None:
-        """Remove the line that shows the current stage; unlike `done`, print no seconds of the stage."""
+        """Remove the line that shows the current stage, without printing its seconds."""
         if self._status:
             self._status.stop()
             self._status = None

@@ -25,8 +25,8 @@ CALIBRATION_HEAD = (
 
 
 def calibrate(folder: Path, as_json: bool) -> int:
-    """Test the error bounds on random designs. Print the result, and write calibration.json and calibration.csv.
-    Return 1 if less than 95 % of the designs lie within their bounds, else 0."""
+    """Compute the compliance of random designs with error bounds; print how many bounds hold, and write
+    calibration.json and calibration.csv. Return the exit code: 1 if less than 95 % of the bounds hold, else 0."""
     from dsfab.study.verdict.calibration import calibrate as measured
     from dsfab.study.verdict.calibration import summary, table_text
 
@@ -47,7 +47,7 @@ def calibrate(folder: Path, as_json: bool) -> int:
 
 
 def summary_text(rows: "Sequence[TrialRow]") -> str:
-    """Return a sentence about all rows of a calibration."""
+    """Return a sentence that sums up a calibration: how many error bounds hold, and how large errors are."""
     from dsfab.study.verdict.calibration import summary
 
     result = summary(rows)
@@ -84,7 +84,7 @@ TEST_HEAD = (
     *("test", "mesh", "elements", "cells", "unknowns", "value", "reference"),
     *("ratio", "of limit", "rate", "target", "verdict"),
 )
-"""Head of the table. `of limit`: the value divided by the limit for thin sheets; empty if `reference` is that limit."""
+"""Head of the table. `of limit`: the value divided by the value of an infinitely thin sheet."""
 
 PAGE = Path("outputs/verification")  # Default folder of the page.
 

@@ -106,7 +106,8 @@ def _check_ifc(preset: "Preset") -> None:
 
 
 def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
-    """Return an IFC file of the built members, with drawings of their parts. Raises PatternError for a flat sheet."""
+    """Return the bytes of an IFC file of the members as built from flat parts, with drawings of the parts.
+    Raises PatternError for a flat design, which dsfab cuts as one sheet."""
     from dsfab.design.output import body_details
     from dsfab.export import temporary_folder, write
     from dsfab.thickening import SHIFT
@@ -156,7 +157,8 @@ PAPER_SIZES = {
 
 
 def options_source(source: Source, model: str | None, stock: str | None, thickness: str | None) -> Source:
-    """Return `source` with overrides for --model, --stock and --thickness. Raises PresetError for an invalid value."""
+    """Return `source` with changes of the preset for --model, --stock and --thickness; None stands for an unset option.
+    Raises PresetError for an invalid value."""
     texts = []
     if model is not None:
         set_values = source.set_values()

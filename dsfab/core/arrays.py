@@ -15,7 +15,7 @@ Bools = NDArray[np.bool_]
 
 def read_only_copy(values: ArrayLike, dtype: Any, shape: tuple[int | None, ...]) -> NDArray[Any]:
     """Return a read-only copy (...) of `values` with type `dtype`; `None` in `shape` stands for any length.
-    Raises ValueError for another shape, because this is the programmer's mistake, not the user's."""
+    Raises ValueError for another shape."""
     array = np.array(values, dtype=dtype, order="C")
     fits = array.ndim == len(shape) and all(s is None or s == a for s, a in zip(shape, array.shape, strict=False))
     if not fits:
@@ -25,7 +25,7 @@ def read_only_copy(values: ArrayLike, dtype: Any, shape: tuple[int | None, ...])
 
 
 def lock(owner: object, name: str, dtype: Any, shape: tuple[int | None, ...]) -> None:
-    """Replace the field `name` of the frozen dataclass `owner` by a read-only copy; called in its `__post_init__`."""
+    """Replace the field `name` of the frozen dataclass `owner` by a read-only copy; to call in `__post_init__`."""
     object.__setattr__(owner, name, read_only_copy(getattr(owner, name), dtype, shape))
 
 
@@ -69,7 +69,7 @@ def row_min(rows: NDArray[Any]) -> NDArray[Any]:
 
 
 def group_sums(group: Ints, values: Floats, count: int = 0) -> Floats:
-    """Return the sums (g, d) of the rows of `values` (k, d) with equal `group` (k,); g is at least `count`."""
+    """Sum the rows of `values` (k, d) by group; return (g, d). group : (k,) group of each row.    count : least g."""
     return np.stack([np.bincount(group, column, count) for column in values.T], axis=1).astype(np.float64)
 
 
@@ -145,13 +145,13 @@ def transported_vectors(onto: Floats, normal: Floats, x: Floats) -> Floats:
 
 
 def sorted_order(keys: Ints) -> Ints:
-    """Return the order that sorts integers (k,); equal integers keep their order.
-    The function is faster than numpy if a key and its index fit into one integer."""
+    """Return the indices (k,) that sort integers (k,); equal integers keep their order."""
     return _stable_sort(keys)[0]
 
 
 def equal_key_groups(keys: Ints) -> tuple[Ints, Ints, Ints]:
-    """Return `sorted_order` of integers (k,), the starts of groups of equal integers, and each integer's group (k,)."""
+    """Sort integers (k,). Return the sorted order (k,), the place in this order where each group of equal integers
+    starts, and the group (k,) of each integer."""
     order, ascending = _stable_sort(keys)
     is_start = np.concatenate([[True], ascending[1:] != ascending[:-1]]) if len(keys) else np.empty(0, dtype=bool)
     group = np.empty(len(keys), dtype=np.int64)
@@ -190,14 +190,12 @@ def first_few(indices: Ints, count: int = 5) -> str:
     return shown + (", ..." if len(indices) > count else "")
 
 
-ALIKE = 0.05
-"""Relative difference below which widths of openings or bars count as equal: the mesh causes differences like this."""
+ALIKE = 0.05  # Relative difference below which widths of openings or bars count as equal, because of the mesh.
 
 
 def split_value(values: Floats, threshold: float, tolerance: float = ALIKE) -> float:
-    """Return a value near `threshold` that divides values (k,) into small and large ones.
-    It is the middle of the widest gap between values within `tolerance` of the threshold. So nearly equal values are on
-    the same side."""
+    """Return a limit between small and large values (k,): the middle of the widest gap near `threshold`.
+    tolerance : values at a smaller distance from the threshold may be on either side of the limit."""
     close_values = values[np.abs(values - threshold) < tolerance]
     if not len(close_values):
         return threshold

@@ -18,7 +18,7 @@ class DerivedResults(dict[Any, Any]):
 
 
 def derived_results(value: object) -> DerivedResults:
-    """Return the results that are stored in an immutable object. The object must have a `__dict__`."""
+    """Return the results that `derived` functions have stored in an object. The object must have a `__dict__`."""
     results: DerivedResults = vars(value).setdefault("_derived_results", DerivedResults())
     return results
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 class DsfabError(Exception):
     """Unusable input. The message has one sentence: the fault, its place, and the remedy.
-    `dsfab.app.cli` alone turns this error into a line and exit code 1. Any other exception is a bug of dsfab."""
+    `dsfab.app.cli` alone turns this error into a line and an exit code. Any other exception is a bug of dsfab."""
 
 
 class SurfaceError(DsfabError):

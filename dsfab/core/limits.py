@@ -10,13 +10,11 @@ Mark = Status | Literal["note"]  # Status of an entry in a list of checks, or of
 SEVERITY: tuple[Status, ...] = ("pass", "unknown", "fail")
 MARKS: tuple[Mark, ...] = (*SEVERITY, "note")
 BALANCE = 1e-4
-"""Largest accepted sum of loads and reactions, divided by the sum of the loads' magnitudes.
-The limit is far below the error of the elements. It is above rounding errors on very thin triangles, up to 1.3e-5."""
+"""Largest accepted sum of loads and reactions, divided by the sum of the loads' magnitudes; rounding reaches 1.3e-5."""
 REPORTED_RESIDUAL = 1e-8  # dsfab reports a relative residual, in energy, if it is above this value.
 RESIDUAL = 1e-6
 """Largest accepted relative residual, and largest relative error of a compliance that the residual may cause.
-The limit is far below the error of the elements. It is also far above rounding errors, which reach 1e-8 on very thin
-triangles and depend on the number of threads."""
+Rounding errors reach 1e-8 on very thin triangles."""
 LARGEST_MOVE = 0.1  # Largest displacement for linear statics, divided by the longest side of the bounding box.
 AT_ONE_VERTEX = 0.95  # Largest accepted fraction of the reactions at one vertex.
 FEW_VERTICES = 3  # Smallest recommended number of vertices of a loaded support.

@@ -37,14 +37,12 @@ KEYS = ("young", "poisson", "density", "strength")  # Keys of [statics] that a m
 
 
 def _steel(name: str, strength: int, source: str = "") -> NamedMaterial:
-    """Return a structural steel; strength : MPa."""
     says = f"yield {strength} MPa / 1.0, up to 40 mm thick"
     source += "EN 1993-1-1, 3.2.6, 6.1 and table 3.1; density EN 1991-1-1"
     return NamedMaterial(name, 210e9, 0.3, 7850.0, strength * 1e6, 12e-6, says, source)
 
 
 def _timber(name: str, young: float, density: float, strength: float, says: str, source: str) -> NamedMaterial:
-    """Return a timber with values along its grain. says : derivation of the strength.    source : source of values."""
     source += "; strength factors EN 1995-1-1; thermal expansion EN 1991-1-5; Poisson's ratio assumed"
     return NamedMaterial(name, young, 0.3, density, strength, 5e-6, f"tension along the grain {says}", source)
 

@@ -16,7 +16,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def names_and_count(names: Sequence[str], shown: int = 5) -> str:
-    """Return the first names, and the number of the others: 'A01, A02, A03, A04, A05 and 7 more'."""
+    """Return the first names, and the number of further names: 'A01, A02, A03, A04, A05 and 7 more'."""
     return ", ".join(names[:shown]) + (f" and {len(names) - shown} more" if len(names) > shown else "")
 
 
@@ -66,8 +66,7 @@ def length(metres: float) -> str:
     return f"{1000 * metres:.3g} mm" if abs(metres) < 1 else f"{metres:.3g} m"
 
 
-MEANINGFUL_FACTOR = 1000.0
-"""Largest load factor that reports show. Larger buckling factors come from rounding or from negligible compression."""
+MEANINGFUL_FACTOR = 1000.0  # Largest load factor that reports show; larger buckling factors come from rounding.
 
 
 def load_factor(factor: float) -> str:

@@ -25,14 +25,14 @@ NEVERTHELESS = "(statics.check = false switches this check off)"
 
 
 class Objection(NamedTuple):
-    """A sentence with a fault, its place and a remedy; `refuses` is True if the design must not be built."""
+    """A fault of a design: sentence with fault, place and remedy. refuses : True if the design must not be built."""
 
     text: str
     refuses: bool = True
 
 
 def objections(preset: Preset, surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
-    """Yield the objections to a solved sheet, the most serious first."""
+    """Yield the faults of a solved uncut sheet, the most serious first. cases : results by name of the load case."""
     acting, weight = acting_on(preset, surface), preset.statics.area_weight
     yield from _moving(surface, cases)
     if point := _on_one_vertex(surface, acting, cases):
@@ -45,7 +45,7 @@ def objections(preset: Preset, surface: Surface, cases: Mapping[str, CaseResult]
 
 
 def require_buildable(preset: Preset, statics: StaticsResult) -> None:
-    """Raise StaticsError with the most serious objection to a sheet, except if `statics.check` is false."""
+    """Raise StaticsError with the most serious fault of a sheet, unless the preset has statics.check = false."""
     if why := refusal(preset, statics):
         raise StaticsError(why)
 
@@ -75,7 +75,6 @@ def off_surface(preset: Preset, surface: Surface) -> tuple[str, ...]:
 
 
 def _moving(surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
-    """Yield an objection to displacements that are too large for linear statics."""
     worst = max(cases, key=lambda name: cases[name].equilibrium.largest_displacement)
     answer, span = cases[worst].equilibrium, float(np.ptp(surface.V, axis=0).max())
     if answer.largest_displacement > LARGEST_MOVE * span:
@@ -103,7 +102,6 @@ def _on_one_vertex(surface: Surface, acting: Acting, cases: Mapping[str, CaseRes
 
 
 def _on_few_vertices(entries: Sequence[SupportEntry]) -> Iterator[Objection]:
-    """Yield an objection to each support that takes load at few vertices: the stress there depends on the mesh."""
     for entry in entries:
         share = max(entry.share.values(), default=0.0)
         if entry.vertices < FEW_VERTICES and share > SOME_REACTION:
@@ -116,7 +114,6 @@ def _on_few_vertices(entries: Sequence[SupportEntry]) -> Iterator[Objection]:
 
 
 def _past_faces(acting: Acting, surface: Surface, weight: float) -> Iterator[Objection]:
-    """Yield an objection to snow or wind that is almost parallel to all loaded faces, for example snow on a wall."""
     climate = [load for load in acting.load if isinstance(load, Snow | Wind)]
     for load, entry in zip(climate, load_entries(surface, climate, weight), strict=True):
         if entry.total < LEAST_LOAD_SHARE * load.pressure * entry.area:

@@ -85,11 +85,11 @@ class StageResults:
         self.results[name] = value
 
     def derived_value(self, stage: str, name: str, compute: Callable[[], T]) -> T:
-        """Return a value that depends on the results up to `stage`, computed on first access."""
+        """Return the value `name`, computed on first access. It depends on the results of all stages up to `stage`."""
         return _computed_once(self.derived, stage, name, compute)
 
     def input_of(self, stage: str, name: str, compute: Callable[[], T]) -> T:
-        """Return an intermediate value, computed on first access and kept until `stage` has its result."""
+        """Return the intermediate value `name`, computed on first access and kept until `stage` has its result."""
         return _computed_once(self.inputs, stage, name, compute)
 
     def existing_value(self, name: str) -> Any:
@@ -101,7 +101,7 @@ class StageResults:
         return self.inputs.get(name, ("", None))[1]
 
     def of_stages(self, stages: Sequence[str]) -> "StageResults":
-        """Return a copy with the results and derived values of these stages only, for a changed design."""
+        """Return a copy that has only the results and derived values of these stages."""
         names = [name for stage in stages for name in RESULT_NAMES.get(stage, (stage,)) if name in self.results]
         derived = {name: held for name, held in self.derived.items() if held[0] in stages}
         return StageResults({name: self.results[name] for name in names}, derived)
@@ -129,8 +129,8 @@ class Design:
 
     @classmethod
     def from_preset(cls, preset: Preset, earlier: "Design | None" = None, progress: Progress | None = None) -> "Design":
-        """Return a design. It shares results of `earlier` from the stages before the first changed section of the
-        preset. Raises PresetError if `preset` is not a preset, or if its thickness is 'auto'."""
+        """Return the design of a preset; its stages are computed later. Results of the design `earlier` are used again
+        up to the first changed section. Raises PresetError for another type, or if the thickness is 'auto'."""
         if not isinstance(preset, Preset):
             raise PresetError(missing_preset(preset))
         if not preset.statics.is_sized:
@@ -168,7 +168,8 @@ class Design:
         return self._results.has(stage)
 
     def cached_result(self, stage: str, name: str, make: Callable[[], T]) -> T:
-        """Return `make()`, called once and stored under `name`; a design with changes only to later stages keeps it."""
+        """Return the value of `make()`, which is called once; later calls with this `name` return the stored value.
+        A revised design keeps the value if only stages after `stage` change."""
         return self._results.derived_value(stage, name, make)
 
     def existing_result(self, name: str) -> Any:
@@ -217,7 +218,7 @@ class Design:
 
     @property
     def diffusion(self) -> DiffusionResult:
-        """Stage 3: tensors and modes."""
+        """Stage 3: diffusion tensors, made from the stress, and modes: fields whose level lines are stripes."""
         return self._results.result("diffusion", self._diffusion)
 
     def _diffusion(self) -> DiffusionResult:
@@ -236,7 +237,6 @@ class Design:
         return pattern_stage(self.preset, self.analysis, self._log, self._stripe_method(self.analysis))
 
     def _stripe_method(self, analysis: StressedSurface) -> ChosenMethod:
-        """Return the method and centre lines of the stripes, computed once for `sketch` and `pattern`."""
         return self._results.input_of("pattern", "method", lambda: self._chosen_method(analysis))
 
     def _chosen_method(self, analysis: StressedSurface) -> ChosenMethod:
@@ -248,7 +248,6 @@ class Design:
         return chosen_method(self.preset, analysis, self._log, self._results.existing_input("earlier stripes"))
 
     def _rough_design(self) -> "Design | None":
-        """Return a design with fast statics; None if accurate statics exist, or if fast elements save no time."""
         if self.has("statics"):
             return None
         return self._results.input_of("pattern", "rough design", self._design_with_rough_statics)
@@ -311,7 +310,7 @@ class Design:
 
     @property
     def frame(self) -> "Frame":
-        """The members as beams between nodes, with supports and loads.
+        """The beam model of the members, with supports and loads.
         Raises StaticsError if no member has an axis, or if a load has no support."""
         return self.cached_result("slicing", "frame", self._frame)
 
@@ -337,7 +336,7 @@ class Design:
         return member_utilisation(self.preset, self.members, self.member_forces)
 
     def frame_agreement(self) -> "list[FrameAgreement]":
-        """Compare the beam model with the sheet, in each case and combination."""
+        """Compare the beam model with the cut sheet, in each load case and combination."""
         return self.cached_result("slicing", "frame agreement", self._frame_agreement)
 
     def _frame_agreement(self) -> "list[FrameAgreement]":
@@ -358,7 +357,7 @@ class Design:
 
     @property
     def analysis(self) -> StressedSurface:
-        """Results of stages 1 to 3, the input of the pattern."""
+        """Results of stages 1 to 3 (surface, statics, diffusion), the input of the pattern."""
         return StressedSurface(self.surface, self.statics, self.diffusion)
 
     @property
@@ -378,7 +377,7 @@ class Design:
 
     @property
     def resolved_preset(self) -> Preset:
-        """The preset with the results of all searches in place of `auto`; it gives this design without a search."""
+        """The preset with the values that dsfab chose in place of `auto`; this preset gives the same design."""
         return self.pattern.preset_with_choices(self.preset)
 
     @property
@@ -423,7 +422,7 @@ class Design:
 
 
 def summary_lines(design: Design) -> Iterator[str]:
-    """Yield lines of text: a line for the design and a line for each result."""
+    """Yield lines of text about a design: its name, then a line for each result that exists."""
     preset = design.preset
     yield f"Design {preset.name}" + (f": {preset.description}" if preset.description else "")
     if design.has("surface"):
@@ -448,8 +447,8 @@ def run(preset: Preset, progress: Progress | None = None) -> Design:
 
 
 def revise(design: Design, preset: Preset, progress: Progress | None = None) -> Design:
-    """Return the design of `preset`. It shares the results of `design` from the stages before the first section that
-    differs, for example the statics if [pattern] changes."""
+    """Return the design of a changed preset. Results of `design` before the first changed section are used again,
+    for example the statics if [pattern] changes."""
     return Design.from_preset(preset, design, progress).until("thickening")
 
 

@@ -36,7 +36,7 @@ def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) ->
 
 
 def load_axes(surface: Surface, load: LoadCase) -> Floats:
-    """Return three axes, rows (3, 3). They fix the signs of modes, and the bases of modes with equal eigenvalues."""
+    """Return three axes of a surface under a load, as rows (3, 3). These axes fix the signs of modes."""
     sizes = np.linalg.norm(load.force, axis=1)
     density = sizes / np.where(surface.vertex_areas > 0, surface.vertex_areas, np.inf)
     resultant = load.force.sum(axis=0)
@@ -45,7 +45,7 @@ def load_axes(surface: Surface, load: LoadCase) -> Floats:
 
 
 def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log: Log) -> DiffusionResult:
-    """Return tensors and modes of the major and the minor stripes, the result of stage 3."""
+    """Return the result of stage 3: diffusion tensors and modes of the major and of the minor stripes."""
     options = preset.diffusion
     log.report("diffusion", f"computing {options.modes} modes of major and minor stripes")
     with log.row("diffusion"):
@@ -84,7 +84,7 @@ def _tensors(preset: Preset, surface: Surface, statics: StaticsResult) -> tuple[
 
 
 def without_modes(preset: Preset, surface: Surface, statics: StaticsResult) -> DiffusionResult:
-    """Return the diffusion tensors. Compute no modes, because evenly spaced stripes need none."""
+    """Return a result of stage 3 with diffusion tensors but no modes, for evenly spaced stripes."""
     none = Modes(np.zeros(0), np.zeros((surface.n, 0)))
     return DiffusionResult(_tensors(preset, surface, statics)[1], none, none)
 
@@ -102,9 +102,9 @@ def _unclear_direction_message(share: float, labelling: Labelling) -> str:
 @dataclass(frozen=True, eq=False)
 class Steering:
     """Changes of stripe directions by the user.
-    turn     : rotation of stripes from the stress, radians.    guidance : guides.
+    turn     : angle from the stress to the stripes, radians.   guidance : guides (curves that steer stripes).
     symmetry : symmetry of the changed directions.              told     : a note for the user, or ''.
-    loops    : small loops of the boundary that are supported; each will get a guide around it."""
+    loops    : small supported loops of the boundary; `with_loops` puts a guide around each loop."""
 
     turn: float
     guidance: tuple[Guidance, ...]
@@ -113,12 +113,12 @@ class Steering:
     loops: tuple[LoopSurroundings, ...] = ()
 
     def with_loops(self, frames: Frames, stress: StressDirections) -> "Steering":
-        """Return a copy with a guide (curve that steers stripes) around each small boundary loop in `loops`."""
+        """Return a copy with a guide (curve that steers stripes) around each boundary loop in `loops`."""
         around = (loop.guidance(frames, stress, self.turn) for loop in self.loops)
         return replace(self, guidance=(*self.guidance, *around), loops=())
 
     def confidence(self, surface: Surface, stress: Floats) -> Floats:
-        """Return the clarity of the stripe direction per face (m,), 0 to 1. stress : (m,) clarity without guides."""
+        """Return how clear the stripe direction is on each face (m,), 0 to 1. stress : (m,) the same without guides."""
         return np.minimum(stress + self.guide_weights(surface), 1.0) if self.guidance else stress
 
     def guide_weights(self, surface: Surface) -> Floats:
@@ -168,7 +168,7 @@ def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacin
 
 
 def keeps_orientation(surface: Surface, symmetry: Symmetry) -> Bools:
-    """Return (g,) True for each mirror or rotation that keeps clockwise angles clockwise on over 90 % of the area."""
+    """Return a mask (g,) of mirrors and rotations: True if clockwise angles stay clockwise on over 90 % of the area."""
     normal = surface.normals
     agree = [
         np.linalg.det(R) * np.einsum("mi,mi->m", normal @ R.T, normal[face]) > 0
@@ -178,7 +178,7 @@ def keeps_orientation(surface: Surface, symmetry: Symmetry) -> Bools:
 
 
 def keeps_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, ...]) -> Bools:
-    """Return (g,) True for each element of a symmetry group that maps the guides to themselves."""
+    """Return a mask (g,) of the mirrors and rotations of a symmetry: True if the guides are mapped to themselves."""
     area, n = frames.surface.vertex_areas, frames.surface.n
     tensors = [guide.tensors(frames) for guide in guidance]
     total = np.asarray(sum(tensors))
@@ -192,7 +192,6 @@ def keeps_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, .
 
 
 def _subgroup(symmetry: Symmetry, selected: Bools) -> tuple[Symmetry | None, int]:
-    """Return the group of selected mirrors and rotations, and its order; None and 1 without a group of two or more."""
     R = symmetry.R[selected]
     maps = tuple(T for T, is_selected in zip(symmetry.maps, selected, strict=True) if is_selected)
     if len(R) < 2 or len(generated_group(list(R))) != len(R):

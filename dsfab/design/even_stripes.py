@@ -39,13 +39,12 @@ from dsfab.slicing import LineHalving, chart_of, halve_lines
 from dsfab.statics import varying_thickness
 from dsfab.surface import Surface, link_components
 
-SLOPES = (0.6, 1.6)
-"""Range of a phase's gradient divided by its wanted value. Only faces around singular points are outside of it."""
+SLOPES = (0.6, 1.6)  # Limits of the actual number of stripes per metre, divided by the wanted number.
 
 
 @dataclass(frozen=True, eq=False)
 class FamilyLines:
-    """The lines of one family: curves on which its phase is a whole number. A halving ends every second line.
+    """The centre lines of one family of stripes, where its phase is a whole number. A halving ends every second line.
     most  : largest number of halvings.    wish : (m,) wanted number of halvings on each face, 0 to `most`.
     free  : (m,) wanted number of halvings on each face, without limits.
     slope : (n,) lines per metre at each vertex, before halving.
@@ -61,7 +60,7 @@ class FamilyLines:
 
 @dataclass(frozen=True, eq=False)
 class StripeDirections:
-    """Directions of both families, and the input for their phases.
+    """Directions of the major and of the minor stripes, and further input for their phases.
     given      : directions of the principal stresses.    along : (n, 3) directions of major stripes at vertices.
     confidence : (m,) clearness of the direction on each face, 0 to 1.
     moved      : (n,) displacement of each vertex under the loads whose stress the pattern follows, in any unit.
@@ -175,7 +174,7 @@ def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Image
 
 @dataclass(frozen=True, eq=False)
 class FamilyCourse:
-    """Directions and density of one family, from which `lines` computes the family's lines for any spacing.
+    """Directions and density of one family of stripes, from which `lines` computes centre lines for any spacing.
     g     : (n, 3) direction of the phase gradient at each vertex.    u : (n,) logarithm of the density.
     start : (n,) weight of each vertex when the phase is chosen.    members : guide curves that become members."""
 
@@ -188,7 +187,7 @@ class FamilyCourse:
 
     @classmethod
     def for_family(cls, directions: StripeDirections, name: str, halve: bool) -> Self:
-        """Return directions and density of family `name`, with weights `start` (stress / largest stress) ** 4."""
+        """Return directions and density of the family `name`. halve : True if every second line may end."""
         g = directions.gradients[FAMILIES.index(name)]
         surface = directions.frames.surface
         size = vertex_means(surface, np.abs(directions.given.stress).max(axis=1))
@@ -202,8 +201,7 @@ class FamilyCourse:
         return replace(self, halved=halving(self.u, self.follow.frames.surface.vertex_areas, allowed=False))
 
     def lines(self, spacing: float) -> FamilyLines:
-        """Return the lines of the family, with a mean spacing of `spacing` metres.
-        Lines are shifted by half a period if they then pass through larger stresses and displacements."""
+        """Return the centre lines of the family. spacing : mean distance from one line to the next, metres."""
         frames, images, halvings = self.follow.frames, self.follow.images, self.halved.most
         surface = frames.surface
         finest = density(surface, self.u, spacing, self.halved)
@@ -226,14 +224,13 @@ class FamilyCourse:
 
 
 def _movement(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
-    """Return the displacement of each vertex (n,), summed over loads that the pattern follows; ones if all are zero."""
     followed = [(weight, statics.cases[name].equilibrium.u) for name, weight in preset.followed_weights.items()]
     movement = sum(abs(weight) * np.linalg.norm(u, axis=1) for weight, u in followed)
     return np.asarray(movement if np.any(movement) else np.ones(surface.n))
 
 
 def no_lines(surface: Surface, spacing: float) -> FamilyLines:
-    """Return a family without lines. All faces are singular (they have no phase). `slope` is 1 / `spacing`."""
+    """Return a family that draws no lines: no face has a phase. spacing : metres; `slope` is 1 / `spacing`."""
     sides = (surface.m, 3)
     phase = CornerPhase(np.zeros(surface.n), np.ones(sides), np.zeros(sides), np.ones(surface.m, dtype=bool))
     return FamilyLines(phase, 0, np.zeros(surface.m), np.zeros(surface.m), np.full(surface.n, 1 / spacing), 1.0)
@@ -261,9 +258,8 @@ def follows_membrane(preset: Preset, surface: Surface, statics: StaticsResult) -
 
 
 def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) -> StaticsResult:
-    """Return statics in which the pattern follows optimal forces: those in the stiffest sheet of varying thickness.
-    The stresses are the optimal forces divided by the preset's thickness. Raises PatternError if the sheet bends.
-    """
+    """Return statics in which the pattern follows the forces in the stiffest sheet of varying thickness.
+    The stresses are these forces divided by the preset's thickness. Raises PatternError if the sheet bends."""
     if not follows_membrane(preset, surface, statics):
         raise PatternError(
             'pattern.forces = "optimal" needs membrane forces, but this pattern follows bending; set '
@@ -337,7 +333,6 @@ def _redrawn_lines(
 
 
 def _spacing_errors(surface: Surface, divided: "_DividedFamilies", spacings: list[float]) -> Floats:
-    """Return for each family (2,) the mean logarithm of actual lines per metre divided by requested lines per metre."""
     mean = surface.vertex_areas @ divided.density / surface.area
     return np.asarray(np.log(mean * np.array(spacings)))
 
@@ -373,7 +368,7 @@ def _digits(length: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _DividedFamilies:
-    """Families after halving. density : (n, 2) remaining lines per metre, averaged over symmetric images."""
+    """Major and minor lines after halving. density : (n, 2) remaining lines per metre at each vertex."""
 
     both: tuple[FamilyLines, FamilyLines]
     halved: LineHalving

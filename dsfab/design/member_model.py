@@ -109,7 +109,6 @@ def action_cases(preset: Preset, surface: Surface, statics: StaticsResult) -> di
 
 
 def _action_kind(kind: str | None) -> str:
-    """Return the kind of an action of EN 1990: permanent, snow, wind or variable; '' for None."""
     if kind is None or kind in ("permanent", "wind"):
         return kind or ""
     return "snow" if kind.startswith("snow") else "variable"
@@ -123,8 +122,9 @@ def beam_model(
     cases: Mapping[str, ActionCase],
     loads: Mapping[str, LoadCase],
 ) -> "Frame":
-    """Return the beam model of a cut sheet with its members, under the loads of these cases. If a case is divided into
-    kinds of action (such as snow), a combination adds its parts. Raises StaticsError if no member has an axis."""
+    """Return the beam model of a cut sheet with its members, with combinations of load cases.
+    cases : loads by kind of action, from `action_cases`.    loads : the same loads on the cut sheet, by the same names.
+    Raises StaticsError if no member has an axis."""
     from dsfab.members.frame import BeamMaterial, frame_of
 
     section = preset.statics
@@ -142,7 +142,7 @@ def beam_model(
 def beam_agreement(
     preset: Preset, sheet: Surface, graph: "MemberGraph", frame: "Frame", loads: Mapping[str, LoadCase]
 ) -> list["FrameAgreement"]:
-    """Compare the beams with the cut sheet in each case. Here ribs of the sheet have the torsional stiffness of beams.
+    """Compare the beam model with the cut sheet under each of the loads. Ribs of the sheet twist like beams here.
     Raises StaticsError if the supports do not hold the beams or the sheet."""
     from dsfab.members.frame import agreement, solve_frame
 

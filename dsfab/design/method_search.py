@@ -29,14 +29,12 @@ from dsfab.slicing import Sheet
 from dsfab.surface import Surface
 
 EXCHANGEABLE_RULES = ("constant", "graded")  # The search may replace these width rules if there is a solid fraction.
-SPACINGS = (0.75, 1.25)
-"""Factors on the default spacings. The search also tries these spacings. In flat sheets loaded in their plane, closer
-stripes are mostly stiffer if the mesh is fine enough."""
+SPACINGS = (0.75, 1.25)  # Factors on the default spacings of stripes; the search also tries these spacings.
 
 
 @dataclass(frozen=True, eq=False)
 class MethodCandidate:
-    """A pattern method, with the results of its trial.
+    """A pattern method as a candidate of the search, with the results of its trial.
     preset  : preset with chosen values for `auto`.    choice  : tried modes and phases, best first, or None.
     even    : evenly spaced stripes; None for modes.   sheet   : sheet after the cut; None if the trial failed.
     grading : (n, f) relative half-width of f families at n vertices; None without the rule `stressed`.
@@ -61,7 +59,7 @@ def stressed_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
     """Yield the best evenly spaced stripes and the best stripes from modes, with widths by the rule `stressed`.
-    Yield nothing if the preset's own width rule must stay."""
+    This rule sets widths by the energy of the cut sheet. Yield nothing if the preset's width rule must stay."""
     if not _exchangeable(preset.pattern.width):
         return
     for method in ("stripes", "modes"):
@@ -129,8 +127,6 @@ def respaced_candidates(
 
 
 def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple[dict[str, Family], str]:
-    """Return the families that have no spacing in the preset, with `factor` times their default spacing; and a text of
-    new spacings. Spacings under two mesh edges are left out: a member needs one edge, an opening another edge."""
     families, distances = dict[str, Family](), list[str]()
     for name in preset.pattern.family_names:
         family: Family = getattr(preset.pattern, name)
@@ -142,7 +138,7 @@ def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple
 
 
 def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) -> MethodCandidate:
-    """Cut the candidate as in a build with default [slicing], solve it with the elements of trials, and return it."""
+    """Cut a candidate as in a build with default [slicing], solve the cut sheet; return the candidate with results."""
     preset = candidate.preset.model_copy(update={"slicing": Slicing()})
     trial, log = Trial(preset, analysis, candidate.even), Log(None)
     try:
@@ -162,8 +158,8 @@ def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) ->
 def uncrowded_candidate(
     candidate: MethodCandidate, analysis: StressedSurface, draw: Callable[[Preset], MethodCandidate], progress: Progress
 ) -> MethodCandidate:
-    """Return `candidate` if its filled openings form no solid plate. Otherwise try other values of [pattern], and
-    return the best candidate (see `uncrowded_changes`).
+    """Return `candidate` if its filled openings form no solid plate. Otherwise try the changes of [pattern] from
+    `uncrowded_changes`, and return the best candidate.
     draw : function that returns the stripes of a preset, without widths."""
     surface, options, pattern = analysis.surface, candidate.preset.pattern, candidate.drawn
     trial = pattern and (pattern.trial or trial_cut(candidate.preset, surface, pattern))
@@ -208,7 +204,7 @@ def uncrowded_changes(design: DesignDraft, plate: FilledOpenings) -> Iterator[di
 
 
 def methods(preset: Preset) -> list[tuple[str, bool]]:
-    """Return the methods to try, as pairs (name, halve). halve : every second stripe may end in dense places."""
+    """Return the pattern methods to try, as pairs (name, halve). halve : True if every second stripe may end."""
     halved = [("stripes", True)] if preset.pattern.may_halve else []
     modes = [] if preset.pattern.is_steered else [("modes", preset.pattern.halve)]  # modes cannot follow guides
     return [*halved, ("stripes", False), *modes]
@@ -217,7 +213,8 @@ def methods(preset: Preset) -> list[tuple[str, bool]]:
 def method_candidates(
     preset: Preset, analysis: StressedSurface, log: Log, method: str, halve: bool
 ) -> Iterator[MethodCandidate]:
-    """Yield the patterns of one method, one for each width rule, after cutting and solving."""
+    """Yield a candidate for each width rule with this method ("stripes" or "modes"), after cutting and solving.
+    halve : True if every second stripe may end where stripes are dense."""
     title = {"modes": "modes", "stripes": "halved stripes" if halve else "stripes"}[method]
     variant_preset = preset.with_pattern(method=method, halve=halve, weight_rounds=0)
     if method == "modes":
@@ -271,7 +268,6 @@ def _exchangeable(width: Width) -> bool:
 
 
 def _width_variants(width: Width) -> dict[str, Width]:
-    """Return width rules to try, by name. Half of `width.q` suits designs that mainly carry their own weight."""
     if not _exchangeable(width):
         return {width.rule: width}
     gentle = 0.5 * width.q
@@ -279,8 +275,7 @@ def _width_variants(width: Width) -> dict[str, Width]:
     return {"constant": constant, "graded": graded, f"graded q {gentle:g}": graded.model_copy(update={"q": gentle})}
 
 
-NEAR_BEST = 0.1
-"""Candidates with a compliance less than 10 % above the smallest are built and solved again by accurate elements."""
+NEAR_BEST = 0.1  # Candidates with a compliance up to 10 % above the smallest are solved again by accurate elements.
 
 
 def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[MethodCandidate, tuple[Attempt, ...]]:

@@ -33,7 +33,8 @@ SHARE_TOLERANCE = 2e-3  # Largest error of the solid fraction when the search cu
 
 
 class CarryingSheet(NamedTuple):
-    """Cells of a cut, the supported part (`sheet`), and options to remove loose ends. Other fields: see `Candidate`."""
+    """A cut sheet that carries its loads. cells : all cells of the cut.    sheet : material that reaches a support.
+    tidy : options to remove loose ends, or None.    Other fields: see `Candidate`."""
 
     cells: Sheet
     sheet: Sheet
@@ -44,7 +45,7 @@ class CarryingSheet(NamedTuple):
 
 
 class TrialResult(NamedTuple):
-    """Result of a trial whose sheet carries its loads: the candidate with its compliance, the pattern, the cut."""
+    """Result of a trial: candidate with compliance, pattern, sheet that carries the loads, and all cells of the cut."""
 
     candidate: Candidate
     pattern: PatternResult
@@ -53,7 +54,7 @@ class TrialResult(NamedTuple):
 
 
 class Trial:
-    """Cutting and solving of patterns on one surface. even : evenly spaced stripes; None for stripes from modes."""
+    """Trials that cut and solve patterns on one surface. even : evenly spaced stripes; None for stripes from modes."""
 
     def __init__(self, preset: Preset, analysis: StressedSurface, even: EvenStripes | None = None) -> None:
         self.preset, self.given, self.surface, self.even = preset, analysis, analysis.surface, even
@@ -68,7 +69,7 @@ class Trial:
         return self.compliance(self.surface, self.loads)
 
     def candidate(self, mode: tuple[int, int], phase: tuple[float, float]) -> Candidate:
-        """Try modes and phases of major and minor stripes. An error message is stored in the candidate."""
+        """Cut and solve the pattern with these modes and phases (major, minor). A failure is recorded in `refused`."""
         try:
             return self.result(self.preset.with_modes(mode, phase)).candidate
         except DsfabError as error:
@@ -88,7 +89,7 @@ class Trial:
         return TrialResult(candidate, pattern, carrying.sheet, carrying.cells)
 
     def carrying(self, layers: Sequence[Layer]) -> "CarryingSheet":
-        """Cut along the outlines of `layers`; return the material. Raises DsfabError if it does not carry the loads."""
+        """Cut along the outlines of `layers`; return the cut sheet. Raises DsfabError if the loads are not carried."""
         surface = self.surface
         tidy = tidy_of(self.preset, self.given, layers)
         fields, levels = [layer.field for layer in layers], [layer.levels for layer in layers]
@@ -110,7 +111,7 @@ class Trial:
         return CarryingSheet(cells, sheet, *shares, count, tidy)
 
     def loads_on(self, sheet: Sheet) -> dict[str, LoadCase]:
-        """Return the loads on a sheet, by name. The pattern follows the stress of these loads."""
+        """Return the loads whose stress the pattern follows, on a cut sheet, by name."""
         return loads_on(self.surface, sheet, self.loads)
 
     def stiffness(self, surface: Surface, loads: dict[str, LoadCase]) -> FaceStiffness:
@@ -126,17 +127,17 @@ class Trial:
         return families, layers
 
     def compliance(self, surface: Surface, loads: dict[str, LoadCase], use: Quantity | Aid = "ranking") -> float:
-        """Return the weighted sum of compliances over the loads that the pattern follows, joules."""
+        """Return the weighted sum of the compliances under `loads`, joules. use : purpose; it selects the elements."""
         answers = solve_for(self.preset.statics.sheet().model_for(surface), loads, use)
         return sum(weight * answers[name].compliance for name, weight in self.preset.followed_weights.items())
 
 
-LEAST_HALF_WIDTH, MOST_HALF_WIDTH = 0.01, 0.55
-"""Limits of half-widths in the search, in periods. The range is wide: stripes and openings can vanish and come back."""
+LEAST_HALF_WIDTH, MOST_HALF_WIDTH = 0.01, 0.55  # Limits of the half-widths of stripes in the search, periods.
 
 
 class WidthStep(NamedTuple):
-    """Trial of the rule `stressed`. worth : compliance (J) * material share, minimised.    after : next half-widths."""
+    """Trial of the width rule `stressed`. worth : compliance (J) times share of material; small is good.
+    grading : relative half-widths of this trial.    after : relative half-widths for the next trial."""
 
     worth: float
     grading: Floats
@@ -214,7 +215,8 @@ class StressedTrial(Trial):
         self.factor = self.added = 0.0
 
     def step(self, grading: Floats) -> WidthStep:
-        """Cut and solve with half-widths `grading` (n, f). Raises DsfabError if the sheet does not carry the loads."""
+        """Cut and solve with relative half-widths `grading` (n, f) of f families; compute the next half-widths.
+        Raises DsfabError if the sheet does not carry the loads."""
         families = [family.with_stress(g) for family, g in zip(self.families, grading.T, strict=True)]
         search = WidthSearch(self._share, SHARE_TOLERANCE, self.factor, added=self.added)
         layers, self.factor = solved_layers(self.preset, self.surface, self.kept, families, search)
@@ -234,7 +236,6 @@ class StressedTrial(Trial):
         return WidthStep(float(energy.sum()) * carrying.kept, grading, self._clipped_grading(families, next_grading))
 
     def _by_family(self, sheet: Sheet, names: NDArray[np.str_], x: Floats) -> Floats:
-        """Return sums (m, 2) of the values x (m',) of a sheet's cells, for each uncut face and each family."""
         sums = []
         for family in self.families:
             cells = np.flatnonzero(names[sheet.family] == family.name)
@@ -249,22 +250,21 @@ class StressedTrial(Trial):
 
 START = (0.25, 0.0, 0.5, 0.75)
 """Phases that the search tries first if it chooses the modes of both families. Both families get the same phase.
-Pairs with mode 1 are tried with all four phases, other pairs only with the first: the phase hardly matters for them."""
+Pairs with mode 1 are tried with all four phases, other pairs only with the first phase."""
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
-"""Phases that the search tries first, in all combinations: first list if the preset sets both modes, second if one."""
+"""Phases that the search tries first, in all combinations: GRID[k] if the search chooses the modes of k families."""
 TOGETHER = ((1, 1), (-1, -1))  # Equal changes of both phases, in units of the step in `ROUNDS`.
 AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Changes of major and minor phase, in the same unit.
 ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))
 """Later rounds of the search: number of best pairs of modes, step of the phases (periods), and changes / step."""
-CONNECTED_SHARE = 0.98
-"""Designs with a smaller share of the material in the largest supported piece come last in the search."""
+CONNECTED_SHARE = 0.98  # Designs whose largest supported piece has a smaller share of the material rank last.
 ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]  # Modes and phases of both families.
 
 
 def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
-    """Return the candidates for modes and phases that are `auto`, best first (smallest product of compliance and
-    material). At most 57 are tried. With the width rule `stressed`, trials use graded widths. Then `stressed_choice`
-    moves the best candidate for `stressed` to the front. Raises PatternError if no candidate carries the loads."""
+    """Search for the modes and phases that are `auto`; return all tried candidates, at most 57. The best comes first:
+    it has the smallest product of compliance and material. With the width rule `stressed`, trials use graded widths;
+    then `stressed_choice` moves the best candidate to the front. Raises PatternError if none carries the loads."""
     candidates: dict[ModesAndPhases, Candidate] = {}
     with log.row("choice"):
         trial = Trial(preset, analysis)

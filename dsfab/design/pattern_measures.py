@@ -95,8 +95,8 @@ def _sheet_quality(
 
 
 def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
-    """Keep only dead ends near the cut sheet (within `reach`) where no member of the other family continues.
-    reach : m.    half_width : (n,) half-width of the family's members at each vertex, in periods."""
+    """Keep only the dead ends of a family that exist on the cut sheet: ends within `reach` (m) of the sheet where no
+    other member continues.    half_width : (n,) half-width of the family's stripes, in periods."""
     width = 2 * float(np.median(half_width)) * family.spacing[1]
 
     def remaining(places: Floats, dead: Callable[[Arms, float], bool]) -> Floats:
@@ -117,12 +117,12 @@ def pattern_chart(design: PatternedDesign) -> Chart:
 
 
 def stripes_on_chart(design: PatternedDesign) -> StripeChart:
-    """Return the stripes and kept regions of a design on `pattern_chart`."""
+    """Return the stripes of a design before the cut, with its kept regions (regions that are all material)."""
     return pattern_on_chart(design.surface, pattern_chart(design), design.pattern)
 
 
 def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternResult) -> Chart:
-    """Return the surface with phases (n, 2) at vertices: mode value times frequency, plus the phase of the pattern."""
+    """Return the surface with the phases (n, 2) of stripes from modes: mode value times frequency, plus phase."""
     modes = zip((diffusion.major, diffusion.minor), pattern.mode, strict=True)
     x = np.stack([family.mode(number) for family, number in modes], axis=1)
     z = x * np.array(pattern.frequency) + np.array(pattern.phase)
@@ -130,7 +130,7 @@ def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternRe
 
 
 def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> StripeChart:
-    """Return the stripes and kept regions of a pattern on a chart."""
+    """Return the stripes of a pattern and its kept regions. chart : the phases of its stripes on the surface."""
     d = np.stack([pattern.half_width(name) for name in FAMILIES], axis=1)
     kept_height = np.full(surface.n, -1.0)
     for name, x, levels in zip(pattern.names, pattern.fields, pattern.levels, strict=True):
@@ -142,7 +142,8 @@ def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> 
 
 
 def followed_directions(design: PatternedDesign) -> StressDirections:
-    """Return directions that families follow, and the stress along each; with `rotate`, a mean of absolute values."""
+    """Return the directions that the two families of stripes follow on each face, and the stress along each direction.
+    With `pattern.rotate`, the stress is a mean of the absolute principal stresses."""
     preset = design.preset
     stress, direction = principal_stresses(design.surface, followed_stress(preset, design.surface, design.statics))
     if design.pattern.even is None and preset.diffusion.labelling == "magnitude":
@@ -168,7 +169,7 @@ def roles_of_families(design: PatternedDesign) -> tuple[FamilyRole, FamilyRole]:
 
 
 def one_family_message(roles: tuple[FamilyRole, FamilyRole], families: str) -> str:
-    """Return a sentence if `families` has hoops or purlins but not the arches that carry the loads; else ''."""
+    """Return a warning if the pattern lacks the arches that carry the loads; else ''. families : `pattern.families`."""
     drawn_role, omitted_role = sorted(roles, key=lambda role: role.key != families)
     if families == "both" or omitted_role.shape != "arches":
         return ""
@@ -179,7 +180,7 @@ def one_family_message(roles: tuple[FamilyRole, FamilyRole], families: str) -> s
 
 
 def used_symmetry(design: PatternedDesign) -> Symmetry | None:
-    """Return the mirrors and rotations of a pattern, or None."""
+    """Return the mirrors and rotations that the pattern must have, or None."""
     if design.pattern.even is not None:
         return design.pattern.even.symmetry
     words = design.preset.diffusion.symmetry
@@ -193,7 +194,7 @@ def symmetry_error(surface: Surface, stripes: StripeChart, symmetry: Symmetry) -
 
 
 def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
-    """Return the same error as `symmetry_error` for the cells of the cut."""
+    """Return the share of the area where the material after the cut differs from its symmetric image, at worst."""
     V, F = cells.surface.V, cells.surface.F
     return _asymmetric_share(
         surface, cells.surface, symmetry, lambda points: cells.material[nearest_places(points, V, F).simplex]
@@ -226,8 +227,8 @@ def _is_material(stripes: StripeChart, points: Floats) -> Bools:
 
 
 def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3) -> FilledOpenings | None:
-    """Return the largest group of filled openings with at most `apart` metres between neighbours, or None.
-    samples : number of cells to check in each opening, largest first. If all are material, the opening is filled."""
+    """Return the largest group of openings that finishing filled, with at most `apart` metres between neighbours.
+    before, after : cells before and after finishing.    samples : number of places to check in each opening."""
     openings = openings_of(before)
     if openings is None:
         return None
@@ -248,8 +249,8 @@ def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3)
 
 
 def merged_members(options: Pattern, surface: Surface, pattern: PatternResult) -> FilledOpenings | None:
-    """Return the largest area outside kept regions where members of a single family touch. Return None if none touch,
-    or for a pattern of two families. The area / spacing^2 is the number of filled openings."""
+    """Return the largest area where neighbouring members touch, outside kept regions, for a pattern of one family.
+    The area counts as area / spacing^2 filled openings. None if no members touch, or for two families."""
     if options.families == "both":
         return None  # `largest_filling` counts filled openings between two families
     touch = pattern.half_width(options.families) >= SOLID

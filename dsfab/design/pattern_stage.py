@@ -25,7 +25,8 @@ from dsfab.surface import LoadParts, Surface
 
 
 def stripes_under_own_weight(preset: Preset, analysis: StressedSurface, log: Log) -> EvenStripes:
-    """Return stripes, redrawn `pattern.rounds` times for their own weight. Raises PatternError like `even_stripes`."""
+    """Return evenly spaced stripes along the stress, redrawn `pattern.rounds` times for the stress under the weight of
+    the stripes. Raises PatternError like `even_stripes`."""
     log.report("pattern", "finding evenly spaced stripes along the stress")
     surface, statics = analysis.surface, analysis.statics
     even = even_stripes(preset.with_pattern(weight_rounds=0), surface, statics)
@@ -90,9 +91,9 @@ def _lighter_loading(loading: Loading, surface: Surface, share: Floats) -> Loadi
 
 
 def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[float, float]:
-    """Return the mean and the 95 % quantile of the angle (degrees) between principal directions of two stresses (m, 3,
-    3). In the mean, the weight of a face is its area times the difference of its two principal stresses in `before`.
-    The quantile has areas as weights, and counts only faces with clear directions."""
+    """Return the mean and the 95 % quantile of the angle (degrees) between the principal directions of two stresses.
+    before, after : (m, 3, 3). The mean has weights: a face's area times the difference of its principal stresses in
+    `before`. The quantile has areas as weights, and counts only faces with clear directions."""
     (stress, directions), (_, directions_after) = (principal_stresses(surface, sigma) for sigma in (before, after))
     axis_before, axis_after = directions[:, 0], directions_after[:, 0]
     across = np.linalg.norm(np.cross(axis_before, axis_after), axis=1)
@@ -110,7 +111,7 @@ def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[f
 
 
 class EarlierStripes(NamedTuple):
-    """Evenly spaced stripes of an earlier design with the same surface and stress. asked : the earlier [pattern]."""
+    """Stripes of an earlier design with the same surface and stress. asked : options [pattern] of that design."""
 
     asked: Pattern
     even: EvenStripes
@@ -118,7 +119,7 @@ class EarlierStripes(NamedTuple):
 
 
 class ChosenMethod(NamedTuple):
-    """Pattern method (`way`) and its stripes, still without widths. attempts : trials of a search, best first."""
+    """Chosen method of the pattern, with its stripes (`way`). attempts : trials of a search for it, best first."""
 
     way: MethodCandidate
     attempts: tuple[Attempt, ...] = ()
@@ -127,7 +128,7 @@ class ChosenMethod(NamedTuple):
 def chosen_method(
     preset: Preset, analysis: StressedSurface, log: Log, earlier: EarlierStripes | None = None
 ) -> ChosenMethod:
-    """Choose the method, modes, phases and forces of the stripes. `pattern_stage` adds the widths.
+    """Choose the method of the pattern, and where the stripes run. `pattern_stage` adds the widths of the stripes.
     earlier : stripes of an earlier design, for reuse if they do not change."""
     attempts = tuple[Attempt, ...]()
     if preset.pattern.weight_rounds and not preset.pattern.rounds:
@@ -145,7 +146,7 @@ def chosen_method(
 
 
 def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: ChosenMethod) -> PatternResult:
-    """Return the stripes of the chosen method. If `method_step` drew them, the log counts their time as `method`."""
+    """Return the pattern of the chosen method: its stripes with widths."""
     candidate, before = chosen.way, len(log.notes)
     log.seconds.setdefault("pattern", 0.0)
     pattern = candidate.drawn or pattern_step(

@@ -55,7 +55,7 @@ def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
 
 
 class Acting(NamedTuple):
-    """Supports and loads, with pickers that select vertices of one surface."""
+    """Supports and loads. Their pickers (`at`) select vertices of one surface."""
 
     support: tuple[Support, ...]
     load: tuple[Load, ...]
@@ -157,6 +157,7 @@ def _check_pieces(preset: Preset, before: Surface, after: Surface) -> None:
 class Loading:
     """A load case or a combination for which results are computed.
     name    : name of the case or the combination; '' for the sum of all cases.
+    load    : supports, and forces on vertices.    spread : loads that are constant on each face or edge.
     factors : factors of the cases in a combination; None for a case."""
 
     name: str
@@ -185,7 +186,7 @@ def loadings(preset: Preset, surface: Surface) -> list[Loading]:
 @dataclass(frozen=True, eq=False)
 class CoveringLoads:
     """Material of a cut sheet that carries the loads on a covering, such as glass. The uncut surface has m faces.
-    to      : (m,) for each face, number of the face whose material carries the load on this face; or -1.
+    to      : (m,) for each face, number of the face whose material carries the load on this face; -1 if none does.
     area    : (m,) area of material in each face, m2.    place : (m, 3) centre of this material, metres.
     opening : (m,) number of the opening to which a face belongs; -1 for faces with material."""
 
@@ -197,7 +198,7 @@ class CoveringLoads:
 
     @classmethod
     def for_sheet(cls, surface: Surface, sheet: Sheet) -> Self:
-        """Return the faces that carry the covering, for a sheet that was cut from the surface."""
+        """Find the material that carries a covering, for a sheet that was cut from the surface."""
         cells, m = sheet.surface, surface.m
         area: Floats = np.bincount(sheet.parent, cells.areas, m).astype(np.float64)
         area_moment = group_sums(sheet.parent, cells.areas[:, None] * cells.centroids, m)
@@ -229,7 +230,7 @@ class CoveringLoads:
         return force
 
     def _by_opening(self, load: Floats) -> Floats:
-        """Return forces (m, 3), N, after moving loads on openings to material, if possible with the same moments."""
+        """Return forces (m, 3), N, with loads on openings moved to the nearest material; moments stay if possible."""
         loaded_faces = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
         force = group_sums(self.to[self.to >= 0], load[self.to >= 0], len(load))
         # a face may take the load of several openings, so count pairs of opening and face
@@ -249,7 +250,7 @@ class CoveringLoads:
 
 
 def nearest_faces(surface: Surface, marked: Bools) -> Ints:
-    """Return the nearest marked face (m,) to each face, by paths through centres of faces and edges, or -1."""
+    """Return the number (m,) of the marked face nearest to each face, along the surface; -1 if no path leads to one."""
     f, g, length = _face_steps(surface)
     steps = coo_array((length, (f, g)), shape=(surface.m, surface.m)).tocsr()
     predecessor = dijkstra(
@@ -269,7 +270,8 @@ def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
 
 
 def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
-    """Return zero-sum forces with each group's moment. A group of places on a line takes no moment about that line."""
+    """Return forces (k, 3) at places (k, 3). In each group the forces sum to zero, and their moment is `moment`.
+    Places on a line take no moment about that line."""
     count = len(moment)
     total = np.bincount(group, weight, count)
     middle = group_sums(group, weight[:, None] * place, count) / np.where(total > 0, total, 1.0)[:, None]
@@ -286,8 +288,7 @@ LOST_LOAD_REMEDY = "set pattern.rim, raise pattern.keep, or change a phase or a 
 
 
 def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[LoadCase]) -> str:
-    """Return a clause about the first load with more than 1 % on loose pieces (without support), or ''.
-    Material near a loose piece does not take over the load on it.
+    """Return a clause about the first load with more than 1 % on loose pieces, which reach no support; '' if none.
     material : all material, with loose pieces.    sheet : the material without loose pieces."""
     dropped = (material.same_vertex() >= 0) & (sheet.same_vertex() < 0)
     for load in loads:
@@ -326,14 +327,15 @@ def permanent_loads(preset: Preset, surface: Surface, load: LoadCase) -> dict[st
 
 
 def sheet_loads(surface: Surface, material: Sheet, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
-    """Return the `sheet_load` of each load. Raises StaticsError also for a load on a piece without support."""
+    """Return each load on a cut sheet, like `loads_on`. Raises StaticsError for a load on a piece without support.
+    material, sheet : see `lost_load`."""
     if lost := lost_load(surface, material, sheet, loads.values()):
         raise StaticsError(f"{lost}; {LOST_LOAD_REMEDY}")
     return loads_on(surface, sheet, loads)
 
 
 def loads_on(surface: Surface, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
-    """Return the `sheet_load` of each load. The faces that carry coverings are found once for all loads."""
+    """Return each load of the uncut surface on a sheet that was cut from it, by name, like `sheet_load`."""
     covered = any(load.parts is not None and load.parts.covered.any() for load in loads.values())
     covering = CoveringLoads.for_sheet(surface, sheet) if covered else None
     return {name: sheet_load(surface, sheet, load, covering) for name, load in loads.items()}
@@ -398,7 +400,6 @@ def held_vertices(surface: Surface, sheet: Sheet, load: LoadCase) -> Bools:
 
 
 def _edges_or_none(edges: Bools) -> Bools | None:
-    """Return a mask of supported edges, or None if the load case has no mask of edges, only supported vertices."""
     return edges if len(edges) else None
 
 

@@ -45,15 +45,15 @@ def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) 
 
 
 def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
-    """Return which slits are filled. Members beside a filled slit merge.
-    Without `pattern.tidy` no slit is filled: filling would add mass to a topology optimisation of the same preset."""
+    """Return which slits (narrow openings) are filled: see `merging_rule`; 'none' for a pattern without stripes, or
+    without `PatternResult.tidy`. Members beside a filled slit merge."""
     has_stripes = pattern.even is not None or pattern.preset_with_choices(preset).pattern.method == "modes"
     return merging_rule(preset) if pattern.tidy is not None and has_stripes else "none"
 
 
 def merging_rule(preset: Preset) -> Merging:
-    """Return which slits are filled: all slits, or only slits between members that come too close together. The latter
-    is for solid fractions over one half, for which most openings are narrower than members."""
+    """Return which slits (narrow openings) are filled: 'slits' for all, or, for a solid fraction over one half,
+    'crowded' for slits between members that come too close together."""
     return "crowded" if preset.pattern.width.solid_fraction > 0.5 else "slits"
 
 
@@ -70,8 +70,8 @@ def trial_cut(
 
 
 def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[TrialCut, float]:
-    """Return a trial cut with bridges, and the share of the surface that they add. A bridge is material across a place
-    where rounded members are too close together. With `pattern.workshop` narrow members are widened, too."""
+    """Return a trial cut with bridges, and the area that they add, divided by the surface's area. A bridge is material
+    across a narrow place of an opening. With `pattern.workshop` narrow members are widened, too."""
     trial = trial.with_bridges()
     if preset.pattern.for_workshop:
         trial = trial.with_least_widths(*_usual_widths(preset, surface))
@@ -79,7 +79,7 @@ def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[Tri
 
 
 def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
-    """Return two widths (m), or 0: smaller openings are filled, and narrower necks of openings are bridged."""
+    """Return two widths of openings (m): narrower openings are filled, and narrower places in openings are bridged."""
     options, min_opening = preset.pattern, preset.slicing.min_opening
     if min_opening is not None or options.method != "stripes":
         return min_opening or 0.0, min_opening or 0.0
@@ -92,7 +92,7 @@ def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
 
 
 REQUESTED_SHARE = 0.95
-"""Upper limit of the default least width / smallest requested width. Flat triangles cause errors of a few percent."""
+"""Largest default least width of members, as a fraction of the smallest member width that the preset requests."""
 
 
 class WorkshopWidths(NamedTuple):
@@ -103,9 +103,9 @@ class WorkshopWidths(NamedTuple):
 
 
 def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
-    """Return the least widths of a preset on a surface, from [slicing] or by default; 0 without `pattern.workshop`.
-    The default for members is half of the thickness, about the width of a cutter. `slicing.min_member` replaces this
-    default only if it is smaller. Slicing widens members later if `slicing.min_member` is larger."""
+    """Return the least widths of openings and members, from [slicing] or by default; 0 without `pattern.workshop`.
+    The default for members is at most half of the thickness. `slicing.min_member` replaces the default only if it is
+    smaller. Slicing widens members later if `slicing.min_member` is larger."""
     if not preset.pattern.for_workshop:
         return WorkshopWidths(0.0, 0.0)
     slicing, thickness = preset.slicing, preset.statics.thickness
@@ -117,9 +117,8 @@ def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
 
 
 def usual_gap(thickness: float, size: float) -> float:
-    """Return the default least width (m) of openings. size : diagonal of the surface's bounding box, metres.
-    It is a quarter of the thickness, but at least 3 mm for a saw blade. For small designs, a 500th of the size replaces
-    the 3 mm."""
+    """Return the default least width (m) of openings: a quarter of the thickness, but at least min(3 mm, `size` / 500).
+    size : diagonal of the surface's bounding box, metres."""
     return max(0.25 * thickness, min(3e-3, 1 / 500 * size))
 
 
@@ -153,7 +152,7 @@ def closed_share(
 
 
 def least_drawn_member(preset: Preset, surface: Surface) -> float:
-    """Return a least width (m) for stripes, so that few members need widening later; 0 without `pattern.workshop`."""
+    """Return the least width (m) of drawn members, so that few need widening later; 0 without `pattern.workshop`."""
     return _usual_widths(preset, surface).member / REQUESTED_SHARE
 
 

@@ -66,7 +66,7 @@ def _cached_layers(preset: Preset, surface: Surface, load: LoadCase) -> list[Lay
 
 
 def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) -> Tidy | None:
-    """Return the options for a cut along all layers that removes loose ends; None if the preset keeps loose ends."""
+    """Return options to remove loose ends of members in a cut along `layers`; None if the preset keeps loose ends."""
     if not preset.pattern.removes_loose_ends:
         return None
     names = [layer.name for layer in layers]
@@ -80,7 +80,7 @@ def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) 
 
 
 def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
-    """Return a mask (m,) of faces where a mode's stripes run closer to the other family's direction; None: no mode."""
+    """Return a mask (m,) of faces where stripes on a mode follow the other family's direction; None without a mode."""
     if layer.name not in FAMILIES or not isinstance(layer.field, np.ndarray):
         return None
     x: Floats = layer.field if layer.field.ndim == 1 else layer.field.mean(axis=1)
@@ -114,12 +114,10 @@ def corrected_pattern(
     bridged_share: Callable[[], float],
 ) -> tuple[PatternResult, float]:
     """Return stripes that cover the requested share of the surface after finishing, and the covered share.
-    draw_pattern  : function that draws stripes. It gets the share that finishing will add, and a guessed width factor.
+    draw_pattern  : function that draws stripes. Its arguments: the share that finishing will add, a factor on widths.
     nearest_share : function of a share. It returns the nearest share that was measured for the latest stripes.
     added_share   : function that returns the share that finishing adds by rounded corners and filled openings.
-    bridged_share : slow function that returns the share of added bridges. After a result of 0, it is not called again.
-    Stripes are drawn for the share `aim`: the requested share minus the added share. The added share jumps if openings
-    close. Then the next `aim` is the mean of two trials: one with too little material, and one with too much."""
+    bridged_share : slow function that returns the share of bridges, which finishing adds across narrow openings."""
     requested, tolerance = width.solid_fraction, width.solid_fraction_tolerance
     trials = list[_ShareTrial]()
     bridges = 0.0
@@ -165,15 +163,15 @@ def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
 
 COUNTED = 2  # Sample points along each side of a face, for approximate shares.
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
-"""Factors on the approximate widths. The scaled widths decide which openings are closed: openings between members that
-are too near to each other. Smaller factors close fewer openings."""
+"""Factors on the approximate widths of members, in the order of trial. The scaled widths decide which openings between
+members are closed as too narrow. Smaller factors close fewer openings."""
 SHARE_SNAP = 0.05  # Default of slicing.snap, for cuts that only measure the share of the surface with material.
 
 
 class WidthSearch(NamedTuple):
     """Options of the search for widths. The material must get the share pattern.width.solid_fraction of the surface.
     share     : function that returns the share of the surface that layers (stripes and kept regions) cover.
-    tolerance : largest error of the share.    guess : width factor of a similar pattern, or 0.
+    tolerance : largest error of the share.    guess : factor on widths of a similar pattern, or 0.
     counted   : faster, less accurate `share` for the beginning of the search, or None.
     added     : share of the surface that rounded corners and filled openings will add after the search."""
 
@@ -232,7 +230,7 @@ def pattern_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return the pattern. Kept regions are the first layers, so that stripes do not cut them.
+    """Return the pattern: kept regions (always material), and stripes of the requested share of material.
     preset  : preset with chosen modes and phases.    choice : modes and phases that were chosen for `auto`, or None.
     grading : (n, f) relative half-widths of the stripes of f families.    even : evenly spaced stripes, if any."""
     options, surface = preset.pattern, analysis.surface
@@ -366,9 +364,9 @@ def layers_with_share(
     solve: Callable[[Callable[[float], float]], float],
 ) -> tuple[list[Layer], float]:
     """Return layers (stripes and kept regions) that cover the requested share, and their width factor.
-    `factor` decides which openings close.    solve : returns x = width factor / `factor` for the requested share(x).
-    The search repeats with slightly more or fewer closed openings in two cases: the share jumps because an opening
-    closes, or the final width factor is over 2.5 times larger or smaller than `factor`."""
+    layers : function of two factors on widths: for drawing, and for the decision which openings are closed.
+    share  : function that returns the share of the surface that layers cover.    factor : approximate width factor.
+    solve  : function that returns x for the requested share(x). Widths are drawn with x times `factor`."""
     refused, distant = list[PatternError](), list[tuple[float, float, list[Layer]]]()
     for closing in (factor * shift for shift in CLOSINGS):
         cache = _CachedLayers(layers, factor, closing)
@@ -392,7 +390,7 @@ def layers_with_share(
 
 @dataclass
 class _CachedLayers:
-    """Cache of the latest result of `layers`. closing : width factor that decides which openings are closed."""
+    """Latest result of the function `layers`. closing : factor on widths that decides which openings are closed."""
 
     layers: Callable[[float, float], list[Layer]]
     factor: float
@@ -445,7 +443,7 @@ def drawable_families(
 
 def stripe_stresses(surface: Surface, diffusion: DiffusionResult, even: EvenStripes | None) -> Floats:
     """Return the absolute stress (n, 2) along both families, divided by its mean on the surface, for graded widths.
-    Raises PatternError if the stress is zero."""
+    even : evenly spaced stripes; None for stripes on modes. Raises PatternError if the stress is zero."""
     sizes = np.abs(even.forces if even is not None and even.forces is not None else diffusion.tensors.principal)
     if even is not None and even.steered:
         along = even.steered.along[:, None]

@@ -89,8 +89,6 @@ def solved_sheet(preset: Preset, surface: Surface, log: Log, acting: Sequence[Lo
 
 
 def _timed_factor(factor_of: FactorFunction, log: Log) -> FactorFunction:
-    """Return `factor_of` with time measurement: it adds its time to the row `factor` of the log."""
-
     def factor(surface: Surface, K: csr_array, is_held: Bools) -> Factor:
         with log.row("factor"):
             return factor_of(surface, K, is_held)
@@ -99,8 +97,7 @@ def _timed_factor(factor_of: FactorFunction, log: Log) -> FactorFunction:
 
 
 MOST_VERTICES = 200_000
-"""Largest number of vertices for which accurate elements replace `hinge` elements.
-With 250,000 vertices, the factorisation takes 17 GB for accurate elements, and 3.6 GB for `hinge` elements."""
+"""Largest number of vertices for which accurate elements replace `hinge` elements, which need less memory."""
 
 
 def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log, rough: bool = False) -> list[Answers]:
@@ -260,7 +257,7 @@ def _bending_stress(stress: SheetStress) -> Floats:
 
 
 def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) -> None:
-    """Note the largest residual of all cases, and very thin triangles in the mesh."""
+    """Add notes to the log on a large error of the equations in a case, and on very thin triangles in the mesh."""
     answers = {name: case.equilibrium for name, case in cases.items()}
     under = {name: f" under {name}" if len(cases) > 1 else "" for name in cases}
     rough = max(answers, key=lambda name: answers[name].residual)
@@ -298,7 +295,7 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
 
 
 def checked_sheet(preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = ()) -> SolvedSheet:
-    """Return `solved_sheet`. Raises SurfaceError for an impossible thickness, or a support or load off the surface."""
+    """Solve the sheet. Raises SurfaceError for an impossible thickness, or a support or load off the surface."""
     check_scale(preset, surface, log)
     for text in off_surface(preset, surface):
         log.note("statics", text)
@@ -322,7 +319,7 @@ def statics_step(
 
 
 def rough_statics(preset: Preset, surface: Surface, solved: SolvedSheet) -> StaticsResult | None:
-    """Return the statics without accurate elements, for a sketch.
+    """Return statics for a sketch, faster than `statics_step`, because all results come from the simple elements.
     Return None if this saves no time, or if the stress that the pattern follows may need accurate elements."""
     sheet = preset.statics
     if sheet.analyses.elements_for(sheet.elements) == sheet.elements or surface.is_flat or sheet.stress == "layers":
@@ -386,7 +383,7 @@ def surface_step(preset: Preset, log: Log) -> Surface:
 
 def base_surface(preset: Preset, log: Log | None = None) -> Surface:
     """Return the surface before it is cut along regions.
-    If [surface] requests it, edges are shorter where the stress changes; a solve on equal triangles shows where."""
+    If [surface] requests it, edges are shorter where the stress on a first mesh of equal triangles changes."""
     section = preset.surface
     if not isinstance(section, OwnSurface):
         return section.build()

@@ -84,7 +84,7 @@ SPARE = 2
 class Modes:
     """Modes of one diffusion operator, without the constant modes.
     lam : (k,) eigenvalues, per square metre, ascending.
-    X   : (n, k) values at the vertices, dimensionless: X^T M X = (area / 4 pi) I."""
+    X   : (n, k) values at the vertices, dimensionless: X^T M X = (area / 4 pi) I, with M = `voronoi_mass`."""
 
     lam: Floats
     X: Floats
@@ -176,7 +176,6 @@ def _scaled_operator(surface: Surface, L: csr_array, mass: Floats) -> csr_array:
 
 
 def _factor(surface: Surface, A: csr_array) -> Factor:
-    """Factorise with PARDISO or SuperLU: for 30 to 50 single solves, both are faster than the multifrontal factor."""
     if solver_name() == "PARDISO":
         return factorise(A, surface.V)
     results = derived_results(surface)  # all operators of a surface use the same order of elimination
@@ -186,13 +185,13 @@ def _factor(surface: Surface, A: csr_array) -> Factor:
 
 
 def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int) -> tuple[Floats, Floats]:
-    """Return the smallest eigenpairs, ascending. solve : (A + shift)^-1 b.    Four vectors per pair make restarts rare.
-    The tolerance is 0, because copies of a repeated eigenvalue appear late, and only through rounding errors."""
+    """Return the `count` smallest eigenvalues of A, ascending, and vectors (n, count). solve : (A + shift)^-1 b."""
     inverse = LinearOperator((n, n), matvec=solve, dtype=np.float64)
     start = 1 + 0.5 * np.sin(np.arange(n))  # always the same start, so the same modes
     try:
         with one_blas_thread():
             vectors = min(n, max(20, 4 * count))
+            # the tolerance is 0, because copies of a repeated eigenvalue appear late, through rounding errors
             theta, Y = eigsh(inverse, count, which="LA", v0=start, tol=0, ncv=vectors, maxiter=100 * count)
     except ArpackNoConvergence as error:
         raise PatternError("the modes did not converge; refine the mesh or lower diffusion.r") from error
@@ -201,8 +200,8 @@ def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int
 
 
 def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Floats) -> Floats:
-    """Return modes that do not depend on the solver. Reference fields, projected onto an eigenspace, give its basis.
-    A mode's third moment decides its sign; if it is about zero, the reference fields decide."""
+    """Return modes with signs, and with bases of repeated eigenvalues, that do not depend on the solver.
+    A mode's sign makes its third moment positive; if this moment is about zero, the reference fields decide."""
     fields = _reference_fields(surface, mass, axes)
     out = X.copy()
     start = 0
@@ -232,7 +231,7 @@ def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
 
 
 def _aligned_basis(space: Floats, fields: Floats, mass: Floats) -> Floats:
-    """Return an M-orthonormal basis of `space` from projections of `fields`. It does not depend on the eigensolver."""
+    """Return an M-orthonormal basis of the columns of `space`: projections of the `fields` onto this space."""
     coordinates = space.T @ (mass[:, None] * fields)  # (c, fields)
     basis: list[Floats] = []
     for candidate in [*coordinates.T, *np.eye(space.shape[1])]:

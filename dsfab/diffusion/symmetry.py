@@ -76,8 +76,8 @@ class Symmetry:
         return max(float(np.sqrt(mass @ (T @ x - x) ** 2)) for T in self.maps) / size
 
     def invariant(self, L: csr_array, X: Floats, mass: Floats) -> tuple[Floats, Floats]:
-        """Return symmetric modes (equal values at all images of a point): eigenvalues (j,), M-orthonormal modes (n, j).
-        The modes X (n, k) are averaged over the group; in the space of means, L's modes are found (Rayleigh, Ritz)."""
+        """Return the symmetric modes in the space of modes X (n, k): eigenvalues (j,), modes (n, j) (Rayleigh, Ritz).
+        A symmetric mode has equal values at all images of a point.    mass : (n,) diagonal of M, for X^T M X = I."""
         Y = self.mean(X)
         share, C = np.linalg.eigh(Y.T @ (mass[:, None] * Y))
         keep = share > 0.5**2  # shares are near 0 or near 1, so the exact limit does not matter
@@ -102,9 +102,9 @@ def face_tree(surface: Surface) -> igl.AABB:
 def checked_symmetry(
     surface: Surface, R: Floats, loads: Sequence[LoadCase], words: str, tree: igl.AABB | None = None
 ) -> Symmetry:
-    """Return the symmetry with rotations and mirrors R (g, 3, 3) about the surface's centroid; R[0] is the identity.
-    tree : `face_tree` of the surface, if it exists already.
-    Raises PatternError, which contains `words`, if the surface, its supports or a load lacks this symmetry."""
+    """Return the symmetry with the rotations and mirrors R (g, 3, 3) about the centroid, after a check of all points.
+    R : the identity first.    words : name of the symmetry in messages.    tree : `face_tree`, if the caller has it.
+    Raises PatternError if the surface, its supports or a load lacks this symmetry."""
     centre = centroid(surface)
     maps, faces, edge = [csr_array(eye_array(surface.n))], [np.arange(surface.m)], surface.mean_edge
     few = surface.V[:: max(surface.n // SAMPLE_POINTS, 1)]
@@ -246,11 +246,7 @@ LENIENT = 1.5  # Quick checks multiply all tolerances by this factor.
 
 def largest_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) -> Symmetry | None:
     """Return the largest symmetry group of a surface with its loads; None without any mirror or rotation.
-
-    axes : (3, 3) result of `reference_axes`. The candidates depend on these axes.
-
-    Each candidate is checked at a sample of points. The remaining candidates are checked together at all points, and
-    one by one if this check fails."""
+    axes : (3, 3) result of `reference_axes`. The tried mirrors and rotations depend on these axes."""
     glance = _QuickCheck(surface, tuple(loads))
     generators = [R for R in _generators(surface, axes, glance) if glance.allows(R)]
     if not generators:
@@ -334,7 +330,7 @@ def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator
 
 
 def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
-    """Return the normal of the mirror that best maps a round, irregular mesh's outermost points onto each other."""
+    """Return the normal of the mirror that best maps the outermost points of a round mesh onto each other."""
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))
     outer = V[distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * surface.size]

@@ -18,8 +18,7 @@ def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
     mean square of the traction on its axis.
     membrane : (m, 3, 3) stress of the middle surface, Pa, tangent to each face.
     bending  : (m, 3, 3) stress that bending adds at the bottom (the side opposite to the normal), Pa.
-    Opposite stresses give the opposite result. Faces without bending keep their membrane stress exactly.
-    Reversed normals change the sign of the result only if the middle surface has no stress."""
+    Opposite stresses give the opposite result. Faces without bending keep their membrane stress exactly."""
     t = tangents(surface)
     flat, bent = (np.einsum("mai,mij,mbj->mab", t, sigma, t, optimize=True) for sigma in (membrane, bending))
     square = _deviator(flat) ** 2 + _deviator(bent) ** 2 / 3
@@ -83,7 +82,7 @@ def diffusion_tensors(
     gamma     : force magnitude of Madan et al., a factor on the stress.
     labelling : choice of the primary stress. `signed`: the algebraically larger one (tension). `magnitude`: the one
                 with the larger absolute value (Madan et al.). If absolute values are almost equal, rounding decides.
-    isotropy  : tolerance of isotropic faces. ref : RMS of the principal stresses over the area, without gamma.
+    isotropy  : limit for faces without a preferred direction. ref: RMS of the principal stresses s1, s2 over the area.
                 `signed`: gamma (s1 - s2) <= isotropy ref. `magnitude`: (gamma |s1| + eps) / (gamma |s2| + eps) <= 1 +
                 isotropy, with eps = isotropy ref."""
     stress, direction = principal_stresses(surface, sigma)
@@ -101,10 +100,9 @@ def diffusion_tensors(
 
 
 def combined_stress(surface: Surface, stresses: Sequence[Floats], weights: Sequence[float]) -> Floats:
-    """Combine load cases to one tensor (m, 3, 3), Pa: the sum of weight |sigma|, with |sigma| = sum |s_i| e_i e_i^T.
-
+    """Combine load cases to one tensor (m, 3, 3), Pa: the sum of weight |sigma|, with |sigma| = sum |s_i| e_i e_i^T for
+    principal stresses s_i along unit vectors e_i.
     stresses : (m, 3, 3) each, Pa, tangent to the faces.    weights : 0 or more for each case.
-
     Tension and compression in a direction count alike. So cases of opposite sign (wind from two sides) do not cancel.
     Use the stress itself for one case, because |sigma| has no preferred direction in pure shear."""
     total = np.zeros((surface.m, 3, 3))

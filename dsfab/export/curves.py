@@ -62,14 +62,14 @@ class SampledLine:
 
     @cached_property
     def check_points(self) -> tuple[Floats, list[Floats]]:
-        """Return the points at which spline and polyline are compared: arc lengths (q,), and coordinates."""
+        """Points at which spline and polyline are compared: arc lengths (q,), and an array (q,) for each coordinate."""
         finer = 4 * self.count
         share = np.union1d(np.arange(finer + 1) / finer, self.length / self.length[-1])
         return share * self.total, self._points_at(share)
 
     @property
     def breaks(self) -> Floats:
-        """(s,) ends of the spans in the first fit: a smooth line has two spans, other lines one."""
+        """(s,) arc lengths, mm, at the ends of the spans of the first spline: two spans for a smooth line, else one."""
         return np.array([0.0, self.total / 2, self.total] if self.smooth else [0.0, self.total])
 
     def _points_at(self, shares: Floats) -> list[Floats]:
@@ -77,7 +77,7 @@ class SampledLine:
 
 
 def splines_by_halving(runs: Sequence[SampledLine], tolerance: float) -> list[Refined | None]:
-    """Fit a spline to each line; spans are halved until the spline is within the tolerance.
+    """Fit a spline to each line. Spans that are off by more than the tolerance (mm) are halved, again and again.
     A line gets None if it has too few samples for the tolerance."""
     splines: list[Refined | None] = [None] * len(runs)
     for batch in _batches(runs):
@@ -113,7 +113,7 @@ def _batches(runs: Sequence[SampledLine]) -> Iterator[list[int]]:
 
 
 class SplineSystem:
-    """Cubic splines along several lines, fitted at once. breaks : (b,) ends of the spans of each line, mm."""
+    """Cubic splines along several lines, fitted at once. breaks : for each line, (b,) ends of its spans, mm."""
 
     def __init__(self, runs: list[SampledLine], breaks: list[Floats]) -> None:
         self.runs, self.breaks = runs, breaks
@@ -142,9 +142,9 @@ class SplineSystem:
         return values, np.repeat(span + self.first_pole[row], counts)
 
     def poles(self) -> Floats:
-        """Return the poles (n, d) of the least-squares cubic splines between the first and last samples.
-        A smooth line has the same unknown tangent T at its start and its end. Its second pole is its first pole + a T,
-        its last pole but one is its last pole - b T. a : a third of the first span. b : a third of the last span."""
+        """Return the poles (n, d) of the least-squares cubic splines through the first and last sample of each line.
+        A smooth line has the same unknown tangent T at both ends: the second pole is the first pole + a T, and the
+        last pole but one is the last pole - b T. a : third of the first span.    b : third of the last span."""
         lengths = [run.sample_lengths for run in self.runs]
         values, first_hats = self._hats(np.concatenate(lengths), self._span_counts(lengths))
         points = np.concatenate([run.samples for run in self.runs])
@@ -162,7 +162,7 @@ class SplineSystem:
         return self._smooth_poles(system, poles, points, tangent) if tangent.any() else poles
 
     def _smooth_poles(self, system: LeastSquares, poles: Floats, points: Floats, tangent: Floats) -> Floats:
-        """Add the unknown tangents of smooth lines. A tangent joins poles at both ends and fits no band matrix."""
+        """Return the poles after the best end tangent of each smooth line was added."""
         free = tangent - system.solve(system.sums(system.values_at_samples(tangent)))
         along, residual = system.values_at_samples(free), points - system.values_at_samples(poles)
         poles, end = poles.copy(), np.cumsum([run.count + 1 for run in self.runs])
@@ -213,7 +213,7 @@ class Curve(Spline):
 
 def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve] | None:
     """Fit at least two curves to the closed polyline `loop` (k, 2); return None if no spline is within the tolerance.
-    Curves end where `corner` (k,) is True and at sharp corners. With fewer than 2 of these, one curve is halved."""
+    Curves end where `corner` (k,) is True and at sharp corners. With fewer than two corners, one curve is halved."""
     corners = np.flatnonzero(corner | (np.abs(turning(loop)) > SHARP))
     if len(corners) > 1:
         ends = [*corners.tolist(), int(corners[0]) + len(loop)]
@@ -227,7 +227,7 @@ def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve]
 
 
 def turning(loop: Floats) -> Floats:
-    """Return the angles (k,), radians, at the vertices of a closed polyline (k, 2); counter-clockwise is positive."""
+    """Return the turning angle (k,) at each vertex of a closed polyline (k, 2), radians; positive to the left."""
     before, after = loop - np.roll(loop, 1, axis=0), np.roll(loop, -1, axis=0) - loop
     across = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     return np.asarray(np.arctan2(across, np.einsum("ki,ki->k", before, after)))
@@ -235,7 +235,7 @@ def turning(loop: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Polyline:
-    """Input of a curve fit: points (k, 2) or (k, 3), and the largest number of samples of the fit.
+    """A polyline to which a curve is fitted: points (k, 2) or (k, 3). most : largest number of samples of the fit.
     smooth : True for a closed line whose curve has the same tangent at both ends."""
 
     points: Floats

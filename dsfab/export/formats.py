@@ -182,14 +182,14 @@ def write(
     thing   : solid or sheet, m. Files are in millimetres (.glb in metres, as its standard requires).
     name    : name of the part in the file; by default the file's name without suffix.
     step    : options of STEP files, or only the name of the route.
-    details : lines, fields and facts, for the formats that contain them.
+    details : lines, fields and facts; each format uses what it can contain.
     note    : receives a sentence on the chosen route of a STEP file, and why better routes failed.
     report  : receives size, seconds, number of triangles or faces, and the error of the volume.
 
     Equal input gives equal bytes. The triangles that are read back must be the same and closed. Their volume (a sheet's
     area) must agree within 0.1 %. If this check fails, an older file with the same name is unchanged.
     Raises ExportError for an unknown suffix, a missing library, missing data, or too many faces for STEP. Also raises
-    it if the file cannot be written, or differs when read back."""
+    ExportError if the file cannot be written, or differs when read back."""
     begin, path = time.perf_counter(), Path(path)
     form = format_of(path)
     form.ready()

@@ -66,7 +66,7 @@ def _facts(graph: "MemberGraph", k: int, is_whole: bool) -> MemberFacts:
 
 
 def member_entries(part: Part) -> list[dict[str, Any]]:
-    """Return the members of a part for a JSON file."""
+    """Return the facts of each member of a part as a dictionary for a JSON file."""
     return [_member_entry(graph_of(part), facts) for facts in facts_of_members(part).values()]
 
 
@@ -101,7 +101,7 @@ def _axis(axis: "MemberAxis", sides: Floats) -> dict[str, Any]:
 
 
 def node_entry(node: "Node") -> dict[str, Any]:
-    """Return a node for a JSON file."""
+    """Return the facts of a node as a dictionary for a JSON file."""
     return {
         "id": node.id,
         "kind": node.kind,

@@ -1,4 +1,4 @@
-"""Content of a file (`Part`): mesh and lines (mm), texts, the sheet divided into charts, and the bodies of members."""
+"""Content of a file (`Part`): mesh and lines (mm), texts, the sheet divided into parts, and the bodies of members."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -28,7 +28,7 @@ NO_PAIRS.setflags(write=False)
 
 
 class DividedSheet(NamedTuple):
-    """A sheet divided into charts.
+    """A sheet divided into charts (parts).
     V, F      : (n', 3) vertices and (m', 3) faces, m. Separate pieces of the sheet share no vertices.
     D         : (n', 3) half-thickness vectors, m.
     chart     : (m',) number of the chart of each face.
@@ -129,7 +129,7 @@ class Details:
     member_forces  : forces by member.    utilisation : utilisation of the members.
     description    : text about the whole part.    material : name of the material, or ''.
     members        : members and nodes.    shapes : members as bodies, m.
-    whole_members  : True if crossing members are laid on each other, so that each keeps its whole area at the crossing.
+    whole_members  : True if crossing members lie on each other; each member then has its whole area at the crossing.
     drawings       : drawing files of each member's parts, by the name of the member.
     origin    : origin of the file on its site, in survey coordinates (east, north, up), m."""
 

@@ -37,8 +37,7 @@ _ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dt
 
 
 def read_with_igl(path: Path) -> tuple[Floats, Ints]:
-    """Read vertices (n, 3) and faces (m, 3) of an STL or PLY file unchanged. Raises ExportError for other content.
-    libigl is quicker than trimesh, but cannot open non-ASCII paths on every system."""
+    """Read vertices (n, 3) and faces (m, 3) of an STL or PLY file unchanged. Raises ExportError for other content."""
     if not str(path).isascii():
         return read_with_trimesh(path)
     import igl
@@ -121,8 +120,7 @@ def merged_mesh(V: Floats, F: Ints) -> tuple[Floats, Ints]:
 
 
 def distinct_rows(rows: Floats) -> tuple[Floats, Ints]:
-    """Return the different rows of an array (k, 3), and the index (k,) of each row among these rows.
-    Hashes of the bits identify rows quickly. If two hashes collide, the rows are compared."""
+    """Return the different rows of an array (k, 3), and for each row of the array its number (k,) in this list."""
     rows = rows + 0.0  # the sum turns -0 into 0
     bits = np.ascontiguousarray(rows).view(np.uint64)
     mixed = (bits ^ (bits >> np.uint64(29))) * _ODD

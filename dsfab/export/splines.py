@@ -66,7 +66,7 @@ def basis(x: Floats, knots: Floats) -> tuple[Ints, Floats]:
 
 
 def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
-    """Return the results of `basis` at x (k,), and also the derivatives (k, 4) of the four basis functions."""
+    """Return for x (k,) the number (k,) of the first nonzero basis function, four values (k, 4), four slopes (k, 4)."""
     x = np.clip(x, knots[3], knots[-4])
     span = np.clip(np.searchsorted(knots, x, side="right") - 1, 3, len(knots) - 5)
     values, shares = hats_within(x, knots, span)
@@ -77,7 +77,7 @@ def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
 
 
 def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
-    """Return values (4, k) of the nonzero cubic basis functions at x (k,); x is from knots[span] to the next knot.
+    """Return values (4, k) of the nonzero cubic basis functions at x (k,). span : (k,) number of the knot before x.
     Also return quadratic basis functions (3, k), divided by their support widths, for derivatives [de Boor 1978]."""
     past = x - knots[span - np.arange(3)[:, None]]
     ahead = knots[span + np.arange(1, 4)[:, None]] - x
@@ -94,8 +94,7 @@ def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
 @dataclass(frozen=True, eq=False)
 class LeastSquares:
     """Normal equations of least-squares cubics along several curves, with fixed poles.
-    Direct LAPACK calls are faster than sparse matrices for many short lines.
-    values : (4, k) nonzero basis functions at each sample.    first : (k,) number of the first of these functions.
+    values : (4, k) nonzero basis functions at each sample.    first : (k,) number of the first nonzero function.
     factor : (4, n) banded Cholesky factor of the normal matrix, with rows of the identity for fixed poles.
     held   : numbers of the fixed poles."""
 
@@ -179,7 +178,7 @@ class SplineRows:
     def from_counts(
         cls, number: Ints, count: Ints, x: Floats, Q: Floats, tolerance: Floats, parts: int
     ) -> "SplineRows":
-        """Return samples x (k,), Q (k, d) of r curves, one curve after the other. Arguments : as in `SplineRows`."""
+        """Build the rows from samples x (k,), Q (k, d), curve after curve. number, count : (r,), as in `SplineRows`."""
         end, row = np.cumsum(count), np.repeat(np.arange(len(count)), count)
         return cls(number, count, end - count, end - 1, row, x, Q, tolerance, parts)
 
@@ -197,12 +196,12 @@ class SplineRows:
         return start[self.row] + self.x[:, None] * (end - start)[self.row]
 
     def distances(self, points: Floats) -> Floats:
-        """Return, for each sample, the largest distance (k,) of its points from those in its row of `points` (k, d)."""
+        """Return, for each sample, the largest distance (k,) between its points Q and its row of `points` (k, d)."""
         offset = (points - self.Q).reshape(len(points), self.parts, -1)
         return np.asarray(np.sqrt(np.einsum("kpi,kpi->pk", offset, offset).max(axis=0)))
 
     def row_maxima(self, distances: Floats) -> Floats:
-        """Return the largest of the `distances` (k,) of the samples of each curve (r,)."""
+        """Return the largest distance (r,) on each curve. distances : (k,) one for each sample."""
         return np.asarray(np.maximum.reduceat(distances, self.first))
 
 
@@ -252,7 +251,7 @@ def splines_through(
     """Fit lines, parabolas or cubics with few spans to points Q (k, d) at x (k,) from 0 to 1, within tolerances.
     A curve begins at its first point and ends at its last point. All curves have the same d.
     parts : number of points that each row of Q contains. Each of these points must be within the tolerance.
-    Each result includes the largest distance from the points. It exceeds the tolerance if there are too few samples."""
+    Each result includes the largest distance from the points; with too few samples, it exceeds the tolerance."""
     fits = dict[int, Fitted]()
     for batch in _batches([len(x) for x, _ in samples]):
         x, Q = (np.concatenate(column) for column in zip(*(samples[c] for c in batch), strict=True))

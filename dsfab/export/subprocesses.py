@@ -71,7 +71,7 @@ def run_program(program: str, *arguments: str, seconds: float) -> str:
 
 
 def last_line(program: str, *arguments: str, seconds: float) -> str:
-    """Return the last line of output of the Python file `program`; raises the errors of `run_program`."""
+    """Return the last line of output of the Python file `program`. Raises ProgramError or TimeoutExpired."""
     return _last(run_program(program, *arguments, seconds=seconds))
 
 
@@ -93,14 +93,14 @@ class PreparedProgram:
             pass
 
     def send(self, *arguments: str) -> None:
-        """Send the arguments; this is possible only before `answer`."""
+        """Send the arguments to the program, before `answer` is called."""
         if self.process.stdin:
             with suppress(BrokenPipeError):  # `process` has ended; its error output contains the reason
                 self.process.stdin.write(json.dumps(arguments) + "\n")
                 self.process.stdin.flush()
 
     def answer(self, seconds: float) -> str:
-        """Return the last line of the program's output after `send`; raises the errors of `last_line`."""
+        """Return the last line of the program's output after `send`. Raises ProgramError or TimeoutExpired."""
         return _last(_answer(self.process, seconds))
 
     def answer_with_work(self, is_ready: Callable[[], bool], work: Callable[[], None], seconds: float) -> str:
@@ -120,7 +120,7 @@ class PreparedProgram:
             return _last(pending.result())
 
     def last_line(self, *arguments: str, seconds: float) -> str:
-        """Send arguments; return the program's last line of output. Raises the errors of the function `last_line`."""
+        """Send arguments to the program; return its last line of output. Raises ProgramError or TimeoutExpired."""
         self.send(*arguments)
         return self.answer(seconds)
 

@@ -88,7 +88,7 @@ def remove(path: Path) -> None:
 
 @cache
 def remove_abandoned_files(folder: Path) -> None:
-    """Remove temporary files of ended processes from a folder, only once per folder, because large folders are slow."""
+    """Remove temporary files of ended processes from a folder; a second call for the same folder does nothing."""
     for path in abandoned_paths(folder):
         if path.is_file():
             remove(path)
@@ -333,7 +333,7 @@ def _swap(partial: Path, target: Path, outdated: set[str]) -> bool:
 
 
 def link_files(target: Path, partial: Path, user_names: set[str]) -> bool:
-    """Add hard links in the new folder to the user's files; return False if the system cannot create the links."""
+    """Create, in the new folder `partial`, hard links to the user's files in `target`; return False if that fails."""
     try:
         for name in user_names:
             os.link(target / name, partial / name)
@@ -353,7 +353,7 @@ def _rescue(old_folder: Path, target: Path, user_names: set[str], old_names: set
 
 
 def exchange_folders(folder_a: Path, folder_b: Path) -> bool:
-    """Exchange two folders in one step; returns False if the system cannot."""
+    """Exchange two folders in one step; return False if that is impossible on this system."""
     try:
         call = ctypes.CDLL(None, use_errno=True).renameat2
     except (AttributeError, OSError, TypeError):

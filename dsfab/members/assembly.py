@@ -27,7 +27,7 @@ def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
     size : largest dimension of the structure, metres.
 
     Members of a ring are ordered counter-clockwise from the x axis, seen from above. Other members are ordered along
-    the direction of their largest spread. At equal positions, the shorter is first, then the one of smaller x, y, z."""
+    the direction of their largest spread. At equal positions, the shorter member is first."""
     if len(places) < 2:
         return np.arange(len(places))
     offset = places - places.mean(axis=0)
@@ -69,7 +69,7 @@ KINDS = ("rim", "band", "ring", "disc", "plate", "fill")
 
 def named_components(surface: Surface, pieces: Sequence[Component]) -> list[tuple[str, int, Component]]:
     """Return names, part numbers and components, sorted by names: "A01", "A02a", "A02b", ..., "B01", "rim 1".
-    surface : mesh of the `Overlay` with the cells of the components `pieces`. The part number of "A02b" is 2."""
+    surface : mesh that contains the cells of the components `pieces`. The part number of "A02b" is 2."""
     listed = list[tuple[str, int, Component]]()
     for letter, same_kind in _kinds(pieces):
         groups = _groups(same_kind) if len(letter) == 1 else [[c] for c in same_kind]
@@ -128,8 +128,7 @@ def member_graph(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Memb
 
 def spherical_normals(surface: Surface) -> Floats:
     """Return unit normals (n, 3) at the vertices, exact on a sphere [Max 1999].
-    Each face adds the cross product of its two edges at the vertex, divided by their squared lengths. Area-weighted
-    normals would twist members where edges differ in length."""
+    Each face adds the cross product of its two edges at the vertex, divided by their squared lengths."""
     total = np.zeros((surface.n, 3))
     for corner in range(3):
         corner_points, side_a, side_b = (surface.V[surface.F[:, (corner + k) % 3]] for k in range(3))

@@ -25,7 +25,7 @@ class MiddleLine:
     """A polyline on a surface.
     points  : (k, 3) points, metres; a closed line repeats its first point.
     normals : (k, 3) unit normals of the surface at the points.
-    cells   : (k - 1,) cell of each segment."""
+    cells   : (k - 1,) number of the cell (triangle) that contains each segment."""
 
     points: Floats
     normals: Floats
@@ -109,9 +109,9 @@ def without_specks(lines: list[MiddleLine], width: float) -> list[MiddleLine]:
 
 
 def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLine]:
-    """Divide a line where it bends within the surface by more than `TURN`.
-    Bends are measured over 1.5 times `width`, or over the mesh edge length `edge` (m) if that is longer. Short parts
-    at both ends are dropped, because ends of a line often bend towards the outline of material around a support."""
+    """Return the parts of a line, divided where the line bends within the surface by more than `TURN`.
+    Bends are measured over 1.5 times `width`, or over the mesh edge length `edge` (m) if that is longer.
+    If an open line is divided, short parts at its ends are dropped."""
     window = max(WINDOW * width, edge)
     count = max(2 * STEPS, int(np.ceil(line.length * STEPS / window)))
     x = np.linspace(0, line.length, count + 1)

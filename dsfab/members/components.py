@@ -78,7 +78,7 @@ HIDDEN, COVERED = 0.05, 0.3
 class Component:
     """The cells of a future member, which has no name yet. `Overlay` explains cells, stripes and fields.
     kind   : "strip", "rim", "band", "ring", "disc", "plate" or "fill".    family : family of the pattern, or "".
-    stripe : number of the stripe with most of its cells; 0 for none.    group : index in `Overlay.of`; -1 for none.
+    stripe : number of the stripe with most of its cells; 0 for none.    group : equal for parts of a stripe; -1: none.
     cells  : (c,) cells of the overlay, ascending.
     core   : (c,) True for cells that define the member's width; False for fillets beside several members.
     line   : middle line, or None.    field : number of the field with this stripe; -1 for none."""
@@ -143,7 +143,7 @@ def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLi
 
 
 def _is_sliver(overlay: Overlay, k: int, cells: Ints, lines: list[MiddleLine]) -> bool:
-    """Return True for cells left over from cutting or smoothing: beside a stripe's middle, shorter than its width."""
+    """Return True for a leftover of cutting or smoothing: beside a stripe's middle, shorter than the stripe's width."""
     offset, surface = overlay.offset[cells, :, k], overlay.sheet.surface
     if not lines or ((offset.min(axis=1) < 0) & (offset.max(axis=1) > 0)).any():
         return False
@@ -256,7 +256,7 @@ def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> 
 
 def without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> CellsByStripes:
     """Give connected loose cells (outside of all stripes) the label of their neighbours, if all neighbours share it.
-    Fairing of walls leaves narrow loose cells. label, loose : (m,), see `CellsByStripes`."""
+    label : (m,) number of the combination of stripes on a cell.    loose : (m,) True outside of all stripes."""
     f, g = sheet.surface.edges.pairs.T // 3
     both_loose = loose[f] & loose[g]
     count, part = link_components(len(label), f[both_loose], g[both_loose])

@@ -32,7 +32,7 @@ class SharedPatch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _SharedCells:
-    """Cells (c,) in two members: `a` of field `one`, `b` of field `two`. patch : (c,) number of the connected part."""
+    """Cells (c,) of two members. a, b : (c,) members in fields `one`, `two`. patch : (c,) number of connected part."""
 
     one: int
     two: int

@@ -13,7 +13,7 @@ from dsfab.surface import link_components
 
 
 def owners(overlay: Overlay, components: list[Component]) -> Ints:
-    """Return the component of each cell for each field (m, f), -1 for none."""
+    """Return the number of the component that contains each cell, for each field (m, f); -1 for none."""
     member = np.full((overlay.sheet.surface.m, overlay.part.shape[1]), -1)
     for number, component in enumerate(components):
         if component.field >= 0:
@@ -53,7 +53,7 @@ def with_loose_cells(overlay: Overlay, components: list[Component]) -> list[Comp
 
 
 def _borders(overlay: Overlay, member: Ints, patch: Ints) -> tuple[Ints, Floats]:
-    """Return sorted pairs (b, 2) of a patch (cells of no member) and an adjacent component; border lengths (b,), m."""
+    """Return sorted pairs (b, 2) of a patch (cells of no member) and a component beside it; border lengths (b,), m."""
     surface, total = overlay.sheet.surface, int(member.max()) + 1
     f, g = np.concatenate([overlay.adjacent_cells, overlay.adjacent_cells[:, ::-1]]).T
     edge = np.tile(surface.edges.of.ravel()[surface.edges.pairs[:, 0]], 2)
@@ -110,7 +110,7 @@ def without_followers(overlay: Overlay, components: list[Component]) -> list[Com
 
 
 def _hidden_parts(line: MiddleLine, width: Floats, own_width: float) -> tuple[MiddleLine, list[tuple[int, int]]]:
-    """Return the line, opened if closed, and its parts to remove. width : (k - 1,) of kept material along it, or 0."""
+    """Return the line, opened if closed, and its parts to remove. width : (k - 1,) of kept material there, or 0."""
     if line.closed and (bare := np.flatnonzero(width == 0)).size:
         line, width = line.opened_at(int(bare[0])), np.roll(width, -int(bare[0]))
     last_point, gone = len(line.points) - 1, []

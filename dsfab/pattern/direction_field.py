@@ -20,7 +20,7 @@ ALONG = 0.3
 
 
 def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
-    """Return a mask (n,) of vertices where stripes follow the boundary; g : (n, 3) unit gradients of their phase.
+    """Return a mask (n,) of vertices where stripes follow the boundary; g : (n, 3) unit vectors across stripes.
     shortest : metres; shorter rows of such vertices are left out."""
     ends = surface.edges.ends[surface.edges.boundary]
     step = surface.V[ends[:, 1]] - surface.V[ends[:, 0]]
@@ -224,7 +224,7 @@ def cross_field(
 
     length   : metres over which directions of low confidence are smoothed.
     turn     : rotation from the stress, radians, counter-clockwise as seen from the tip of the normal.
-    guidance : guides, which are not rotated.
+    guidance : guides that stripes follow; `turn` does not rotate guides.
 
     Let z be the direction as a complex number in a frame. The field is z^2, because it is the same for z and -z.
     It minimises length^2 |grad z^2|^2 + c |z^2 - e^2|^2. Here e is the first principal direction, and c its confidence;

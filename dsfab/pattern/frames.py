@@ -14,21 +14,22 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 FEW = 16
-"""Largest number of vertices at ends of `turned` edges (see `TwistedFactors.factor`) to use `_corrected_solver`.
-This solver needs one solve for each of these vertices. Above `FEW`, a real matrix (2 n, 2 n) is faster."""
+"""Largest number of vertices on turned edges (see `TwistedFactors.factor`) for which `_corrected_solver` is used.
+`_corrected_solver` needs one solve for each of these vertices. For more vertices, `_real_factor` is faster."""
 
 Solve = Callable[[Complexes], Complexes]
 
 
 class TwistedFactors:
-    """Factors of twisted (complex) Laplacians on points V (n, 3), edges (e, 2). The sparse pattern is analysed once."""
+    """Solvers for twisted Laplacians: Laplace matrices of a mesh with a complex weight for each edge.
+    V : (n, 3) vertices.    ends : (e, 2) vertices of each edge."""
 
     def __init__(self, V: Floats, ends: Ints) -> None:
         self._V, self._ends, self._one_pattern = V, ends, SamePatternFactors(V)
 
     def factor(self, coupling: Complexes, diagonal: Floats, turned: Bools | None = None) -> Solve:
-        """Return the solver b -> x = (K + diagonal)^-1 b (n,), complex, valid until next call; K: a twisted Laplacian.
-        coupling : (e,) see `Frames.coupling`.    diagonal : (n,).    turned : (e,) edges where K uses conj(x)."""
+        """Return a function b -> x that solves (K + diagonal) x = b, with a twisted Laplacian K. Valid until next call.
+        coupling : (e,) complex weights in K.    turned : (e,) edges across which K uses the conjugate of x."""
         turned = np.zeros(len(coupling), dtype=bool) if turned is None else turned
         across = np.unique(self._ends[turned])
         if len(across) > FEW:
@@ -42,7 +43,7 @@ class TwistedFactors:
         return _corrected_solver(solve, across, W)
 
     def hermitian(self, coupling: Complexes, diagonal: Floats) -> Solve:
-        """Return the solver of a Hermitian matrix: `coupling` (e,) between the ends of edges, `diagonal` (n,)."""
+        """Return a function b -> x that solves A x = b for a Hermitian matrix A: `coupling` (e,) off the diagonal."""
         solve: Any = self._one_pattern.factor(
             self._complex_pattern.matrix(np.concatenate([coupling, coupling.conj(), diagonal]))
         )
@@ -79,7 +80,7 @@ class TwistedFactors:
 
 
 class _EntryPositions:
-    """Positions of values in a sparse matrix (N, N), from rows (k,) and columns (k,) in any order."""
+    """Builder of sparse matrices (N, N) with the same pattern. rows, columns : (k,) position of each value."""
 
     def __init__(self, rows: Ints, columns: Ints, N: int) -> None:
         place = coo_array((np.arange(1, len(rows) + 1), (rows, columns)), shape=(N, N)).tocsr()
@@ -90,7 +91,7 @@ class _EntryPositions:
 
 
 def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
-    """Return a solver of H x - W conj(x[across]) = b. This solver finds x[across] first. solve : solver of H x = b."""
+    """Return a function b -> x that solves H x - W conj(x[across]) = b. solve : function that solves H x = b."""
     Z = solve(W)
     Z_across, identity = Z[across], np.eye(len(across))
     inverse = np.linalg.inv(
@@ -108,8 +109,8 @@ def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Frames at the vertices of an oriented surface.
-    normal, t1, t2 : (n, 3) orthonormal and right-handed. weight : (e,) cotangent weights of the edges, not negative."""
+    """Frames at the vertices of an oriented surface: two tangents t1, t2 and the normal.
+    normal, t1, t2 : (n, 3) orthonormal, right-handed.    weight : (e,) cotangent weights of the edges, not negative."""
 
     surface: Surface
     normal: Floats
@@ -119,7 +120,7 @@ class Frames:
 
     @classmethod
     def for_surface(cls, surface: Surface) -> Self:
-        """Return frames; t1 is the projected x axis, or y if the normal is nearly x. This choice changes no result."""
+        """Return the frames of a surface. t1 is the x axis projected to the surface; y where the normal is nearly x."""
         normal = surface.vertex_normals.copy()
         normal[~normal.any(axis=1)] = (0.0, 0.0, 1.0)
         axis = np.where(np.abs(normal[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
@@ -133,7 +134,8 @@ class Frames:
 
     @cached_property
     def turning(self) -> Floats:
-        """(e,) angle r between the frames at an edge's ends: an angle a at the second end is a + r at the first end."""
+        """(e,) angle between the frames at the ends of each edge, radians.
+        A direction at the angle a in the frame of the second end has the angle a + turning in that of the first end."""
         i, j = self.ends.T
         across = cross(self.normal[j], self.normal[i])
         cosine = dots(self.normal[i], self.normal[j])[:, None]
@@ -142,22 +144,22 @@ class Frames:
         return np.arctan2(dots(y, self.t2[i]), dots(y, self.t1[i]))
 
     def sides(self, g: Floats, i: Ints, j: Ints) -> Floats:
-        """Return 1 (k,) if tangents g (n, 3) at vertices i and j (k,) make an angle under 90 degrees, -1 if over 90.
+        """Return 1 (k,) if the tangents g (n, 3) at vertices i and j (k,) make an angle under 90 degrees, else -1.
         At 90 degrees, the tangent at j counts as turned by a small angle, counter-clockwise about the normal."""
         turned = g + 1e-7 * cross(self.normal, g)
         return np.where(dots(g[i], turned[j]) < 0, -1.0, 1.0)
 
     def direction(self, angle: Floats) -> Floats:
-        """Return unit vectors (n, 3) at angles (n,) in the frames."""
+        """Return the unit tangents (n, 3) at an angle (n,), radians, from `t1` towards `t2` at each vertex."""
         return np.cos(angle)[:, None] * self.t1 + np.sin(angle)[:, None] * self.t2
 
     def coupling(self, turn: Floats) -> Complexes:
-        """Return the complex weight w e^{i turn} (e,) of each edge; w is its cotangent weight. turn : (e,) radians."""
+        """Return the complex weight w e^{i turn} (e,) of each edge with cotangent weight w. turn : (e,) radians."""
         return np.asarray(self.weight * np.exp(1j * turn))
 
     @cached_property
     def twisted_factors(self) -> TwistedFactors:
-        """Factors of twisted Laplacians: matrices with a complex weight for each edge, see `coupling`."""
+        """Solvers for twisted Laplacians: Laplace matrices with a complex weight for each edge, see `coupling`."""
         return TwistedFactors(self.surface.V, self.ends)
 
 
@@ -167,7 +169,7 @@ def dots(a: Floats, b: Floats) -> Floats:
 
 
 def corner_sums(surface: Surface, x: Floats) -> Floats:
-    """Return for each vertex the sum (n,) of values x (m, 3) at the corners of its faces."""
+    """Return the sum (n,) of values x (m, 3) at each vertex. x : a value for each corner of each face."""
     return np.bincount(surface.F.ravel(), x.ravel(), surface.n).astype(np.float64)
 
 

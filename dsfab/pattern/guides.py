@@ -29,7 +29,7 @@ class Guide:
     reach     : straight distance from the curve at which the weight falls to 0, m; default: the smaller stripe spacing.
     at        : a region, instead of a curve.
     direction : direction (3,) of stripes in the region; only the component tangential to the surface is used.
-    weight    : 1 is as strong as a stress with full confidence; 0 has no effect; 100 or more overrules the stress.
+    weight    : 1 is as strong as a stress with a clear direction; 0 has no effect; 100 or more overrules the stress.
     family    : the family whose stripes follow the guide. Stripes of the other family run across it.
     member    : True for a member on the curve itself, whatever the weight.
     Raises GuideError unless one of `curve`, `at` is set, not both. A region needs a direction and is never a member."""
@@ -59,14 +59,14 @@ class Guide:
 
     @property
     def pull(self) -> float:
-        """Weight of the guide in the minimisation (see `Guidance`): `weight`, but at least 100 if `member` is True."""
+        """Weight with which stripes follow the guide: `weight`, but at least 100 if `member` is True."""
         return max(self.weight, 100.0) if self.member else self.weight
 
 
 @dataclass(frozen=True, eq=False)
 class Guidance:
-    """Effect of a guide (see `Guide`) on a cross field z: the term weight |z^2 - square / weight|^2 in a minimisation.
-    weight : (n,).    square : (n,) weight x e^2; e is the direction of major stripes, complex in the vertex's frame."""
+    """Directions that a guide (see `Guide`) demands at the vertices, with weights.
+    weight : (n,).    square : (n,) weight x e^2; e: direction of major stripes, complex in the vertex's frame."""
 
     weight: Floats
     square: Complexes
@@ -80,8 +80,8 @@ class Guidance:
         return tuple(cls(np.abs(square), square) for square in weighted if np.abs(square).any())
 
     def tensors(self, frames: Frames) -> Floats:
-        """Return the guide's directions as symmetric tensors (n, 3, 3) of trace 0, which do not depend on the frames.
-        For a weight w of the guide at a vertex, the tensor has the size w / (1 + w)."""
+        """Return the guide's directions as symmetric tensors (n, 3, 3) of trace 0.
+        The Frobenius norm of a tensor is w / (1 + w) for the weight w of the guide at the vertex."""
         e1, e2 = frames.t1[:, :, None], frames.t2[:, :, None]
         x, y = e1.transpose(0, 2, 1), e2.transpose(0, 2, 1)
         strength = self.square / (1 + self.weight)
@@ -90,7 +90,7 @@ class Guidance:
 
 
 def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) -> Complexes:
-    """Return squares (n,) of a guide's direction, complex in the vertices' frames. |square| = 0: no effect; 1: full."""
+    """Return squares (n,) of a guide's direction, complex in the vertices' frames. Size 0: no effect; 1: full."""
     surface = frames.surface
     if guide.at is not None:
         assert guide.direction is not None
@@ -111,7 +111,6 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
 
 
 def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
-    """Return squares (n,) of the curve's direction: mean of nearest segments x a factor that falls to 0 at `reach`."""
     surface, points = frames.surface, np.array(guide.curve)
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)
@@ -135,7 +134,6 @@ def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> C
 
 
 def _tangent(frames: Frames, direction: Floats, rows: Any = slice(None)) -> Complexes:
-    """Return the tangential part (r,) of a unit direction (3,), as complex numbers in the frames at vertices `rows`."""
     return np.asarray(frames.t1[rows] @ direction + 1j * (frames.t2[rows] @ direction))
 
 
@@ -144,8 +142,9 @@ ON_EDGE = 1e-9  # A point is on an edge if its barycentric coordinate for the op
 
 @dataclass(frozen=True, eq=False)
 class GuideLine:
-    """Points (k, 3) of a curve on a surface, metres, in order, and the face (k,) of each.
-    number : number of the guide.    family : family of stripes in which the curve becomes a member."""
+    """Curve of a guide on a surface, which becomes a member.
+    number : number of the guide, from 0.    family : family of stripes to which the member belongs.
+    points : (k, 3) points along the curve, metres.    faces : (k,) the face that contains each point."""
 
     number: int
     family: str
@@ -154,7 +153,7 @@ class GuideLine:
 
     @classmethod
     def from_guides(cls, surface: Surface, guides: Sequence[Guide]) -> "list[GuideLine]":
-        """Return the curves of guides with `member` = True, projected to the surface and cut off at its boundary.
+        """Return the curve of each guide with `member` = True, projected to the surface and cut off at its boundary.
         Raises PatternError for a curve off the surface."""
         lines = []
         for k, guide in enumerate(guides):
@@ -170,7 +169,8 @@ class GuideLine:
         return lines
 
     def target_phases(self, frames: Frames, g: Floats, density: Floats) -> tuple[Ints, Floats]:
-        """Return vertices (v,) of faces that the curve crosses; target phases (v,), -1/2 to 1/2 periods (curve: 0).
+        """Return the vertices (v,) of faces that the curve crosses, and the phases (v,) that put a stripe on the curve.
+        The phases are in periods, -1/2 to 1/2.
         g : (n, 3) unit direction of the phase's gradient, up to sign.    density : (n,) periods per m."""
         surface = frames.surface
         vertices = np.unique(surface.F[self.faces])
@@ -186,20 +186,21 @@ class GuideLine:
         return vertices, phase - np.rint(phase)
 
     def followed_share(self, surface: Surface, phase: CornerPhase, step: int) -> float:
-        """Return the fraction of points on a centre line (phase within 0.05 periods of a multiple of `step`)."""
+        """Return the fraction of the curve's points that lie on centre lines at phases 0, `step`, 2 `step` ..."""
         F = surface.F[self.faces]
         z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], _barycentric(surface.V[F], self.points))
         distance = np.abs(z - step * np.rint(z / step))
         return float(((distance < 0.05) & ~phase.singular[self.faces]).mean())
 
     def runs_across(self, directions: Floats) -> bool:
-        """Return True if most of the curve runs across unit vectors `directions` (m, 3) on the faces."""
+        """Return True if the curve mostly runs across, not along, the unit vectors `directions` (m, 3) on the faces."""
         step = unit_vectors(np.diff(self.points, axis=0))
         return bool((dots(step, directions[self.faces[:-1]]) ** 2).mean() < 0.5)
 
 
 def guide_phases(lines: Sequence[GuideLine], frames: Frames, g: Floats, density: Floats) -> tuple[Bools, Floats]:
-    """Return a mask (n,) of vertices beside guides' curves, and their target phases (n,), in periods; 0 elsewhere."""
+    """Return a mask (n,) of vertices beside the curves of guides, and phases (n,) that put stripes on the curves.
+    Phases are in periods; 0 at other vertices."""
     lock, aim = np.zeros(frames.surface.n, dtype=bool), np.zeros(frames.surface.n)
     for line in lines:
         vertices, phase = line.target_phases(frames, g, density)
@@ -208,7 +209,7 @@ def guide_phases(lines: Sequence[GuideLine], frames: Frames, g: Floats, density:
 
 
 def _points_on_surface(surface: Surface, curve: Floats) -> tuple[Floats, Ints]:
-    step = surface.mean_edge / 8  # so small that the curve skips few faces
+    step = surface.mean_edge / 8
     points = [curve[:1]]
     for begin, end in pairwise(curve):
         count = max(int(np.ceil(np.linalg.norm(end - begin) / step)), 1)

@@ -18,23 +18,17 @@ SNAP = 0.05
 If that would move a region's outline by over 2 x `EVEN` x `reach` (see `SHORT`), edges at the vertex are halved."""
 SHORT = 1 / 16
 """Smallest edge that is halved, divided by `reach`. A region ends at the distance `reach` from its origins."""
-FINEST = 1 / 16
-"""Edges shorter than this fraction of the longest side of their uncut face are not halved. A sheet with smaller parts
-is hard to solve. Corners of an outline may be cut off by up to half of this edge length."""
-NEAR = 0.3
-"""Largest move of an outline onto a vertex, as a fraction of a mesh edge. The move is also at most `EVEN` times the
-region's `reach` (see `SHORT`). Without the move, triangles between vertex and outline could be very thin."""
-ASIDE = 0.1
-"""An edge is usually divided at its middle. If an outline crosses the edge nearer to the middle than this fraction of
-the edge, the edge is divided at the crossing. A vertex at the middle would lie too close to the outline."""
+FINEST = 1 / 16  # Edges shorter than this fraction of the longest side of their uncut face are not halved.
+NEAR = 0.3  # Largest move of an outline onto a vertex, as a fraction of a mesh edge; also at most `EVEN` x `reach`.
+ASIDE = 0.1  # An edge is divided at an outline nearer to its middle than this fraction of the edge, else at its middle.
 
 
 def curve_fields(
     surface: Surface, regions: Sequence[tuple[Origins, float]], rounds: int = 16, most_parts: int = 300_000
 ) -> list[Floats | DividedField]:
     """Return a field (n,) for each region: minus the distance (m) along the surface from the origins of the region.
-    regions : pairs of origins (vertices, edges and faces) and a distance (m) from the origins at which the region ends.
-    Faces at outlines are divided if distances are not linear on them, up to `rounds` rounds or `most_parts` new faces.
+    regions : pairs of origins (vertices, edges and faces) and the distance (m) from the origins at which a region ends.
+    Near the ends of regions, faces are divided into smaller faces, in up to `rounds` rounds or `most_parts` new faces.
     All fields share the divided surface. Far outside a region, distances are only lower bounds."""
     divided, reaches = DividedSurface.undivided(surface), [reach for _, reach in regions]
     for rounds_left in reversed(range(rounds)):
@@ -54,7 +48,6 @@ def curve_fields(
 
 
 def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Bools:
-    """Return a mask (e',) of edges to divide near the outlines of regions, without edges inside an earlier region."""
     parts, uncut = divided.surface, divided.whole
     size, sides = parts.edge_lengths, parts.edges.of
     finest, longest = np.zeros(len(size)), uncut.edge_lengths[uncut.edges.of].max(axis=1)
@@ -69,7 +62,7 @@ def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distance
 
 
 def _crossings(surface: Surface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Floats:
-    """Return where to divide edges (0 to 1): at an outline near the middle if there is exactly one, else at 0.5."""
+    """Return the place (e,) to divide each edge, 0 to 1: at an outline if exactly one is near the middle, else 0.5."""
     position, count = np.full(len(surface.edges.ends), 0.5), np.zeros(len(surface.edges.ends), dtype=np.int64)
     for distances, reach in zip(region_distances, reaches, strict=True):
         middle = distances.middle
@@ -89,7 +82,6 @@ def _distance_growth(surface: Surface, distance: Floats) -> tuple[Floats, Floats
 
 
 def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floats:
-    """Return distances (n,), set to `reach` near the outline (see `NEAR`), except at faces with all vertices near."""
     _, vertex_growth = _distance_growth(surface, distance)
     is_near = np.abs(distance - reach) <= np.minimum(NEAR * vertex_growth, EVEN * reach)
     is_near[surface.F[is_near[surface.F].all(axis=1)]] = False
@@ -97,7 +89,7 @@ def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floa
 
 
 def _undivided_field(surface: Surface, region: tuple[Origins, float], distances: Distances) -> Floats:
-    """Return minus `distances` (n,) of a region on undivided faces; minus straight distances if both nearly agree."""
+    """Return minus `distances` (n,) to a region's origins; minus straight distances if they are nearly equal."""
     origins, reach = region
     near_vertices = np.unique(surface.F[distances.reached])
     straight = euclidean_distances(
@@ -115,7 +107,7 @@ def _finite_distances(distance: Floats, reach: float) -> Floats:
 
 
 def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools:
-    """Return a mask (e,) of edges to divide: distance not linear at the outline, or outline moved too far by `SNAP`."""
+    """Return a mask (e,) of edges to divide: the distance is not linear there, or `SNAP` moves the outline too far."""
     vertex, middle, faces = distances.vertex, distances.middle, np.flatnonzero(distances.reached)
     sides, ends = surface.edges.of[faces], surface.edges.ends
     deviation = np.abs(vertex[ends[sides]].mean(axis=2) - middle[sides])
@@ -131,7 +123,8 @@ def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools
 
 
 def euclidean_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
-    """Return the straight distance (n,), m, to the nearest simplex. simplices : corners of faces, edges or vertices."""
+    """Return the straight distance (n,), m, from each vertex to the nearest of the given faces, edges and vertices.
+    simplices : arrays (k, 3) of faces, (k, 2) of edges, (k, 1) of vertices; entries are vertex indices."""
     squared = np.full(surface.n, np.inf)
     for group in simplices:
         if len(group):
@@ -150,9 +143,8 @@ class RegionBand:
     inside: Floats
 
     def layer(self, field: Floats | DividedField) -> Layer:
-        """Return the band as a layer. field : minus the distance (n,) from the outline, metres.
-        The layer has two columns of values and the level 0. Material is where the first column, `inside`, is above 0
-        and the second column, distance - width, is below 0."""
+        """Return the band as a layer of the pattern. field : minus the distance (n,) from the outline, metres.
+        In the band, the layer's first value, `inside`, is above 0, and its second, distance - width, is below 0."""
         half_width = np.full(len(self.inside), np.inf)
         if not isinstance(field, DividedField):
             return Layer("rim", np.stack([self.inside, -field - self.width], axis=1), np.zeros(1), half_width)
@@ -162,7 +154,8 @@ class RegionBand:
 
 
 def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[Layer]:
-    """Return a layer for each solid region of the user (do = "keep"). Its field (n,) is 0 on the region's outline.
+    """Return a layer of the pattern for each solid region of the user (do = "keep").
+    The values (n,) of a layer are 1 inside the region, 0 on its outline, -1 outside.
     Raises PatternError for a region off the surface."""
     half_width = np.full(surface.n, np.inf)
     return [
@@ -204,7 +197,8 @@ def _faces(surface: Surface, regions: Sequence[PatternRegion], do: str) -> Itera
 
 
 def region_sides(surface: Surface, faces: Bools) -> Floats:
-    """Return 1 (n,) at vertices whose faces are all marked, -1 at vertices without a marked face, else 0."""
+    """Return 1 (n,) at vertices whose faces are all marked, -1 at vertices without a marked face, else 0.
+    faces : mask (m,) of the marked faces."""
     is_side = np.zeros((2, surface.n), dtype=bool)
     is_side[0, surface.F[faces]] = is_side[1, surface.F[~faces]] = True
     return np.asarray(is_side[0].astype(np.float64) - is_side[1])
@@ -217,13 +211,13 @@ def outline_edges(surface: Surface, faces: Bools) -> Bools:
 
 
 def distance_to_boundary(surface: Surface, reach: float = np.inf) -> Floats:
-    """Return the distance (n,) to the boundary along the surface, metres; not valid beyond `reach`."""
+    """Return the distance (n,) to the boundary along the surface, metres; distances above `reach` are not valid."""
     return geodesic_distances(surface, boundary_origins(surface), reach).vertex
 
 
 def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.inf) -> Floats:
-    """Return the distance (n,) to marked vertices and to the edges and faces between them, metres. To marked areas (see
-    `patches`), the distance is straight. Other distances are along the surface, and not valid beyond `reach`."""
+    """Return the distance (n,) to marked vertices, and to the edges and faces between marked vertices, metres.
+    It is straight for areas of marked faces (see `patches`); else along the surface, and not valid above `reach`."""
     patch = patches(surface, vertices)
     curves = geodesic_distances(surface, curve_origins(surface, vertices & ~patch), reach)
     return np.minimum(distance_to_patches(surface, patch), curves.vertex)
@@ -272,9 +266,9 @@ def _edge_ends(surface: Surface, edges: Bools) -> Bools:
 def kept_layers(
     surface: Surface, marked: Bools, keep: float, rim: float, regions_of_user: Sequence[PatternRegion] = ()
 ) -> list[Layer]:
-    """Return layers of material: regions of the user, `keep` m around marked vertices (n,), `rim` m along the boundary.
-    The outline around marked areas (see `patches`) is straight on each face. Other outlines are smooth (see
-    `curve_fields`). Regions of the user end at edges of the surface."""
+    """Return the layers of the pattern for all parts that stay solid: regions of the user, `keep` m around marked
+    vertices (n,), and `rim` m along the boundary. Regions of the user end at edges of the mesh. Other outlines are
+    smooth, but straight on each face around areas of marked faces (see `patches`)."""
     patch = patches(surface, marked)
     regions = []
     if keep and (marked & ~patch).any():

@@ -18,9 +18,9 @@ from dsfab.surface.mesh import Surface
 
 
 class Layer(NamedTuple):
-    """A field, and the levels at which its values change between material and openings.
-    Values (n,) are material if an odd number of levels lies below them. For values (n, 2) see `Stripes.band`.
-    field      : values, a corner field, or a field that is linear on parts of faces.
+    """Values on the surface, and levels of these values that divide material from openings.
+    field      : values (n,): material if an odd number of levels lies below a value. Values (n, 2): material if a level
+                 lies between both numbers. Also such values for each corner of a face, or on parts of faces.
     half_width : (n,) half widths of stripes, in periods, for previews and measures.
     closed     : (n,) values, or None. An opening becomes material if the mean of these values in it is positive."""
 
@@ -33,8 +33,9 @@ class Layer(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ModeFamily:
-    """Stripes on an eigenmode x (n,). Slope and stress decide their widths.
-    slope : (n,) |grad z| of the phase z, periods per m.    stress : (n,) size of the stress along stripes; any unit."""
+    """A family of stripes on an eigenmode.
+    x     : (n,) eigenmode; stripes follow lines of equal x.    slope : (n,) stripes per metre.
+    stress : (n,) size of the stress along the stripes, any unit; stripes may be wider where it is large."""
 
     name: str
     stripes: Stripes
@@ -46,7 +47,8 @@ class ModeFamily:
     def from_mode(
         cls, surface: Surface, name: str, stripes: Stripes, x: Floats, stress: Floats | None = None, radius: float = 0.0
     ) -> "ModeFamily":
-        """Return the stripes on an eigenmode x. stress : (n,) along the stripes, default 1. radius : see `slopes`."""
+        """Return the stripes on an eigenmode x (n,). stress : (n,) along the stripes, default 1.
+        radius : radius (m) of the disc over which stripes per metre are averaged."""
         stress = np.ones(surface.n) if stress is None else stress
         return cls(name, stripes, x, slopes(surface, stripes.phases(x), radius), stress)
 
@@ -55,10 +57,10 @@ class ModeFamily:
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return half widths d (n,) of the stripes, in periods. factor : factor on d before bounds, see `Widths`."""
+        """Return half widths (n,) of the stripes, in periods. factor : factor on half widths before limits apply."""
         return widths.half_widths(self.stripes.half_width, self.slope, self.stress, factor)
 
-    adds = 0  # without effect, because stripes on a mode have no finer stripes; see `DrawableFamily`
+    adds = 0  # no effect: stripes on a mode have no finer stripes
 
     @property
     def density(self) -> Floats:
@@ -66,7 +68,7 @@ class ModeFamily:
         return self.slope
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return one layer of all stripes. If widths vary, its field has two columns (`Stripes.band`), else one."""
+        """Return a list of one layer with all stripes. `closing` has no effect. factor : factor on the half widths."""
         d = self.half_widths(widths, factor)
         if widths.vary:
             return [Layer(self.name, self.stripes.band(self.x, d), self.stripes.middles(self.x), d)]
@@ -74,7 +76,7 @@ class ModeFamily:
 
 
 class DrawableFamily(Protocol):
-    """A family of stripes on an eigenmode, or of evenly spaced stripes.
+    """Interface of families of stripes, on an eigenmode or evenly spaced.
     density : (n,) stripes per metre.    stress : (n,) size of the stress along the stripes; any unit.
     adds    : place of the family in the order in which families add finer stripes; 0 is first."""
 
@@ -98,20 +100,21 @@ class DrawableFamily(Protocol):
         ...
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return half widths d (n,), in periods."""
+        """Return half widths (n,) of the stripes, in periods. factor : factor on half widths before limits apply."""
         ...
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
         """Return the layers: first coarse stripes on the whole surface, then finer stripes in openings between them.
-        factor  : factor on the half widths.    closing : factor on the half widths to decide which openings are filled;
-                  default `factor`. A fixed `closing` fills the same openings for each `factor`, without jumps."""
+        factor  : factor on the half widths.    closing : factor on the half widths that decides which openings are
+                  filled; 0: use `factor`. A fixed `closing` fills the same openings for each `factor`."""
         ...
 
 
 def stripe_layers(
     families: Sequence[DrawableFamily], widths: Widths, factor: float = 1.0, closing: float = 0.0
 ) -> list[Layer]:
-    """Return layers of all families: coarse stripes, then finer stripes in the order of `DrawableFamily.adds`."""
+    """Return the layers of all families: first coarse stripes, then finer stripes in the openings between them.
+    factor, closing : factors on half widths, see `DrawableFamily.layers`."""
     family_layers = [(family.adds, family.layers(widths, factor, closing)) for family in families]
     return [layers[0] for _, layers in family_layers] + [
         layer for _, layers in sorted(family_layers, key=itemgetter(0)) for layer in layers[1:]
@@ -119,8 +122,8 @@ def stripe_layers(
 
 
 def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], widths: Widths) -> float:
-    """Return the factor on all half widths that gives the same mean half width as the width rule `plain`. Bounds of
-    `Widths` in metres apply afterwards. Raises PatternError if too little of the surface is stressed."""
+    """Return the factor on all half widths that gives the same mean half width as the width rule `plain`.
+    Limits in metres in `widths` are ignored. Raises PatternError if too little of the surface is stressed."""
     free = Widths(widths.rule, widths.member, widths.q)
 
     def duty(factor: float) -> float:
@@ -151,7 +154,8 @@ WIDTH_RULES = {
 
 @dataclass(frozen=True, eq=False)
 class EvenFamily:
-    """Stripes with centre lines where a phase is a whole number. A halving removes every second line from some faces.
+    """A family of evenly spaced stripes, with centre lines where a phase is a whole number.
+    A halving removes every second line from some faces.
     phase   : phase at the corners of the faces, before any line is removed.
     wanted  : an array (m,) for each halving: the fraction of each face in which it removes no lines. The first halving
               removes the finest lines. Lines at multiples of 2^len(wanted) remain everywhere.
@@ -174,12 +178,13 @@ class EvenFamily:
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return half widths d (n,), divided by the line distance after halvings. factor : factor on the half widths.
+        """Return half widths (n,), divided by the distance of the remaining lines. factor : factor on the half widths.
         Except under the rule `plain`, members that are too close become thinner or merge, see `CLOSING_WIDTHS`."""
         return self._closed_half_widths(self._requested_half_widths(widths, factor), widths)
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return a layer of coarse stripes, then finer stripes: one layer for each removal of every second line."""
+        """Return a layer of lines that remain everywhere, then a layer of the lines that each halving removes in part.
+        factor, closing : see `DrawableFamily.layers`."""
         requested = self._requested_half_widths(widths, factor)
         local = self._closed_half_widths(requested, widths)
         opened, closed = local, None
@@ -199,7 +204,7 @@ class EvenFamily:
         return layers
 
     def _requested_half_widths(self, widths: Widths, factor: float) -> Floats:
-        """Return half widths (n,) / line distance after halvings, as they are before crowded members become thinner."""
+        """Return half widths (n,), divided by the distance of remaining lines, before members get thinner or merge."""
         rule = replace(widths, min_gap=0.0) if widths.rule != "plain" else widths
         return rule.half_widths(self.stripes.half_width, self.density, self.stress, factor)
 
@@ -230,8 +235,9 @@ class EvenFamily:
 
 
 def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: int) -> Floats:
-    """Return half widths (n,) as multiples of the line distance before halvings. local : the same after halvings.
-    slope, density : lines per metre before and after halvings. Where `local` is at least `SOLID`, all is material."""
+    """Return half widths (n,) of stripes, divided by the line distance before halvings (removals of every second line).
+    local : half widths divided by the line distance after halvings; `SOLID` and more: all is material.
+    slope, density : (n,) lines per metre before and after halvings.    halvings : number of halvings."""
     return np.asarray(np.where(local >= SOLID, SOLID * 2**halvings, local * slope / density))
 
 
@@ -276,7 +282,6 @@ def _corner_values(surface: Surface, field: Floats | CornerField) -> list[Floats
 
 
 def _is_drawn(field: CornerField) -> Bools:
-    """Return a mask (m,) of faces in which a field has stripes in more than half of the face."""
     return ~field.blank if field.wanted is None else ~field.blank & (field.wanted > 0.5)
 
 

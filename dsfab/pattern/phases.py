@@ -16,7 +16,7 @@ from dsfab.surface.fields import CornerField, hat_gradients
 from dsfab.surface.mesh import Surface
 
 SHIFT = 1e-3
-"""Shift of the inverse iteration, times the squared spacing. It makes the matrix definite; the eigenvectors stay."""
+"""Shift of the inverse iteration, times the squared spacing of stripes. It makes the matrix positive definite."""
 FLOW = 0.25  # 1 / duration of a step of diffusion, in units of (2 pi / spacing)^2.
 LOCKED_PHASE = 0.05
 """Error (periods) below which a locked vertex gets exactly its target phase. Members at boundaries stay straight."""
@@ -25,8 +25,8 @@ LOCK = 3.0  # Weight of the target phases in `Flow.solve`, per area of the surfa
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """Wanted gradient of a family's phase.
-    g : (n, 3) unit direction of the gradient at the vertices, up to sign. density : (n,) periods per metre."""
+    """Wanted gradient of the phase of a family of stripes.
+    g : (n, 3) unit direction of the gradient, across the stripes, up to sign.    density : (n,) stripes per metre."""
 
     frames: Frames
     g: Floats
@@ -34,13 +34,13 @@ class Flow:
 
     @cached_property
     def sign(self) -> Floats:
-        """(e,) 1 if the gradient directions g at both ends of an edge point to the same side, else -1."""
+        """(e,) 1 if the directions g at both ends of an edge make an angle under 90 degrees, else -1."""
         i, j = self.frames.ends.T
         return self.frames.sides(self.g, i, j)
 
     @cached_property
     def turn(self) -> Floats:
-        """(e,) growth of the phase to each edge's second end, periods; positive along the gradient at the first end."""
+        """(e,) growth of the phase from first to second end of each edge, in periods, along g at the first end."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
@@ -60,7 +60,7 @@ class Flow:
         free: bool = False,
         rounds: int = 10,
     ) -> Floats:
-        """Return phases (n,) at the vertices, in periods, -1/2 to 1/2. Phases grow along the gradient directions `g`.
+        """Return the phases (n,) of stripes at the vertices, in periods, -1/2 to 1/2. Phases grow along `g`.
 
         The phases are angles of complex numbers psi. These minimise the sum of w |psi_j - e^{2 pi i turn} psi_i|^2 over
         edges (i, j) of weight w; `turn` is the growth of the phase along an edge. If g is reversed along an edge, psi_i
@@ -96,7 +96,6 @@ class Flow:
 
 
 def _lowest(B: Callable[[Complexes], Complexes], start: Floats, mass: Floats) -> Complexes:
-    """Return B^20 `start`, with norm 1, error 1e-5. B conjugates some numbers, so it is linear only over the reals."""
     x = krylov_power(
         lambda x: _real_pairs(B(_complex_numbers(x))), _real_pairs(start.astype(complex)), np.repeat(mass, 2), 20, 12
     )
@@ -113,9 +112,9 @@ def _complex_numbers(x: Floats) -> Complexes:
 
 @one_blas_thread()  # two threads took three times as long for products of vectors
 def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: int, products: int) -> Floats:
-    """Return B^power x, with norm 1 for the mass (N,). The function multiplies by the linear B only `products` times.
-    Arnoldi's method [Saad 1992] writes B as a small matrix H on an orthonormal basis of a Krylov space, and computes
-    powers of H. The result is exact if `products` is at least `power`."""
+    """Apply a linear function B `power` times to x (N,); return the result, scaled so that sum(mass x^2) = 1.
+    B is called at most `products` times: Arnoldi's method [Saad 1992] replaces B by a small matrix. The result is exact
+    if `products` is at least `power`."""
     basis = [_unit_vector(B(x), mass)]
     H = np.zeros((products, products - 1))
     for k in range(products - 1):
@@ -143,8 +142,8 @@ def _unit_vector(x: Floats, mass: Floats) -> Floats:
 
 
 def through_peaks(phase: Floats, weight: Floats) -> Floats:
-    """Return phases (n,), shifted by half a period if this moves centre lines to larger values of `weight` (n,).
-    Phases shift if the weighted mean of cos(2 pi phase) is below -0.02. `Flow.solve` does not use `weight`."""
+    """Return phases (n,), shifted by half a period if this moves centre lines of stripes to larger `weight` (n,).
+    Phases shift if the weighted mean of cos(2 pi phase) is below -0.02."""
     if weight @ np.cos(2 * np.pi * phase) >= -0.02 * weight.sum():
         return phase
     return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))
@@ -156,8 +155,8 @@ def _unit_numbers(x: Complexes) -> Complexes:
 
 @dataclass(frozen=True, eq=False)
 class CornerPhase:
-    """A phase of stripes on a surface, a whole number on centre lines.
-    value    : (n,) at the vertices, periods.
+    """Phase of stripes on a surface, a whole number on each centre line.
+    value    : (n,) phase at the vertices, periods.
     sign     : (m, 3) 1 or -1. The phase at a face's corner is sign * value + shift.    shift : (m, 3) whole numbers.
     singular : (m,) faces without a phase, because a stripe ends or the direction reverses in them.
     broken   : number of faces in which a stripe ends."""
@@ -174,7 +173,7 @@ class CornerPhase:
 
     @property
     def field(self) -> CornerField:
-        """The phase as a `CornerField`; it is a whole number on the centre lines of stripes."""
+        """The phase as a `CornerField`: values at the corners of the faces."""
         return CornerField(self.value[:, None], self.sign, self.shift, self.singular)
 
     def corners(self, surface: Surface) -> Floats:
@@ -192,7 +191,8 @@ class CornerPhase:
 
 def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | None = None) -> CornerPhase:
     """Return the phases (n,) of `Flow.solve`, in periods, as a `CornerPhase`, which is linear on each face.
-    alternative : called if stripes end within faces. Its phases (n,) are used if their stripes end in fewer faces."""
+    alternative : function that returns other phases (n,), called if stripes end within faces. The phases whose stripes
+    end in fewer faces are used."""
     result = _face_phases(flow, phase)
     if alternative and result.broken:
         result = min(result, _face_phases(flow, alternative()), key=lambda one: one.broken)
@@ -250,8 +250,9 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
 def propagate_phases(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
-    """Set `signs` and `shifts` (m,): phase continued from the first face in `order` = sign x (phase in a face) + shift.
-    s, q : sign and shift for a step between adjacent faces. Each pass of the loop doubles the steps combined so far."""
+    """Set `signs` and `shifts` (m,), so that sign x phase + shift continues the phase of the first face in `order`.
+    order, predecessor : faces from near to far, and the face before each, as from scipy's breadth-first search.
+    s, q : sign and shift between adjacent faces.    link : (m, m) 1 + index into s, q; negative in reverse."""
     child = order[1:]
     if not len(child):
         return
@@ -271,7 +272,7 @@ def propagate_phases(
 
 
 def _seen_by_first_faces(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase with each vertex's value from its first regular face. Except at seams, signs are 1, shifts 0."""
+    """Return an equal phase whose signs are 1 and shifts 0, except at seams. Values come from a face at each vertex."""
     first_corner = np.full(len(phase.value), -1)
     corner = surface.F.ravel()
     usable = np.flatnonzero(np.repeat(~phase.singular, 3))

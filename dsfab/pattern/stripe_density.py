@@ -21,9 +21,9 @@ MOST_HALVINGS = 3
 
 
 def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
-    """Return u (n,), the logarithm of the relative density of stripes; its median is 0. g : (n, 3) direction of the
-    phase's gradient, up to sign. At the corners of a face, all g get the same sign. On a face, u satisfies
-    p . grad u = curl g / |mean g|; p = n x g is along the stripe. confidence : (m,) weight of this equation, 0 to 1."""
+    """Return u (n,), the logarithm of the relative density of stripes at the vertices; its median is 0.
+    g : (n, 3) direction across the stripes, up to sign.    confidence : (m,) weight of each face, 0 to 1.
+    In each face, u satisfies p . grad u = curl g / |mean g|, by least squares; p is the direction along the stripes."""
     surface = frames.surface
     grad = hat_gradients(surface)
     corners = g[surface.F]
@@ -51,9 +51,9 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
 
 
 class Halving(NamedTuple):
-    """Number of halvings of the stripes' centre lines at each vertex: `wish`, rounded down. A halving removes every
-    second line. most : largest number of halvings.    wish : (n,) real numbers, 0 to `most`.
-    free : (n,) `wish` without these bounds. limits : bounds of u, the logarithm of the density before any halving."""
+    """Halvings of the stripes' centre lines: a halving removes every second line.
+    wish : (n,) halvings at each vertex, a real number, 0 to `most`.    free : (n,) `wish` before these limits.
+    limits : bounds of u, the logarithm of the density of lines before any halving."""
 
     most: int
     wish: Floats
@@ -68,9 +68,9 @@ class Halving(NamedTuple):
 
 def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
     """Return the halvings (removals of every second line) that make the spacing of stripes most even.
-    u : (n,) logarithm of the density. Lines are halved while the density stays over a limit. The function tries limits
-    from the median density to a quarter of the median. The best limit gives the smallest ratio P95 / P5 of the spacing.
-    Each halving must reduce this ratio by 5 %, because halvings end members. The densest 2 % of area do not count."""
+    u : (n,) logarithm of the density of lines.    mass : (n,) area at each vertex.    allowed : False for no halvings.
+    Lines are halved while their density stays over a limit. The best of 40 limits gives the smallest ratio of wide to
+    narrow spacing (percentiles 95 and 5). Each halving must reduce this ratio by 5 %."""
     if not allowed:
         return Halving(0, np.zeros_like(u), np.zeros_like(u), RANGE)
     ascending = np.argsort(u, kind="stable")  # sorted once, for fast quantiles
@@ -95,7 +95,8 @@ def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
 
 
 def density(surface: Surface, u: Floats, spacing: float, halved: Halving) -> Floats:
-    """Return periods per m (n,) before halvings. After these, mean line distance is `spacing`, m. u : see `halving`."""
+    """Return the density of centre lines (n,), per metre, before halvings: removals of every second line.
+    After the halvings `halved`, the mean distance of lines is `spacing` (m). u : (n,) logarithm of the density."""
     w = np.exp(np.clip(u, *halved.limits))
     remaining = w / 2**halved.times
     mean = float(surface.vertex_areas @ remaining) / surface.area

@@ -18,13 +18,13 @@ def wave(t: Floats) -> Floats:
 
 
 def half_width(threshold: float) -> float:
-    """Return half width d = (1 - threshold) / 4: `wave` exceeds `threshold` within d periods of whole phase numbers."""
+    """Return the half width of stripes, periods: `wave` exceeds `threshold` within this distance of whole numbers."""
     return (1 - threshold) / 4
 
 
 @dataclass(frozen=True)
 class Stripes:
-    """Material where p(frequency x + phase) > threshold; p is the triangle wave, and x the mode.
+    """Stripes of material where p(frequency x + phase) > threshold; p is the triangle wave, x an eigenmode.
     frequency : stripes per unit of the mode; positive.
     phase     : shift in periods.
     threshold : -1 (everything is material) to 1 (everything is void); with 0, half of each period is material.
@@ -58,22 +58,23 @@ class Stripes:
         return self.frequency * x + self.phase
 
     def band(self, x: Floats, d: Floats) -> Floats:
-        """Return z + d, z - d (n, 2) for phases z of x, half widths d (n,). In material, a whole number is between."""
+        """Return pairs (n, 2) of numbers, phase of x plus and minus half width d (n,).
+        A point is material if a whole number lies between both numbers of its pair."""
         z = self.phases(x)
         return np.stack([z + d, z - d], axis=1)
 
     def middles(self, x: Floats) -> Floats:
-        """Return phases (k,) of middle lines: whole numbers in the range for x (n,), plus up to two at each end."""
+        """Return the phases (k,) of centre lines: whole numbers in the range of a mode x (n,), and up to two beyond."""
         z = self.phases(x)
         return np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
 
     def value(self, x: Floats) -> Floats:
-        """Return the triangle wave of frequency x + phase, minus the threshold, for x (...): positive in material."""
+        """Return a value (...) for each value x (...) of the mode: positive in material, negative in openings."""
         return wave(self.frequency * x + self.phase) - self.threshold
 
     def levels(self, x: Floats) -> Floats:
-        """Return the values (k,) of the mode at the edges of stripes, ascending, for the range of a mode x (n,).
-        Phases there are k - d or k + d (whole k, half width d). Stripes begin at the first, third ... value."""
+        """Return the values (k,) of a mode x (n,) at the edges of stripes, ascending, for the whole range of x.
+        Stripes lie between the first and second value, the third and fourth, and so on."""
         d = self.half_width
         if d == 0:
             return np.empty(0)

@@ -21,8 +21,7 @@ PULL = 100.0
 
 
 def small_loops(surface: Surface, supported: Bools, spacing: float) -> list[Ints]:
-    """Return boundary loops (k,) with a mean radius below the spacing (m), if all their vertices are `supported`
-    (n,)."""
+    """Return the vertices (k,) of each boundary loop with a radius below `spacing` (m) that is supported all around."""
     loops = [loop for loop in surface.loops if supported[loop].all()]
     return [loop for loop in loops if polygon_perimeter(surface.V[loop]) < 2 * np.pi * spacing]
 
@@ -55,7 +54,7 @@ class LoopSurroundings:
 
     def guidance(self, frames: Frames, stress: StressDirections, turn: float) -> Guidance:
         """Return the directions of stripes around this supported loop. Major stripes run along rays if the mean stress
-        is larger along rays than along rings. turn : rotation of both families, radians, as for `cross_field`."""
+        is larger along rays than along rings. turn : rotation of both families of stripes, radians."""
         surface, cosine = frames.surface, dots(stress.direction[:, 0], self.outwards)
         ray_minus_ring_stress = (stress.stress[:, 0] - stress.stress[:, 1]) * (2 * cosine**2 - 1)
         share = surface.areas * self.weight[surface.F].mean(axis=1)

@@ -35,7 +35,7 @@ class Images:
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / len(self.maps))
 
     def marked_in_any(self, marked: Bools) -> Bools:
-        """Return a mask (m,) of marked faces and their symmetric images, which rounding errors may leave unmarked.
+        """Return a mask (m,) of the marked faces and their symmetric images.
         Marks stay unchanged if a rotation or mirror does not map vertices to vertices."""
         exact = all(T.nnz == T.shape[0] for T in self.maps)
         return np.asarray(marked[self.faces].any(axis=0)) if exact and self.faces is not None else marked
@@ -55,9 +55,9 @@ class Images:
         return frames.direction(np.arctan2(2 * xy, xx - yy) / 2)
 
     def projection(self, V: Floats, g: Floats, density: Floats) -> Projection:
-        """Return the projection onto symmetric phases, which have the gradient `density` (n,) x g (n, 3) at V (n, 3).
-        If the image of a vertex lies between vertices, the phases of these vertices are extrapolated to the image. A
-        plain mean would have large errors. A phase is conjugated if g at its vertex and g at the image are opposite."""
+        """Return a function that makes phases of stripes symmetric: it averages them over the images of each vertex.
+        The phases have the gradient `density` (n,) x g (n, 3) at the vertices V (n, 3). If an image lies between
+        vertices, phases are extrapolated to the image. Phases are conjugated if g is reversed at the image."""
         if len(self.maps) == 1:
             return lambda x: x
         growth = density[:, None] * g
@@ -68,7 +68,7 @@ class Images:
 
     @staticmethod
     def _phase_map(R: Floats, T: csr_array, V: Floats, growth: Floats) -> tuple[csr_array, csr_array]:
-        """Return A, B: complex numbers x at V become A x + B conj(x) at the images of V under R, a rotation or mirror.
+        """Return matrices A, B: values x at points V become A x + B conj(x) at the images of V. R : rotation or mirror.
         T : interpolation at the images.    growth : gradient of the phase (periods per m), up to sign."""
         column = T.indices
         row = np.repeat(np.arange(T.shape[0]), np.diff(T.indptr))

@@ -27,7 +27,7 @@ class ShareJumpError(PatternError):
 
 @dataclass(frozen=True)
 class Widths:
-    """Rule for the half width d of stripes at every vertex.
+    """Rule for the half width d of stripes at every vertex; z is their phase.
 
     rule      : "plain"     d = (1 - threshold) / 4 (see `Stripes`), as in the paper by Madan et al.;
                 "constant"  d = |grad z| member / 2: the same width in metres;
@@ -74,7 +74,7 @@ class Widths:
         return self.rule != "plain" or max(self.min_width, self.max_width, self.min_gap) > 0
 
     def grading(self, stress: Floats) -> Floats:
-        """Return half widths (n,), relative to the half width `base` of `half_widths`."""
+        """Return factors (n,) on the half width of the rule "plain". stress : see `half_widths`."""
         return stress**self.q if self.rule == "graded" else stress if self.rule == "stressed" else np.ones_like(stress)
 
     def half_widths(self, base: float, slope: Floats, stress: Floats, factor: float = 1.0) -> Floats:
@@ -96,8 +96,7 @@ def vertex_means(surface: Surface, x: Floats) -> Floats:
 
 def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
     """Return the mean of |grad z| around each vertex (n,): periods per metre for a phase z (n,).
-    A mean of the vectors grad z would be 0 along a maximum of z. Width 0 there would open a slit within a member.
-    radius : radius of the disc for the mean, m: half of a member's width. At least two rings of faces are included."""
+    radius : radius of the disc for the mean, m. At least two rings of faces are included."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), z[surface.F])
     return spread_means(surface, np.linalg.norm(gradient, axis=1), radius)
 
@@ -138,7 +137,7 @@ def solved_factor(
     jump: float = JUMP,
     steepest: float = 40,
 ) -> float:
-    """Return the factor at which the increasing function share(factor) is `target`, with an error of `tolerance`.
+    """Return the factor at which the increasing function share(factor) differs from `target` by at most `tolerance`.
     slope    : approximate derivative of `share`, to search from factor 1 (Newton, secants); 0 for no such search.
     jump     : accepted error if `share` jumps from values below `target` to values above it.
     steepest : largest growth of `share` per relative change of the factor, except at jumps.
@@ -174,7 +173,7 @@ def solved_factor(
 
 
 def _secant_interval(evaluate: Callable[[float], _End], tolerance: float, slope: float) -> tuple[_End, _End] | None:
-    """Search the factor at which share = target by secants, from factor 1. Return an interval around it, or None."""
+    """Return an interval around the factor at which share(factor) = target, by secants from factor 1; None if none."""
     end = evaluate(1.0)
     for _ in range(5):
         if _miss(end) <= tolerance or end[0] * slope <= end[1]:
@@ -223,10 +222,7 @@ def evened_grading(
     work     : (m, k) energy, joules, of each family in each face.    material : (m, k) area of each family there, m2.
     spacing  : metres from stripe to stripe. Averages extend over 0.4 spacings, so that neighbouring stripes do not mix.
     limit    : largest factor by which a half width grows or shrinks in a step.
-
-    Under a fixed force, the energy density falls with the square of the width. So widths grow with the square root of
-    the energy density. Forces then change their paths, so several steps are needed. Widths do not change in faces
-    without material, nor on an evenly stressed sheet."""
+    Widths grow with the square root of the energy per area of material; they stay where there is no material."""
     densities = np.concatenate([work, material], axis=1) / surface.areas[:, None]
     mean_work, share = np.split(spread_means(surface, densities, 0.4 * spacing), 2, axis=1)
     has_material = (share > 1e-9) & (mean_work > 0)

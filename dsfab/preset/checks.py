@@ -122,14 +122,16 @@ def follow_weights(
 
 
 def combined_names(cases: Sequence[str], combinations: Sequence[Combination]) -> list[str]:
-    """Return the cases or combinations whose stresses are added for a combined pattern: all combinations except SLS.
-    If there are only SLS combinations, return all. Without combinations, return all cases."""
+    """Return the names of cases or combinations whose stresses are added for a combined pattern.
+    These are all combinations except serviceability (SLS), or all if there are only SLS combinations. Without
+    combinations, these are all cases."""
     strong = [combination.name for combination in combinations if combination.limit_state != "SLS"]
     return strong or [combination.name for combination in combinations] or list(cases)
 
 
 def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
-    """Return cases and combinations of the limit state `state`. If none have it: those without a state, else all."""
+    """Return the names of the cases and combinations to check for a limit state.
+    These are names with this state; if there are none, names without any state; if there are none, all names."""
     state_of = {combination.name: combination.limit_state for combination in combinations}
     names = list(names)
     for limit_state in (state, ""):
@@ -141,7 +143,7 @@ def judged_names(names: Iterable[str], combinations: Sequence[Combination], stat
 def case_mistakes(
     loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
 ) -> Iterator[str]:
-    """Yield mistakes in case names, diffusion.follow, diffusion.weights as 'key = value: reason, allowed values'."""
+    """Yield an error message for each mistake in names of cases, diffusion.follow and diffusion.weights."""
     cases = case_names(loads)
     if COMBINED in cases:
         yield f"surface.load.{[load.case for load in loads].index(COMBINED)}.case = '{COMBINED}': {_RESERVED}"

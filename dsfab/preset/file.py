@@ -89,7 +89,7 @@ def require_mesh(preset: Preset) -> None:
 def preset_toml(preset: Preset, for_people: bool = False) -> str:
     """Return the complete preset with all defaults as TOML, which builds the same design again.
     A material is written as its name. Its values are written only if the preset changes them.
-    for_people : True to write only the numbers of vertices and triangles of a mesh that was given in Python."""
+    for_people : True to write, in place of a mesh from Python, only its numbers of vertices and triangles."""
     values = preset.model_dump(mode="json", exclude_none=True)
     if for_people and isinstance(mesh_section := preset.surface, MeshSurface):
         values["surface"]["mesh"] = f"Python mesh: {mesh_section.mesh.n} vertices, {mesh_section.mesh.m} triangles"

@@ -575,7 +575,6 @@ class Preset(Section):
 
     @model_validator(mode="after")
     def _keeps_its_count(self) -> "Preset":
-        """Refuse vertex numbers in guides and regions if voids change them. Supports and loads are set before voids."""
         regions = tuple(None if entry.do == "void" else entry for entry in self.pattern.region)
         lists: dict[str, Any] = {"pattern.guide": self.pattern.guide, "pattern.region": regions}
         counted = [
@@ -647,8 +646,8 @@ class Preset(Section):
         return self.model_copy(update=changes) if changes else self
 
     def first_difference(self, other: "Preset") -> str | None:
-        """Return the first stage for which a section differs between the two presets, or None. It is `surface` also if
-        outlines of regions differ, or if [statics] differs and the mesh depends on the stress."""
+        """Return the first stage whose section differs between two presets, or None. It is "surface" also if regions
+        have different outlines, or if [statics] differs and the mesh depends on the stress."""
         if self.surface.by_stress and self.statics != other.statics:
             return "surface"
         regions = self.pattern.region, other.pattern.region

@@ -64,9 +64,9 @@ class Section(BaseModel):
 
 
 class SurfaceSection(Section):
-    """Keys of every surface. Checks of these keys are built on first use, because they take half of dsfab's start."""
+    """Keys of [surface] for all kinds of surfaces."""
 
-    model_config = ConfigDict(defer_build=True)
+    model_config = ConfigDict(defer_build=True)  # building the checks takes half of dsfab's start
 
     support: tuple[Support, ...] = ()
     load: tuple[Load, ...] = ()
@@ -138,9 +138,8 @@ class OwnSurface(SurfaceSection):
         return self.finest_at != "curvature"
 
     def build(self, sizes: Sequence[SizeField] = (), base: Surface | None = None) -> Surface:
-        """Return the surface. sizes : edge lengths of a new mesh.    base : result of `base_surface()`, if the caller
-        has it.
-        Raises SurfaceError for an invalid surface."""
+        """Return the surface. Raises SurfaceError for an invalid surface.
+        sizes : edge lengths of a new mesh.    base : result of `base_surface()`, if the caller has it."""
         base = base or self.base_surface()
         if not self.edge:
             return refined_surface(base, self.refine, self.smooth) if self.refine else base

@@ -46,7 +46,7 @@ WALL_VIEW = "24,9"  # azimuth and elevation (degrees) of the view of a standing 
 
 @dataclass(frozen=True, eq=False)
 class ClientPicture:
-    """Data of preview.png, which a second process can draw.
+    """Data of the picture preview.png, which a second process can draw.
     V, F    : solid, (n, 3) vertices, m, and (m, 3) faces, outward oriented.
     half    : half of the sheet's thickness, m.    caption : line below the picture.
     surface, load : uncut surface, and its loads and supports."""
@@ -100,7 +100,7 @@ class ClientPicture:
         return self.look.size[0], round(MAIN_SHARE * self.look.size[1])
 
     def render(self) -> Bytes:
-        """Return (height, width, 3) bytes: the main view, and below it a plan and an elevation at one scale.
+        """Return the picture, (height, width, 3) bytes: main view, and below it a plan and an elevation at one scale.
         Call `require_rendering` first, because VTK may end the process. Raises DsfabError for a solid without faces."""
         from PIL import Image
 
@@ -114,7 +114,6 @@ class ClientPicture:
         return np.asarray(with_legend(page, line, palette, LETTERS))
 
     def _draw_panels(self, page: "Image", scene: Scene) -> float:
-        """Draw plan and elevation below the main view, and return their scale (pixels per metre)."""
         stage, palette, (width, top) = self.stage, self.look.palette, self._main_size
         size = width // 2, self.look.size[1] - top - round(WORDS_SHARE * self.look.size[1])
         sides = plan_and_elevation(np.concatenate([body.V for body in stage.bodies[:-1]]), self.up)
@@ -130,9 +129,10 @@ class ClientPicture:
 
 @dataclass(frozen=True, eq=False)
 class AnalysisPicture:
-    """Data of analysis.png, which a second process can draw: loads and supports on the left, stress on the right.
+    """Data of the picture analysis.png: loads and supports on the left, stress on the right.
     loaded  : picture of the left half. The right half has the same view, size and colours.
-    V, F    : vertices (n, 3) of the cut sheet, metres, and faces (m, 3).    faces : their colours, colour bar, caption.
+    V, F    : vertices (n, 3) of the cut sheet, metres, and faces (m, 3).
+    faces   : colours of the faces, with colour bar and caption.
     callouts: notes that point to places of the cut sheet."""
 
     loaded: StructurePicture
@@ -142,7 +142,7 @@ class AnalysisPicture:
     callouts: list[Callout]
 
     def render(self) -> Bytes:
-        """Return (height, width, 3) bytes. Call `require_rendering` first: VTK may end the process."""
+        """Return the picture, (height, width, 3) bytes. Call `require_rendering` first: VTK may end the process."""
         loaded, faces = self.loaded, self.faces
         size, palette = loaded.look.size, loaded.look.palette
         body, annotations = Body(self.V, self.F, faces.face, casts=True), replace(loaded.annotations, layers=())
@@ -158,7 +158,6 @@ class AnalysisPicture:
 
 
 def _write_title(panel: "Image", name: str, view: View, stage: Stage, palette: Palette) -> None:
-    """Write the title of a panel, and draw the ground of an elevation as a line."""
     from PIL import ImageDraw, ImageFont
 
     assert stage.level is not None

@@ -25,7 +25,6 @@ ShownResult = Literal[
 ]  # fmt: skip
 
 STATICS_RESULTS = ("vonmises", "utilisation", "energy", "displacement", "buckling", "frequency")
-"""Results of the statics for the uncut sheet."""
 DEFORMED = ("displacement", "buckling", "frequency")  # results that are drawn as a deformed shape
 MODE_FIELDS = ("major_mode", "minor_mode")  # pictures of the modes of both families
 WHOLE_SHEET = ("loads", "directions", *MODE_FIELDS, *STATICS_RESULTS)  # pictures of the uncut sheet, without stripes
@@ -85,7 +84,7 @@ def check_show(show: str) -> None:
 
 
 def face_colouring(design: "Design", show: str, palette: Palette) -> Colouring:
-    """Return the colours of the uncut surface's faces. `answer_colouring` makes the colours for results of the statics.
+    """Return the colours of the uncut surface's faces in the picture `show`.
     The picture `stress` shows the principal stress with the larger absolute value, tension positive.
     Raises DsfabError for a result that the preset does not request."""
     if show in STATICS_RESULTS:
@@ -158,7 +157,7 @@ def signed_colours(share: Floats) -> Bytes:
 
 
 def ramp(share: Floats, colours: Floats, bands: int = 0) -> Bytes:
-    """Interpolate `colours` (q, 3) at values (k,) from 0 to 1, smoothly or in `bands` equal steps."""
+    """Return colours (k, 3) for values (k,) from 0 to 1, from a scale of colours (q, 3). bands : see `ColourBar`."""
     if bands:
         share = np.clip(np.floor(share * bands), 0, bands - 1) / (bands - 1)
     place, positions = share * (len(colours) - 1), np.arange(len(colours))
@@ -203,7 +202,7 @@ YIELD_COLOUR = (96, 40, 150)  # violet, for faces whose stress exceeds the stren
 
 
 def preset_with_mode(preset: "Preset", show: str) -> "Preset":
-    """Return the preset with a request for a buckling mode or a frequency if the picture `show` needs this result."""
+    """Return the preset, with a request for a buckling mode or a frequency if the picture `show` needs this result."""
     from dsfab.preset.file import with_overrides
 
     key = {"buckling": "buckling", "frequency": "frequencies"}.get(show)
@@ -212,7 +211,7 @@ def preset_with_mode(preset: "Preset", show: str) -> "Preset":
 
 
 def answer_colouring(design: "Design", show: str) -> Colouring:
-    """Return the colours of a result of the statics. Raises DsfabError for a result that the design lacks."""
+    """Return the colours of the faces for the result `show` of the statics. Raises DsfabError if it is missing."""
     if show == "displacement":
         return _displacement_colouring(design)
     if show in ("buckling", "frequency"):
@@ -247,7 +246,8 @@ def energy_label(joules: float) -> str:
 
 
 def scaled_colouring(value: Floats, label: Callable[[float], str], words: str) -> Colouring:
-    """Return colours of faces for positive values (m,), and a colour bar labelled by `label`. words : caption."""
+    """Return colours of faces for positive values (m,), with a colour bar.
+    label : function that writes a value as text.    words : text for the caption."""
     limit, bands = band_limit(float(np.percentile(value, COLOUR_PERCENTILE)))
     bar = ColourBar(limit, ("0", "", label(limit)), ("", "and more" if value.max() > 1.01 * limit else ""), bands=bands)
     return Colouring(rising_colours(value / limit, bands), bar, None, words)

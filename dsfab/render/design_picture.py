@@ -52,7 +52,8 @@ def client_picture(design: Design, look: Look = CLIENT_LOOK) -> ClientPicture:
 
 
 def analysis_picture(design: Design, judged: "Carrying", look: Look = ANALYSIS_LOOK) -> AnalysisPicture:
-    """Return the data of analysis.png: loads and supports on the left, utilisation on the right. look : style."""
+    """Return the data of analysis.png: loads and supports on the left, utilisation on the right.
+    judged : verdict on whether the design carries its loads.    look : style of each half."""
     surface, palette, strength = design.sheet.surface, look.palette, design.preset.statics.strength
     total = float(np.linalg.norm(design.load.force.sum(axis=0)))
     loaded = structure_drawing(design, marks=("loads", "supports", "person"), size=look.size)
@@ -109,7 +110,7 @@ _STARTED_PROGRAM: ContextVar[PreparedProgram | None] = ContextVar("_AHEAD", defa
 
 @contextmanager
 def start_picture_program() -> Iterator[None]:
-    """Start a process that loads drawing modules for later pictures. Raises DsfabError if this machine cannot draw."""
+    """Keep a process ready to draw pictures, in a `with` block. Raises DsfabError if this machine cannot draw."""
     if (os.cpu_count() or 1) == 1:
         yield
         return

@@ -28,7 +28,7 @@ PERSON_HEIGHT, TREE_HEIGHT = 1.75, 6.0  # heights of the person and of the tree 
 @dataclass(frozen=True, eq=False)
 class Annotations:
     """Marks beside a structure.
-    surface, load : uncut surface and its loads, for arrows, supports and the ground; give both, or neither of the two.
+    surface, load : uncut surface and its loads, for arrows, supports and the ground; None for a picture without these.
     reaction      : (n, 3) forces of the supports on the structure, N.
     gradient      : (m, 3) gradient of a mode on each face, drawn as arrows.
     layers        : names from `EVERY_LAYER`. A person stands only beside structures with a height in `PERSON_RANGE`."""
@@ -61,7 +61,8 @@ def set_stage(
     palette: Palette,
     size: tuple[int, int],
 ) -> Stage:
-    """Place camera, marks and ground. half : half of the structure's thickness (m). up : (3,) of any length."""
+    """Return the stage of a picture: structure `body` with marks, camera and ground.
+    half : half of the structure's thickness (m).    up : (3,) upward vector of any length.    size : pixels."""
     V, up = body.V, up / np.linalg.norm(up)
     low, high = V.min(axis=0), V.max(axis=0)
     centre, reach = (low + high) / 2, float(np.linalg.norm(high - low))
@@ -90,14 +91,14 @@ def set_stage(
 def page_view(
     bodies: list[Body], side: ViewSide, size: tuple[int, int], words: bool = True, scale: bool = False
 ) -> View:
-    """Return the view in which bodies fill a picture above a strip for words, with or without a colour scale."""
+    """Return the view in which bodies fill a picture. size : pixels.
+    words, scale : True to leave space at the bottom for a caption, and for a colour scale."""
     aspect = size[0] / size[1]
     half, bottom, top = (0.86, -0.62 if scale else -0.70, 0.88) if words else (0.92, -0.86, 0.92)
     return fit_view(np.concatenate([body.V for body in bodies]), side, (-half * aspect, half * aspect, bottom, top))
 
 
 def _stands_on_ground(surface: Surface, load: LoadCase, V: Floats, up: Floats, reach: float) -> bool:
-    """Return whether supports are the structure's lowest points; True without supports. reach : structure size, m."""
     if not load.supported.any():
         return True
     lowest, height = float((V @ up).min()), float(np.ptp(V @ up))
@@ -128,7 +129,8 @@ def _marks(
 def legend(
     stage: Stage, caption: str, palette: Palette, size: tuple[int, int], swatches: tuple[tuple[str, Colour], ...] = ()
 ) -> Legend:
-    """Return the legend: caption, names of mark kinds (load, support, reaction), scale at scene centre, swatches."""
+    """Return the legend of a picture: caption, kinds of marks in it, pixels per metre, and `swatches`.
+    size : of the picture, pixels.    swatches : names and colours."""
     depth = float((stage.centre - stage.view.eye) @ stage.view.forward)
     kinds: tuple[MarkName, ...] = ("load", "support", "reaction")
     colours = [body.colour for body in stage.bodies[1:]]
@@ -137,7 +139,7 @@ def legend(
 
 
 def person(foot: Floats, right: Floats, up: Floats) -> MarkMesh:
-    """Return a flat figure of 1.75 m that stands at `foot` (3,) in metres and looks along `right` x `up` (3,)."""
+    """Return a flat figure of a person, 1.75 m tall, that stands at `foot` (3,), m. right, up : (3,) unit vectors."""
     strips = [[(0.0, half, y) for half, y in _BODY]]
     strips += [[(side * x, half, y) for x, half, y in limb] for limb in (_ARM, _LEG) for side in (-1.0, 1.0)]
     vertices, faces, count = [], [], 0
@@ -186,7 +188,7 @@ def render_stage(
     quality: light.LightQuality = light.FINE,
     transparent: bool = False,
 ) -> "Image":
-    """Return the picture without words. transparent : True draws no ground, only the shadows on it."""
+    """Return the picture of a stage without words. transparent : True to draw no ground, only the shadows on it."""
     from PIL import Image
 
     finer = quality.finer

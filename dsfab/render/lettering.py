@@ -163,7 +163,8 @@ NAME_DIRECTIONS = np.linspace(0, 2 * np.pi, 16, endpoint=False)  # angles around
 
 @dataclass(frozen=True, eq=False)
 class Nameplate:
-    """Coloured name of a member. places : (k, 2) in pixels, best first. visible : (k,) True where nothing hides it."""
+    """Name of a member to write into a picture. places : (k, 2) points of the member, pixels, the best first.
+    visible : (k,) True for points that nothing hides."""
 
     text: str
     colour: Colour
@@ -173,7 +174,7 @@ class Nameplate:
 
 @dataclass(frozen=True, eq=False)
 class PlacedName:
-    """Name in a picture, in pixels: the middle (2,) of its letters, and the point `anchor` (2,) on its member."""
+    """Name at its place in a picture, in pixels: `middle` (2,) of the letters, `anchor` (2,) on the member."""
 
     plate: Nameplate
     middle: Floats

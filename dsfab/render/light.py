@@ -36,7 +36,8 @@ class ShadowMaps:
 
     @classmethod
     def render(cls, scene: Scene, towards: Floats, strength: Floats, side: int) -> Self:
-        """Draw maps for lamps in directions (b, 3) with strengths (b,), in `scene.lamps()`. side : pixels per side."""
+        """Draw the shadow maps of lamps within `with scene.lamps()`. side : pixels per side of a map.
+        towards : (b, 3) unit vectors to the lamps.    strength : (b,) of the lamps."""
         frames = np.stack([frame_towards(direction) for direction in towards])
         maps = np.empty((len(frames), side, side), dtype=np.float32)
         for into, frame in zip(maps, frames, strict=True):
@@ -51,7 +52,7 @@ class ShadowMaps:
         return cls(maps, placing.reshape(-1, 6).astype(np.float32), weighed.astype(np.float32))
 
     def light_on(self, points: Floats32, normals: Floats32, grain: Floats32) -> Floats32:
-        """Return the light (k,) on points (3, k) with normals (3, k), scene units. grain : (2, k) random offsets."""
+        """Return the light (k,) on points (3, k), scene units, with normals (3, k). grain : (2, k) offsets."""
         count, side = self.maps.shape[:2]
         queries = np.ones((6, points.shape[1]), dtype=np.float32)
         np.add(points, np.float32(SURFACE_LIFT / side) * normals, out=queries[:3])
@@ -158,8 +159,8 @@ def _cap(count: int, half_angle: float) -> Floats:
 
 def lamp_light(scene: Scene, all_lamps: Lamps, points: Floats32, normals: Floats32, paired: int = 0) -> Floats32:
     """Return the light (2, k) of the sun and of all other lamps on points (3, k) with normals (3, k), in scene units.
-    paired : number of points, from the first point on, that form pairs of neighbours. Each point of a pair is lit by a
-             different half of the sky lamps, with double strength."""
+    paired : number of points at the beginning that form pairs of neighbours. To save time, all lamps but the sun are
+             shared between both points of a pair, with double strength."""
     light = np.zeros((2, points.shape[1]), dtype=np.float32)
     light[1] = AMBIENT
     quality, numbers = all_lamps.quality, np.arange(len(all_lamps.strength))
@@ -218,7 +219,6 @@ def pixel_and_floor_light(
 
 
 def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0) -> tuple[Floats32, Floats32]:
-    """Return points (scene units) and normals of hit pixels as columns, then `spare` empty columns."""
     points, normals = (np.empty((3, int(hit.sum()) + spare), dtype=np.float32) for _ in range(2))
     for rows, pixel_range in _strips(hit):
         _strip_points(scene, view, pixels, hit, rows, (points[:, pixel_range], normals[:, pixel_range]))

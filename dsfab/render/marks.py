@@ -96,7 +96,7 @@ def _outer(surface: Surface, up: Floats) -> float:
 def gathered_forces(
     V: Floats, force: Floats, acts: Bools, spacing: Spacing, longest: float, size: float
 ) -> ForceArrows:
-    """Gather the forces (n, 3) at vertices V in the mask `acts` (n,) into a few arrows, at most `longest` (m) long."""
+    """Sum the forces (n, 3) at the vertices V in the mask `acts` (n,) into a few arrows, at most `longest` (m) long."""
     vertices = np.flatnonzero(acts)
     if not len(vertices):
         return ForceArrows(vertices, np.zeros((0, 3)), np.zeros(0))
@@ -111,7 +111,7 @@ def gathered_forces(
 
 
 def support_cones(surface: Surface, load: LoadCase, size: float, up: Floats, lift: float) -> MarkMesh:
-    """Return cones that touch some supports. The cones lie on the side `support_side`. up, lift : see `load_arrows`."""
+    """Return cones that touch some supports, on the side `support_side`. size, up, lift : see `load_arrows`."""
     vertices = np.flatnonzero(load.supported)
     if not len(vertices):
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
@@ -151,7 +151,8 @@ def gradient_arrows(surface: Surface, gradient: Floats, size: float, lift: float
 
 
 def support_side(surface: Surface, load: LoadCase, size: float, up: Floats) -> Floats:
-    """Return the unit vector (3,) along a coordinate axis towards the supports; down if they lie on several sides."""
+    """Return the unit vector (3,), along a coordinate axis, from the surface's centroid towards the supports.
+    Return -`up` if supports lie on several sides. size : size of the structure, m."""
     offsets = surface.V[load.supported] - centroid(surface)
     # evenly spaced points make the mean independent of the mesh density
     offset = offsets[thin_points(offsets, size, SUPPORT_SPACING)].mean(axis=0)
@@ -208,8 +209,8 @@ def tree(foot: Floats, up: Floats, height: float) -> MarkMesh:
 
 
 def place_beside(V: Floats, side: ViewSide, up: Floats, level: float, which: float = 1.0) -> tuple[Floats, Floats]:
-    """Return a place (3,) on the ground, right of and in front of vertices V (n, 3), seen from `side`; and the unit
-    vector (3,) to the right. level : height of the ground, m.    which : 1, or -1 for left and behind."""
+    """Return a place (3,) on the ground beside vertices V (n, 3), and the unit vector (3,) to the right in the picture.
+    side : view.    level : height of the ground, m.    which : 1 for right and in front, -1 for left and behind."""
     right = unit_vectors(np.cross(side.up, side.towards)[None])[0]
     x, y, front = V @ right * which, V @ np.cross(right, up), np.cross(right, up)
     gap = max(0.03 * float(np.ptp(x)), min(0.6, 0.12 * float(np.ptp(x))))

@@ -64,7 +64,6 @@ def _curvature(member: "Member") -> float | None:
 
 
 def _nearest(V: Floats, places: list[tuple[Floats, float]]) -> list[int]:
-    """Return for each vertex the number (n,) of the member with the least distance / half width (`reach`)."""
     least, number = np.full(len(V), np.inf), np.zeros(len(V), dtype=int)
     for k, (P, reach) in enumerate(places):
         away = np.asarray(cKDTree(P).query(V)[0]) / max(reach, 1e-9)
@@ -164,7 +163,8 @@ def _swatches(graph: "MemberGraph", palette: Palette) -> tuple[tuple[str, Colour
 def nameplates(
     graph: "MemberGraph", stage: Stage, depth: np.ndarray, look: tuple[tuple[int, int], Mapping[str, Colour], Palette]
 ) -> Iterator[Nameplate]:
-    """Yield the nameplates of members. depth : (h, w) of a picture. look : picture size, colours of names, palette."""
+    """Yield the nameplate of each member to name.
+    depth : (h, w) depth of each pixel, m.    look : size of the picture, colour of each name, palette."""
     size, names, palette = look
     for member in (member for member in graph.members if member.id in names):
         seen = stage.view.page_coordinates(_points(graph, member, stage.view))

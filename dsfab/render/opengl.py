@@ -111,7 +111,6 @@ _ADVICE = {
     "darwin": "on macOS run dsfab in a session with a screen; macOS already contains OpenGL",
     "win32": "on Windows install the graphics card's driver or the OpenCL, OpenGL and Vulkan Compatibility Pack",
 }
-"""Advice for a machine that cannot draw, by the name of the system in `sys.platform`."""
 
 
 def _advice_text(chosen: str) -> str:

@@ -101,7 +101,7 @@ class StructurePicture:
     colours: Bytes | None = None
 
     def render(self, quality: LightQuality = FINE) -> Bytes:
-        """Return (height, width, 3 or 4) bytes. Call `require_rendering` first; otherwise VTK may end the process."""
+        """Return the picture, (height, width, 3 or 4) bytes. Call `require_rendering` first: VTK may crash."""
         palette, size = self.look.palette, self.look.size
         colours = np.array(palette.members, dtype=np.uint8) if self.colours is None else self.colours
         body = Body(self.V, self.F, colours, casts=True)
@@ -123,7 +123,6 @@ def _member_colours(F: Ints, family: ArrayLike | None, palette: Palette) -> Byte
 
 
 def _half_thickness(V: Floats, F: Ints) -> float:
-    """Return half of a thin solid's mean thickness (m): its volume divided by its surface area; 0 for a sheet."""
     a, b, c = (V[F[:, i]] - V.mean(axis=0) for i in range(3))
     area = np.cross(b - a, c - a)
     return abs(float(np.einsum("mi,mi->", a, area))) / 3 / float(np.linalg.norm(area, axis=1).sum())

@@ -131,7 +131,7 @@ class Previewer:
         self.display(with_overrides(self._preset, changes))
 
     def can_display(self, preset: Preset) -> bool:
-        """Return whether `display` can draw a preset: its geometry and loads must be those of the current preset."""
+        """Return True if `display` can draw a preset: its geometry and loads must be those of the current preset."""
         drawn, shown = self._preset, self._show
         same_shape = preset.first_difference(drawn) != "surface" and (
             (shown not in (*colouring.DEFORMED, "directions") and not self._arrows) or preset.statics == drawn.statics
@@ -200,7 +200,7 @@ class Previewer:
         return np.asarray(image)
 
     def frame(self, size: tuple[int, int] = DEFAULT_SIZE) -> None:
-        """Draw the current preset for an editor and wait for the image. It has no lamps, unlike `picture`."""
+        """Draw the current preset in the window, without lamps, for an editor, and wait until the image is finished."""
         self._scene.frame(self._view(size, False), *size)
 
     @property

@@ -63,7 +63,7 @@ class Window:
         self.window.SetSize(width, height)
 
     def release_pictures(self) -> None:
-        """Release the memory of the six pictures that OpenGL holds, until the next picture."""
+        """Release the memory of the pictures in OpenGL, until the next picture is drawn."""
         width, height = self.window.GetSize()
         self.window.SetSize(64, 64)
         self._renderer.DrawOff()
@@ -107,7 +107,7 @@ class Window:
 
 
 def load_renderer() -> bool:
-    """Load the drawing modules and draw a red test frame before the first request. Return whether the frame is red."""
+    """Load the drawing modules and draw a red test frame. Return True if the frame is red, so that drawing works."""
     import PIL.ImageDraw
     import PIL.ImageFont
     import PIL.PngImagePlugin  # noqa: F401
@@ -217,7 +217,7 @@ class Body:
 
 
 def shading(V: Floats, F: Ints) -> Floats32:
-    """Return the normals (m, 3, 3) at corners of faces by which VTK shades a body."""
+    """Return the normals (m, 3, 3) at the corners of faces, smooth except at sharp edges."""
     mesh, normals, _ = split_mesh(V, F, SHARP_DEGREES)
     return np.asarray(normals[_numbers(mesh.GetPolys().GetConnectivityArray()).reshape(-1, 3)])
 
@@ -262,7 +262,7 @@ class Scene:
         self.window.close()
 
     def replace_body(self, index: int, body: Body) -> None:
-        """Replace a body by a new body of the same size."""
+        """Replace the body with number `index` by a new body of the same size."""
         actor = self._add(body)
         self.window.remove(self.actors[index])
         self.actors[index], self.bodies[index], self.casts[index] = actor, body, body.casts
@@ -311,7 +311,7 @@ class Scene:
         self.window.wait()
 
     def mask(self, view: View, width: int, height: int) -> Bools:
-        """Return the pixels (h, w) at which the eye sees a body with a shadow; all other bodies are hidden."""
+        """Return a mask (h, w) of pixels that show a body with a shadow; all other bodies are hidden."""
         with self.lamps():
             self._aim_camera(view)
             self.window.resize(width, height)

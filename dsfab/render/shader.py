@@ -100,7 +100,7 @@ ALL_MATERIAL, NO_MATERIAL = StripeSettings(), StripeSettings(half_width=(0.0, 0.
 
 @dataclass(frozen=True)
 class ShaderProgram:
-    """Optional parts of the shader's program. vary : names of the `FIELDS` that differ between vertices.
+    """Optional parts of the shader's program. vary : names in `FIELDS` of values that the shader reads at vertices.
     walls : True for visible walls.    normals : True for normals as output.    tinted : True if families have tints."""
 
     vary: tuple[str, ...] = ("modes",)
@@ -126,7 +126,7 @@ class ShaderProgram:
         return (_DECLARED, "\n".join(declared) + "\n"), (_VERTEX_CODE, "".join(code))
 
     def fragment(self) -> tuple[tuple[str, str], ...]:
-        """Return tags of VTK's fragment shader, each with the code that follows the tag."""
+        """Return pairs for VTK's fragment shader: a tag in VTK's code, and the code to insert after this tag."""
         colour = _TINTED if self.tinted and not self.normals else ""
         if self.walls:
             declared = f"in vec4 stripesVS;\nin vec2 keptVS;\nin vec3 dsWhere;\n{GLSL}\n{_DEPTH}"
@@ -151,7 +151,7 @@ class StripeShader:
     _parts: list[dict[str, Any]] = field(default_factory=list)
 
     def attach(self, actor: Any, mapper: Any, mesh: Any, source: Ints) -> None:
-        """Put the shader on an actor. source : (k,) for each point of the actor's mesh, its row in `self.fields`."""
+        """Put the shader on an actor. source : (k,) row in `self.fields` for each point of the actor's mesh."""
         from vtkmodules.vtkCommonDataModel import vtkDataObject
 
         self._parts.append({"actor": actor, "mesh": mesh, "source": source, "program": None})
@@ -204,7 +204,7 @@ class StripeShader:
             uniforms.SetUniformf("dsThick", half if walls else 0.0)
 
     def colour_by(self, name: str) -> None:
-        """Choose the output: "colour" or "normal"."""
+        """Draw colours or normals. name : "colour" or "normal"."""
         self._change_program(normals=name == "normal")
 
     def _change_program(self, **changes: Any) -> None:

@@ -26,8 +26,8 @@ REGION_FACTOR = 1e33  # factor on distances from drawn regions, so that `keep` a
 
 @dataclass(frozen=True, eq=False)
 class StripedMesh:
-    """Mesh of the stripes: the uncut surface (n vertices, m faces), or the chart of evenly spaced stripes (n', m').
-    Places, loads and supports always use vertex numbers of the uncut surface."""
+    """Mesh on which stripes are drawn: n' vertices, m' faces. Stripes on modes: the uncut surface (n, m).
+    Evenly spaced stripes: a chart, that is, the uncut surface cut open between faces whose phases do not match."""
 
     uncut: Surface
     even: EvenStripes | None
@@ -43,7 +43,7 @@ class StripedMesh:
         return self.even.chart.surface if self.even else self.uncut
 
     def is_same_mesh(self, mesh: "StripedMesh") -> bool:
-        """Return whether two meshes and their phases of even stripes are equal."""
+        """Return True if two meshes, and the phases of evenly spaced stripes on them, are equal."""
         if self.uncut is not mesh.uncut or (self.even is None) != (mesh.even is None):
             return False
         if self.even is None or mesh.even is None or self.even is mesh.even:
@@ -53,11 +53,11 @@ class StripedMesh:
         return all(np.array_equal(x, y) for x, y in pairs)
 
     def carry(self, x: Floats) -> Floats:
-        """Return values (n, ...) at the uncut vertices as values (n', ...) at the vertices of this mesh."""
+        """Return values (n', ...) at the vertices of this mesh, from values (n, ...) at the uncut vertices."""
         return self.even.chart.carry(x) if self.even else x
 
     def on_faces(self, x: Bytes) -> Bytes:
-        """Return colours (m, 3) of the uncut faces as colours (m', 3) of this mesh."""
+        """Return colours (m', 3) of the faces of this mesh, from colours (m, 3) of faces of the uncut surface."""
         return x[self.even.chart.parent] if self.even else x
 
     def at_corners(self, x: Floats32) -> Floats32:
@@ -87,7 +87,7 @@ class StripedMesh:
 
     @cached_property
     def shares(self) -> Floats:
-        """Half-width (n', 2) of each family / its mean `PatternResult.half_widths`; 0 where the family has no phase."""
+        """Factor (n', 2) from half-widths in `PatternResult` to half-widths in units of phase; 0 without a phase."""
         if self.even is None:
             return np.ones((self.uncut.n, 2))
         return self.carry(self.even.slope / self.even.density) * self.even.chart.scale
@@ -132,7 +132,7 @@ def _distances_outside(design: Design, to_held: Floats) -> Floats:
 
 
 def vertex_fields(design: Design, mesh: StripedMesh, distances: tuple[Floats, Floats]) -> Floats:
-    """Return columns (n', 6) for a `StripeShader`: two of phases, two of half-widths, and two of `distances`."""
+    """Return the columns (n', 6) of `StripeShader.fields`: two of phases, two of half-widths, two of `distances`."""
     reaches = mesh.carry(finite_distances(distances))
     return np.concatenate([mesh.phases(design), mesh.half_widths(design.pattern), reaches], axis=1)
 
@@ -143,7 +143,7 @@ def finite_distances(distances: tuple[Floats, Floats], limit: float = INFINITE_D
 
 
 def needs_only_settings(drawn_preset: Preset, preset: Preset) -> bool:
-    """Return whether a new preset differs from the drawn preset only in its `StripeSettings`."""
+    """Return True if a new preset differs from the drawn preset only in numbers of its `StripeSettings`."""
     old_pattern, new_pattern = drawn_preset.pattern, preset.pattern
     first_section = preset.first_difference(drawn_preset)
     if first_section is None or STAGES.index(first_section) > STAGES.index("pattern"):

@@ -30,7 +30,7 @@ WIDTH, FOOTING_WIDTH, ROD = 0.01, 0.02, 0.004  # widths, divided by the structur
 
 @dataclass(frozen=True, eq=False)
 class SupportPart:
-    """Connected support with its vertices (k,), drawn as a part of a building.
+    """A connected support of a surface, drawn as a part of a building. vertices : (k,) of the support.
     edges    : (e, 2) edges of the support on the boundary; all its edges if none is on the boundary.
     along    : (3,) unit vector from the structure into the part.
     outwards : (k, 3) horizontal unit vectors away from the structure; 0 for a part below the structure."""
@@ -73,7 +73,7 @@ def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[Supp
 
 
 def _open_side(surface: Surface, load: LoadCase, groups: list[Ints], up: Floats) -> Floats | None:
-    """Return the horizontal direction (3,) to supports on one side of the surface; None if any is elsewhere, or low."""
+    """Return the horizontal direction (3,) to supports on one side of the surface; None for low or other supports."""
     side, heights = support_side(surface, load, surface.size, up), surface.V @ up
     low = heights.min() + LOW_SHARE * np.ptp(heights)
     return side if abs(side @ up) < 0.5 and all(heights[group].mean() >= low for group in groups) else None
@@ -95,7 +95,6 @@ def _from_free_neighbours(surface: Surface, supported: Bools) -> Floats:
 
 
 def _extent(points: Floats, axis: Floats) -> float:
-    """Return the diagonal (m) of a box around points (k, 3), after projection along `axis` (3,)."""
     return float(np.linalg.norm(np.ptp(points - np.outer(points @ axis, axis), axis=0)))
 
 
@@ -143,7 +142,6 @@ def _spaced_vertices(V: Floats, among: Ints, apart: float) -> list[Ints]:
 def _prisms(
     V: Floats, groups: Iterable[Ints], axis: Floats, begin: Floats, end: Floats | float, width: float
 ) -> MarkMesh:
-    """Return prisms with round corners along `axis` from `begin` to `end`, one around each group of vertices."""
     frame, ends = frame_towards(axis), np.stack([begin, np.broadcast_to(end, len(V))])
     turn = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
     circle, meshes = width / 2 * np.stack([np.cos(turn), np.sin(turn)], axis=1), list[MarkMesh]()

@@ -25,15 +25,16 @@ class View:
     front: bool
 
     def page_coordinates(self, points: Floats) -> Floats:
-        """Return points (k, 3) as (x, y, depth): x and y are 1 at the right and upper edges of a square picture."""
+        """Return places (k, 3) of points (k, 3) in the picture: x, y and depth (m).
+        In a square picture, x is 1 at its right edge, and y is 1 at its upper edge."""
         local = (points - self.eye) @ np.stack([self.right, self.up, self.forward], axis=1)
         local[:, :2] /= self.slope * local[:, 2:]
         return np.asarray(local)
 
 
 def up_axis(V: Floats, surface: Surface | None, load: LoadCase | None) -> Floats:
-    """Return the unit vector (3,) that points up for vertices V (n, 3): z, unless the loads point along -y.
-    With such loads, up is y for plates whose normal is not y, and for other surfaces whose supports have small y."""
+    """Return the unit vector (3,) that points up for vertices V (n, 3): z, or y if the loads point along -y.
+    Even then, up is z for a plate with normal y, and for other surfaces with supports far above the lowest y."""
     z, y = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
     if load is None or surface is None:
         return z
@@ -116,7 +117,6 @@ def _angles(name: str) -> tuple[float, float]:
 
 
 def _face_on(normal: Floats, up: Floats) -> ViewSide:
-    """Return a view almost along a plate's normal. The eye is on the side (+x, -y or +z) nearest to the normal."""
     strongest = int(np.argmax(np.abs(normal)))
     normal = normal * np.sign(normal[strongest]) * (-1.0 if strongest == 1 else 1.0)
     level = normal - (normal @ up) * up
@@ -140,7 +140,8 @@ def _plan_axes(V: Floats, up: Floats) -> tuple[Floats, Floats]:
 
 
 def fit_view(points: Floats, side: ViewSide, box: tuple[float, float, float, float]) -> View:
-    """Return the view from a side in which points (n, 3) fill a box (left, right, bottom, top) of page coordinates."""
+    """Return the view from `side` in which points (n, 3) fill a box of the page.
+    box : left, right, bottom and top in coordinates of `View.page_coordinates`."""
     right, vertical, towards = _picture_frame(side)
     forward = -towards
     slope = float(np.tan(np.radians(VIEW_DEGREES / 2)))

@@ -25,8 +25,8 @@ PAGE_NAME, SHEET_NAME = "index.html", "sheet.png"
 
 @dataclass(frozen=True, eq=False)
 class ContactTile:
-    """A variant on a contact sheet. number : from 1.    parameters : (short name, text) of each.
-    command : command line of the variant.    png : picture as a PNG file; None after an error."""
+    """A variant of a design on a contact sheet. number : from 1.    parameters : short names and values, as text.
+    command : command line that makes the variant.    png : content of a PNG file; None after an error."""
 
     number: int
     parameters: tuple[tuple[str, str], ...]
@@ -47,13 +47,13 @@ class ContactTile:
         return f"{self.number:03}.png"
 
     def label(self, letters: int | None = None) -> str:
-        """Return the parameters as a line of text. letters : largest number of letters per word of their names."""
+        """Return the parameters as a line of text. letters : how many letters each word of a name keeps."""
         names = (".".join(word[:letters] for word in name.split(".")) for name, _ in self.parameters)
         return "   ".join(f"{name} {text}" for name, (_, text) in zip(names, self.parameters, strict=True))
 
 
 def column_count(count: int, runs: Sequence[int]) -> int:
-    """Return the number of tiles in a row: all values of as many last keys as fit. runs : values per key."""
+    """Return how many of `count` tiles stand in a row. runs : number of values of each varied key, in order."""
     row, columns_of_runs = 1, 1
     for run in reversed(runs[1:]):
         row *= run
@@ -142,7 +142,7 @@ def _wrapped_lines(text: str, room: float, font: Any) -> list[str]:
 
 
 def contact_page(tiles: Sequence[ContactTile], title: str, subtitle: str, columns: int) -> str:
-    """Return the contact sheet as HTML: picture, parameters and command of each variant; pictures are files."""
+    """Return the contact sheet as HTML: picture, parameters and command of each variant. Pictures stay in files."""
     figures = "\n".join(_figure(tile) for tile in tiles)
     body = f"<header><h1>{escape(title)}</h1><p>{escape(subtitle)}</p></header>\n<main>\n{figures}\n</main>\n{_FOOT}"
     across = columns if columns <= 4 else next((k for k in (4, 3) if columns % k == 0), 4)
@@ -208,7 +208,7 @@ def check_film(values: Values, fps: float) -> None:
 
 
 def write_film(tiles: Sequence[ContactTile], path: Path, name: str, fps: float, palette: Palette) -> None:
-    """Write the pictures and their parameters as an endless film, forwards and backwards; skip failed variants."""
+    """Write the pictures of all tiles as an endless film, forwards and backwards. name : text in the lower right."""
     frames = [_frame(shown, tile.label(), name, palette) for tile in tiles if (shown := tile.picture) is not None]
     order = [*range(len(frames)), *range(len(frames) - 2, 0, -1)]
     ends = {0, len(frames) - 1}
@@ -234,7 +234,6 @@ def _frame(picture: "Image", label: str, name: str, palette: Palette) -> "Image"
 
 
 def _with_shared_palette(frames: "list[Image]") -> "list[Image]":
-    """Return frames with one palette for all frames, so that equal parts do not flicker."""
     from PIL import Image
 
     sample = frames[:: max(1, len(frames) // 4)]

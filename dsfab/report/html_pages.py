@@ -113,9 +113,9 @@ class Banner:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows under a head; `pass` and `fail` are coloured. left_columns : number of columns that are flush left.
+    """A table; verdicts such as `pass` are coloured.    left_columns : number of columns that are flush left.
     widths : relative widths of the columns; empty if equal.    note : text below the table.
-    strong : numbers of emphasised rows."""
+    strong : indices of emphasised rows."""
 
     caption: str
     head: Sequence[str]
@@ -202,7 +202,7 @@ class CaptionNumbers:
 
 
 def escaped_text(text: str) -> str:
-    """Return plain text as markup."""
+    """Return plain text as HTML: &, < and > are escaped."""
     return escape(text, quote=False)
 
 

@@ -66,7 +66,7 @@ class PdfStyles:
         return cls(_styles(*names), names[0])
 
     def text(self, markup: str, kind: str, **named: Any) -> Any:
-        """Return a paragraph of this kind."""
+        """Return a reportlab paragraph in the style `kind`. named : further arguments of the paragraph."""
         from reportlab.platypus import Paragraph
 
         code = f'<font face="{self.by_kind["code"].fontName}">'

@@ -45,7 +45,7 @@ _stages = threading.local()  # Each thread keeps its last surface, `SheetDrawer`
 
 
 def require_view(name: str) -> None:
-    """Raise DsfabError for an unknown view, before the work begins."""
+    """Raise DsfabError if no view has this name."""
     if name != "iso":  # the view iso depends on the surface
         named_side(np.eye(3), np.array([0.0, 0.0, 1.0]), name)
 
@@ -85,7 +85,7 @@ class SheetDrawer:
 
 
 USUAL = (("compliance", "compliance_quick", "displacement"), ("mass", "sheet_mass", "kept_share", "area"))
-"""Usual metrics of the chart's axes, in order of preference: stiffness, and weight."""
+"""Usual metrics of the two axes of a sweep's chart, in order of preference: of stiffness, then of weight."""
 
 PAGE = "index.html"
 
@@ -98,7 +98,7 @@ def first_metric(plan: Plan) -> str:
 
 
 def second_metric(plan: Plan) -> str:
-    """Return the metric on the second axis of the chart."""
+    """Return the metric on the second axis of a sweep's chart: a usual metric of weight, if measured."""
     metric, measured = first_metric(plan), plan.measured_metrics
     candidates = [name for name in measured if name != metric]
     return next((name for name in USUAL[1] if name in candidates), candidates[0] if candidates else metric)

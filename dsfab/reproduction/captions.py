@@ -48,8 +48,8 @@ class Web:
 
 
 def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
-    """Return rings and spokes around the load. The rings' family is the one with more rings of `SPOKES` spokes or more.
-    phases : (n, 2) phases of the major and minor family. The phase at the middle of a member is a whole number.
+    """Return the rings around a load, from the family of stripes that has more rings with at least `SPOKES` spokes.
+    phases : (n, 2) phases of the major and the minor family; a whole number at the middle of each member.
     load, supported : (n,) True for vertices under the load, and for vertices at supports."""
     webs = []
     for k, name in enumerate(("major", "minor")):
@@ -62,7 +62,7 @@ def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
 
 
 def links(surface: Surface, phases: Floats, start: Bools, end: Bools) -> tuple[int, int]:
-    """Return how many major and how many minor members run unbroken from vertices `start` (n,) to `end` (n,)."""
+    """Return how many major and how many minor members run unbroken between the marked vertices `start`, `end` (n,)."""
     counts = [0, 0]
     for k, z in enumerate(phases.T):
         for level in _levels(z):
@@ -73,14 +73,14 @@ def links(surface: Surface, phases: Floats, start: Bools, end: Bools) -> tuple[i
 
 
 def design_phases(design: Design) -> Floats:
-    """Return phases (n, 2) of both families of stripes on eigenmodes: frequency x eigenmode + constant phase."""
+    """Return phases (n, 2) of major and minor stripes along eigenmodes: frequency x eigenmode + constant phase."""
     pattern, modes = design.pattern, (design.diffusion.major, design.diffusion.minor)
     x = np.stack([family.mode(number) for family, number in zip(modes, pattern.mode, strict=True)], axis=1)
     return np.asarray(x * np.array(pattern.frequency) + np.array(pattern.phase))
 
 
 def loaded_patches(surface: Surface, loaded: Bools) -> list[Bools]:
-    """Return the connected parts (n,) of the loaded vertices (n,), the largest part first."""
+    """Return masks (n,) of the connected parts of the loaded vertices (n,), the largest part first."""
     a, b = surface.edges.ends.T
     is_loaded = loaded[a] & loaded[b]
     label = _labels(a[is_loaded], b[is_loaded], surface.n)
@@ -142,7 +142,7 @@ def _lines(surface: Surface, z: Floats) -> tuple[Ints, Ints]:
 
 
 def nearby(surface: Surface, marked: Bools, rows: int = 1) -> Bools:
-    """Return the marked vertices (n,) and their neighbours up to `rows` edges away."""
+    """Return a mask (n,) of the marked vertices (n,) and of vertices up to `rows` edges away."""
     reached = marked.copy()
     a, b = surface.edges.ends.T
     for _ in range(rows):
@@ -155,7 +155,7 @@ ANGLE, EVENNESS = 60.0, 3.0  # limits for a grid: least crossing angle, degrees;
 
 
 def finding(claim: str, rendition: Rendition) -> str:
-    """Return a clause: whether a figure's version (`rendition`) shows the claim; '' without claim or design."""
+    """Return a clause: does dsfab's version of a figure show a claim of the paper? '' without claim or design."""
     if not claim or rendition.design is None:
         return ""
     if claim == "grid":

@@ -26,7 +26,7 @@ from dsfab.study.baselines.structures import mode_like_field
 
 
 def earlier_work_comparison(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> PaperComparison:
-    """Compare stripes by diffusion with stripes of integrated fields and with traced lines, all equally dense."""
+    """Compare a design with stripes and lines by two earlier methods. shown : existing pictures by file name."""
     name = design.preset.name
     integrated, lines = integrated_design(design), traced_lines(design)
     rows = []
@@ -141,7 +141,7 @@ def editing_comparison(design: Design, folder: Path) -> PaperComparison:
 
 
 def frames_a_second(change: Callable[[int], None], frames: int = 24) -> float:
-    """Return how many changes are drawn in a second, from the median time without the first two frames."""
+    """Return frames a second of `change`, which draws a frame; a median without the first two frames."""
     taken = list[float]()
     for number in range(frames):
         begin = time.perf_counter()

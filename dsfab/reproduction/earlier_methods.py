@@ -75,7 +75,7 @@ def integrated_field(surface: Surface, direction: Floats, clear: Bools) -> Float
 
 
 def consistent_directions(surface: Surface, direction: Floats) -> Floats:
-    """Return directions (m, 3), some reversed: signs agree along the spanning tree with the smallest turns."""
+    """Return directions (m, 3) of faces, some reversed: on neighbouring faces they point the same way if possible."""
     i, j = surface.edges.pairs.T // 3
     dot = np.einsum("ek,ek->e", direction[i], direction[j])
     turn = coo_array((1.0 + 1e-6 - np.abs(dot), (i, j)), shape=(surface.m, surface.m)).tocsr()
@@ -102,9 +102,9 @@ End = Literal["boundary", "inside", "round"]
 
 @dataclass(frozen=True, eq=False)
 class StressLine:
-    """A line along the stress.
+    """A line that was traced along a principal stress.
     points : (k, 3) in order, m. A closed line repeats its first point at the end.
-    faces  : (k - 1,) face of each segment.    loose : number of ends inside the surface."""
+    faces  : (k - 1,) face of each segment.    loose : number of ends that are not on the boundary."""
 
     points: Floats
     faces: tuple[int, ...]
@@ -129,8 +129,8 @@ def traced_lines(design: Design) -> tuple[list[StressLine], list[StressLine]]:
 
 
 def stress_lines(surface: Surface, direction: Floats, clear: Bools, apart: float) -> list[StressLine]:
-    """Return lines along unit directions (m, 3), whose sign does not count. clear : (m,) faces that have a direction.
-    The distance between lines is about `apart`, m. Each line is longer than `apart`."""
+    """Return lines along unit directions (m, 3), whose sign does not count, about `apart` metres from each other.
+    clear : (m,) True for faces that have a direction. Each line is longer than `apart`."""
     walk = _Walk(surface, direction, clear, apart)
     centres = surface.centroids
     distance = np.where(clear, np.inf, 0.0)
@@ -211,7 +211,7 @@ class _Walk:
 
 
 def ribbons(surface: Surface, lines: list[StressLine], width: float, lift: float) -> tuple[Floats, Ints]:
-    """Return lines as flat bands above the surface: vertices (n, 3), metres, and faces (m, 3)."""
+    """Return lines as flat bands, `lift` metres above the surface: vertices (n, 3), metres, and faces (m, 3)."""
     V, F, count = [], [], 0
     for line in lines:
         normal = surface.normals[[*line.faces, line.faces[-1]]]

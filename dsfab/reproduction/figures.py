@@ -39,8 +39,8 @@ class RenditionPicture:
 @dataclass(frozen=True, eq=False)
 class FigurePictures:
     """A figure of the paper, computed by dsfab. After a failure, `error` is the reason, and all other fields are empty.
-    seconds : result of `processor_seconds`.  carried : text on how the loads reach the supports.
-    coarser : edge length of the mesh, divided by the edge length in the preset."""
+    seconds : processor seconds by step.    carried : text on how the loads reach the supports.
+    ways    : versions of the figure.    coarser : edge length of the mesh / edge length in the preset."""
 
     figure: PaperFigure
     vertices: int = 0
@@ -87,7 +87,7 @@ def processor_seconds(design: Design) -> dict[str, float]:
 
 
 def coarsened_draft(preset: Preset, coarser: float) -> tuple[Design, float]:
-    """Return a design whose pattern is computed, with edges `coarser` times as long, and the factor that was used.
+    """Return a design up to its pattern, with mesh edges `coarser` times as long, and the factor that was used.
     The factor falls until the mesh is fine enough for shape and loads. Raises DsfabError if factor 1 also fails."""
     edge = preset.surface.model_dump()["edge"]
     while True:

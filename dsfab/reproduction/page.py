@@ -61,7 +61,6 @@ def stiffness_ratio(own_row: Row | None, rival: Row | None) -> tuple[float, floa
 
 
 def _cell(row: Row | None) -> str:
-    """Return a table cell with a compliance and its bound, in italics unless the verdict is pass."""
     if not row or not row["compliance_J"]:
         reason = (row or {}).get("error") or "not judged"
         return f'<td title="{escape(reason, quote=True)}">not carried</td>'
@@ -113,7 +112,7 @@ COLUMNS = (
 
 
 def rendition_section(pictures: FigurePictures, coarser: float) -> str:
-    """Return HTML on a figure's three versions (renditions): pictures, measures, differences from paper, commands."""
+    """Return HTML that compares three versions of a figure. coarser : factor on the mesh edges."""
     if not pictures.ways:
         return ""
     name = pictures.figure.preset
@@ -211,7 +210,7 @@ PARAMETERS = (
 
 @dataclass(frozen=True)
 class PageFacts:
-    """Facts about a page: factor on the presets' edge lengths, the machine, and how busy the machine was."""
+    """Facts about a page. coarser : factor on the mesh edges of presets.    load : how busy the machine was."""
 
     coarser: float
     machine: str

@@ -127,7 +127,7 @@ def measured_rendition(
 
 
 def _carried_share(design: Design) -> float:
-    """Share of loads on supported pieces, if `slicing.loose` = "keep". Loads on void act on the nearest material."""
+    """Return the share of the loads on pieces with a support. Loads on void act on the nearest material."""
     if not any(load.force.any() for load in design.statics.loads(design.preset.followed_weights).values()):
         return np.nan
     try:
@@ -143,7 +143,7 @@ def _carried_share(design: Design) -> float:
 
 
 def _compliances(design: Design, share: float, uncut_compliance: dict[str, float]) -> tuple[float, float, str]:
-    """Return compliance / uncut sheet's compliance, the same for a sheet `share` x as thick, and why if infinite."""
+    """Return compliance / compliance of the uncut sheet, the same for a thinner sheet, and a reason if infinite."""
     statics, weights = design.preset.statics, design.preset.followed_weights
     uncut_loads = design.statics.loads(weights)
     if not any(load.force.any() for load in uncut_loads.values()):

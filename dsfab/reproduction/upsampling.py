@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 
 
 class StripedField(NamedTuple):
-    """Stripes of a family, and x (n,): values, at the vertices, of the mode that the stripes follow."""
+    """Stripes of a family, and the mode that these stripes follow: x (n,), values at the vertices."""
 
     stripes: Stripes
     x: Floats
 
 
 class UpsampledCut(NamedTuple):
-    """A cut by upsampling. rounds : number of times that all crowded triangles were divided.
-    triangles : number of triangles in the cut sheet, material and void.
-    crowded   : number of triangles that more than one stripe edge crosses, after these rounds.
+    """A cut by upsampling: triangles that several stripe edges cross (crowded triangles) are divided before the cut.
+    rounds    : number of divisions of all crowded triangles.    triangles : in the cut sheet, material and void.
+    crowded   : number of crowded triangles that remain.
     wrong     : share of the surface on which this cut and the exact cut differ."""
 
     rounds: int
@@ -88,7 +88,7 @@ def lines_through(surface: Surface, families: Sequence[StripedField]) -> Ints:
 
 
 def division(surface: Surface, families: Sequence[StripedField], crowded: Bools) -> tuple[Surface, list[StripedField]]:
-    """Return surface and stripes with `crowded` (m,) triangles divided in four, and neighbours in 2 or 3 to fit."""
+    """Return surface and stripes after the triangles `crowded` (m,) are divided into four, and neighbours to fit."""
     edges = surface.edges
     marked = np.zeros(len(edges.ends), dtype=bool)
     marked[edges.of[crowded]] = True
@@ -98,7 +98,7 @@ def division(surface: Surface, families: Sequence[StripedField], crowded: Bools)
 
 
 def _wrong_share(surface: Surface, families: Sequence[StripedField], value: Sequence[Floats], side: int = 9) -> float:
-    """Return the area's share where interpolated `value` (n,) swaps material and void. side : samples per face side."""
+    """Return the share of the area where interpolation of `value` swaps material and void. side : samples per side."""
     i, j = np.meshgrid(*[np.arange(side)] * 2, indexing="ij")
     inside = i + j < side
     u, v = (i[inside] + 1 / 3) / side, (j[inside] + 1 / 3) / side

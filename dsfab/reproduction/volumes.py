@@ -47,9 +47,9 @@ RIVALS = {
 
 
 def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, shares: Sequence[float] = SHARES) -> None:
-    """Write data and a chart: the graded design, isotropic stripes, a thinner sheet, and the `sphere_rivals`.
-    Every structure is judged on finer and finer meshes. Before that, pairs of isotropic modes are ranked by one solve
-    for each pair.    coarser : edge length / `EDGE`.    shares : shares of material for all structures."""
+    """Write data and a chart: compliance of a sphere with graded stripes, and of other structures (`RIVALS`).
+    Every structure is judged on finer and finer meshes.
+    coarser : length of mesh edges / `EDGE`.    shares : shares of material for all structures."""
     from dsfab.study import compare_at, full_at_many_shares
 
     graded = sphere_draft(ON_MODES, coarser)
@@ -84,7 +84,7 @@ def sphere_rivals(coarser: float = 1.0) -> dict[str, Design]:
 def rival_rows(
     rivals: Mapping[str, Design], share: float, design: float | None, judge: "Judge"
 ) -> list[dict[str, Any]]:
-    """Judge each of the designs `rivals` at a share of material; return a row of `compare_at` for each design.
+    """Judge each of the designs `rivals` at a share of material; return a row of results for each design.
     design : compliance of the reference design, J; None if the reference design does not carry its loads."""
     from dsfab.study import compare_at
 

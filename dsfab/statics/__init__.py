@@ -71,7 +71,7 @@ def solve_statics(
     sheet: SheetModel, load: LoadCase, elements: Elements = PAPER, spread: SpreadLoad | None = None
 ) -> Equilibrium:
     """Return displacements, reactions and compliance of a thin elastic sheet [Madan, Jacobson and Levin, section 3.1].
-    A flat sheet with loads in its plane is solved without bending.    spread : see `equilibrium`.
+    A flat sheet with loads in its plane is solved without bending.    spread : part of the load on faces and edges.
     Raises StaticsError for mechanisms and for loads on vertices without faces."""
     spreads = None if spread is None else {"load": spread}
     return solve_cases(sheet, {"load": load}, elements, spreads)["load"]
@@ -80,9 +80,9 @@ def solve_statics(
 def solve_for(
     sheet: SheetModel, loads: Mapping[str, LoadCase], use: Quantity | Aid, bars: bool = False
 ) -> dict[str, Equilibrium]:
-    """Solve load cases with the elements that `USES` lists for `use`. Return the equilibria by name.
-    Accurate elements can fail on needles (very flat triangles); simpler elements then solve the sheet.
-    bars : see `solve_cases`. Raises StaticsError as `solve_cases`."""
+    """Solve load cases with elements that suit a purpose. Return the equilibria by name of the case.
+    use  : the purpose, a key of `USES`. If its elements fail on very flat triangles, simpler elements solve the sheet.
+    bars : True if ribs twist like rectangular bars. Raises StaticsError as `solve_cases`."""
     elements = elements_of(use)
     try:
         return solve_cases(sheet, loads, elements, bars=bars)
@@ -100,10 +100,10 @@ def solve_cases(
     combinations: Mapping[str, Mapping[str, float]] | None = None,
     bars: bool = False,
 ) -> dict[str, Equilibrium]:
-    """Solve load cases on the same supports with one factorisation. Return the equilibria by name.
-    spreads      : load of each case on faces and edges (see `equilibrium`); None without such loads.
-    combinations : factors of the cases, by name of the combination. Combinations follow the cases in the result.
-    bars         : True if ribs twist like rectangular bars (`torsion_loss`).
+    """Solve load cases that have the same supports. Return the equilibria of cases and combinations by name.
+    spreads      : part of each case's load on faces and edges, by name of the case; None without loads on them.
+    combinations : factor of each case, by name of the combination, then by name of the case.
+    bars         : True if ribs twist like rectangular bars.
     Raises StaticsError as `solve_statics`, for cases on different supports, and for combinations of unknown cases."""
     sums = dict(combinations or {})
     for name, factors in sums.items():

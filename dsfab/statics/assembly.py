@@ -30,10 +30,9 @@ def hinges(surface: Surface) -> Ints:
 
 
 def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
-    """Return gradients (i, 4, 3), 1/m, of the fold angles at hinges (i, 4), and weights (i,), l^2 / (A1 + A2).
-    l is the length of the common edge, A1 and A2 are the areas of the faces.
-    The gradients at the opposite vertices are n2 / h2 and n3 / h3, with normals n and heights h of the faces.
-    The gradients at the ends of the edge follow, because rigid motions change no angle."""
+    """Return the gradients (i, 4, 3), 1/m, of fold angles for displacements of the four vertices of each hinge (i, 4).
+    Return also weights (i,), l^2 / (A1 + A2): l is the length of the common edge, A1 and A2 are the areas of the faces.
+    The gradients at the opposite vertices are n2 / h2 and n3 / h3, with normals n and heights h of the faces."""
     p0, p1, p2, p3 = (surface.V[hinge[:, k]] for k in range(4))
     edge = p1 - p0
     length = np.linalg.norm(edge, axis=1)
@@ -56,7 +55,7 @@ CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
 
 @dataclass(frozen=True, eq=False)
 class VertexPairs:
-    """Pairs of vertices that are coupled in a stiffness matrix, and the positions of their blocks in the matrix.
+    """Pairs of vertices with a common block in a stiffness matrix. A hinge is two faces with a common edge.
     ends     : (p, 2) vertices of each pair, lower number first: ends of edges, and opposite vertices of hinges.
     of_edge  : (e,) number of the pair of each edge.
     opposite : (i,) pair of each hinge's opposite vertices; p if both are the same vertex; empty without hinges."""
@@ -91,7 +90,6 @@ class VertexPairs:
 
     @cached_property
     def _block_positions(self) -> tuple[Index, Index, Index]:
-        """Row pointers, columns, block numbers. Blocks 0 to p - 1 lie above the diagonal, then p below it, n on it."""
         low, high = self.ends.T.astype(np.int32)
         vertex, pair = np.arange(self.n, dtype=np.int32), np.arange(len(low), dtype=np.int32)
         # this order gives ascending columns in each row without sorting
@@ -104,7 +102,6 @@ class VertexPairs:
     def matrix(self, blocks: "PairBlocks") -> csr_array:
         """Return the stiffness matrix (3 n, 3 n) of these blocks. The columns in each row are in ascending order."""
         begin, column, number = self._block_positions
-        # `number` has one entry for each block; an entry for each of a block's nine values would take more memory
         all_blocks = np.concatenate([blocks.between.T, _transposed_blocks(blocks.between).T, blocks.own.T])
         values = all_blocks[number].reshape(-1, 3, 3)
         return csr_array(bsr_array((values, column, begin), (3 * self.n, 3 * self.n)).tocsr())
@@ -144,7 +141,7 @@ def _transposed_blocks(blocks: Floats) -> Floats:
 
 
 def summed_blocks(u: Floats, v: Floats, pair: Ints, count: int) -> Floats:
-    """Return the sums (9, count) of 3 x 3 blocks u v^T, one sum for each pair of vertices. u, v : (3, k).
+    """Return the sums (9, count) of k blocks u v^T (3 x 3), one sum for each pair of vertices. u, v : (3, k).
     pair : (k,) number of each block's pair; blocks with the number `count` are left out."""
     return np.stack([np.bincount(pair, u[a] * v[b], count + 1)[:count] for a in range(3) for b in range(3)])
 
@@ -155,7 +152,8 @@ def ascending_pairs(a: Floats, b: Floats, ascending: Bools) -> tuple[Floats, Flo
 
 
 def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
-    """Return coupled vertex pairs, computed once: ends of edges and, if given, opposite vertices of hinges (i, 4)."""
+    """Return the vertex pairs that have a block in the stiffness: ends of edges and opposite vertices of hinges (i, 4).
+    The pairs of a surface are computed once."""
     results, key = derived_results(surface), (VertexPairs, hinge is None)
     if key not in results:
         results[key] = VertexPairs.from_surface(surface, hinge)
@@ -164,7 +162,7 @@ def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
 
 
 def matrix_sum(A: csr_array, B: csr_array) -> csr_array:
-    """Return A + B, both (u, u). For matrices with the same sparse pattern only the values are added."""
+    """Return the sum A + B of two sparse matrices; fast if nonzero values have the same places in both."""
     if A.shape == B.shape and np.array_equal(A.indptr, B.indptr) and np.array_equal(A.indices, B.indices):
         return csr_array((A.data + B.data, A.indices, A.indptr), shape=A.shape)
     return csr_array(A + B)

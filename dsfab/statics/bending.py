@@ -29,7 +29,8 @@ from dsfab.surface.mesh import Surface
 
 
 def curvatures(surface: Surface) -> Floats:
-    """Return each face's curvature (m, 3, 12), (xx, yy, 2 xy), for unit displacements of corners, rotations of edges.
+    """Return the curvature (xx, yy, 2 xy) of each face, (m, 3, 12), for unit values of its 12 unknowns.
+    Unknowns: displacements x, y, z of the three corners, then rotations of the three edges.
     The curvature is constant on a face [Morley 1968; Grinspun et al. 2006 for surfaces]:
 
         kappa = 1/A sum over half-edges j -> k of  -s l omega m m^T + (w_k - w_j) sym(t m^T)
@@ -49,7 +50,8 @@ def curvatures(surface: Surface) -> Floats:
 
 
 def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
-    """Return lengths (m, 3) of the half-edges of m faces; directions and outward normals (m, 3, 2) in face frames."""
+    """Return for the sides of each face: lengths (m, 3), and in the face's frame directions and outward normals
+    (m, 3, 2)."""
     frame = tangents(surface)
     P = surface.V[surface.F]
     edge = np.einsum("mck,mak->mca", np.roll(P, -1, axis=1) - P, frame)
@@ -59,8 +61,8 @@ def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
 
 
 def midedge_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
-    """Return K_b of the energy sum_f A/2 kappa : D kappa over the unknowns of `elements`, N/m.
-    D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3), one for each face.
+    """Return the bending stiffness, N/m, of `midedge` elements: the energy of a face is A/2 kappa : D kappa.
+    A : area. kappa : curvature. D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3) for each face.
     Deflections converge to those of Kirchhoff's plate on every mesh. Coarse meshes are too soft."""
     B = curvatures(surface)
     blocks = B.transpose(0, 2, 1) @ (D @ B) * surface.areas[:, None, None]
@@ -78,8 +80,8 @@ def moment_loads(surface: Surface) -> Floats:
 
         integral of lambda_a M : hess w  -  sum over half-edges of  integral of lambda_a (m M m) (dw/dm + s theta)
 
-    m points out of the face [Hellan 1967; Herrmann 1967; Johnson 1973; Neunteufel and Schoeberl 2019, shells].
-    A rotation theta has the half-edge's sign s. A slope needs no sign: slope and m both reverse in the next face."""
+    m points out of the face, and s is the sign of the half-edge (`half_edge_signs`) for the edge's rotation theta
+    [Hellan 1967; Herrmann 1967; Johnson 1973; Neunteufel and Schoeberl 2019, shells]."""
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
     across = np.einsum("mia,mca->mci", slope, outward)  # (faces, half-edge, corner): slope of lambda_a along normal m
@@ -102,9 +104,9 @@ def moment_loads(surface: Surface) -> Floats:
 
 
 def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
-    """Return K_b over the unknowns of `elements`, N/m, with the moments eliminated on each face.
+    """Return the bending stiffness, N/m, of `hhj` elements, with the moments eliminated on each face.
     D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3), one for each face.
-    Of the edge `BUBBLES`, only "normal" bends faces. With all three, coarse curved meshes would be too stiff."""
+    Of the edge bubbles (`BUBBLES`), only "normal" bends faces; else coarse curved meshes would be too stiff."""
     rows = moment_loads(surface)
     normal, edge = surface.normals, surface.edges.of
     normal_share = np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], normal)
@@ -125,8 +127,8 @@ def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
 
 
 def bending_stiffness(surface: Surface, material: Material, thickness: float, elements: Elements = PAPER) -> csr_array:
-    """Return K_b, N/m, symmetric positive semidefinite, over the unknowns of `elements` ((3 n, 3 n) by default).
-    Raises ValueError for elements without bending."""
+    """Return the bending stiffness K_b, N/m, over the unknowns of `elements`; by default (3 n, 3 n).
+    K_b is symmetric and positive semidefinite. Raises ValueError for elements without bending."""
     if elements.bending == "hinge":
         return zero_padded(hinge_blocks(surface, material, thickness).matrix(), elements.unknowns(surface))
     if elements.bending == "midedge":
@@ -137,11 +139,10 @@ def bending_stiffness(surface: Surface, material: Material, thickness: float, el
 
 
 def hinge_blocks(surface: Surface, material: Material, thickness: float) -> PairBlocks:
-    """Return the stiffness K_b, N/m, of the energy 1/2 sum_e D l_e^2 / (A1 + A2) (theta_e - theta_e0)^2 over edges e.
-    D : bending stiffness. l_e : length. A1, A2 : areas of both faces. theta_e : fold angle. theta_e0 : at rest.
-    K_b is the sum of w g g^T with g = grad theta, w = D l^2 / (A1 + A2), positive semidefinite also on curved sheets.
-    Stress directions are accurate, but deflections do not converge: for clamped plates, they are 20 to 45 % wrong.
-    Source of the energy: [Wardetzky et al. 2007]."""
+    """Return the bending stiffness, N/m, of hinges: edges between two faces that resist a change of their fold angle.
+    The energy of a hinge is 1/2 D l^2 / (A1 + A2) (change of the angle)^2 [Wardetzky et al. 2007].
+    D : bending stiffness of the sheet. l : length of the edge. A1, A2 : areas of both faces.
+    Stress directions are accurate, but deflections do not converge: for clamped plates, they are 20 to 45 % wrong."""
     h = hinges(surface)
     gradients, weight = angle_gradients(surface, h)
     g = np.ascontiguousarray((gradients * np.sqrt(material.bending_stiffness(thickness) * weight)[:, None, None]).T)

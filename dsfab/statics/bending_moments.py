@@ -15,9 +15,9 @@ from dsfab.surface.mesh import Surface
 
 
 def facet_number(surface: Surface, thickness: float) -> float:
-    """Return L^2 / (R h): edge length times fold angle, divided by the thickness (median of all edges).
-    A load bends the flat faces of a curved sheet between their edges. The resulting error of `hhj` elements grows with
-    the number. On spheres under pressure, the largest stress is too large by about 0.9 times the number."""
+    """Return the median of edge length times fold angle, divided by the thickness. The number measures an error.
+    In a mesh of a curved sheet, a load bends each flat face between its edges. This bending is not real.
+    On spheres under pressure, the largest stress of `hhj` elements is too large by about 0.9 times the number."""
     faces = surface.edges.pairs // 3
     if not len(faces):
         return 0.0
@@ -31,7 +31,6 @@ def face_moments(
 ) -> Floats:
     """Return moments per length (m, 3 corners, 3), (xx, yy, xy), newtons, at each face's corners in its tangent frame.
     answer : solution by `elements`. A sheet that was solved in its plane has no moments.
-
     `midedge` : constant on each face. A mean of many faces has an error in proportion to the mesh width.
     `hhj`     : linear on each face, computed again from the displacements [Hellan 1967].
     `hinge`   : constant on each face, for pictures only. Single faces have errors of 8 to 60 %. Moments at free edges
@@ -46,7 +45,7 @@ def face_moments(
 
 
 def hinge_energy(surface: Surface, material: Material, thickness: float, answer: Equilibrium) -> Floats:
-    """Return the energy of each face (m,), J. A hinge (`hinge_blocks`) gives half of its energy to each face."""
+    """Return the bending energy (m,) of each face, J: half of the energy of the hinges at its edges."""
     hinge = hinges(surface)
     gradients, weight = angle_gradients(surface, hinge)
     turned = np.einsum("ikx,ikx->i", gradients, answer.u[hinge])
@@ -68,7 +67,7 @@ def _midedge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
-    """Return the curvature (xx, yy, 2 xy), the sum of l theta n n^T / (2 A) over edges [Grinspun et al. 2006].
+    """Return the curvature (m, 3), (xx, yy, 2 xy): sum of l theta n n^T / (2 A) over edges [Grinspun et al. 2006].
     theta : change of the fold angle at an edge. l, n : length and normal of the edge. A : area of the face."""
     length, _, out = half_edge_frames(surface)
     hinge, pairs = hinges(surface), surface.edges.pairs
@@ -83,7 +82,6 @@ def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
-    """Return corner moments of `hhj`, N: (12 / A) (I - J / 4) D r. J : ones, r : unit moments' work, `moment_loads`."""
     edge, unknowns = surface.edges.of, answer.on_edges
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
@@ -92,7 +90,6 @@ def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
     bubble = unknowns["normal"][edge] * np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], surface.normals)
     tilt = np.einsum("mi,mia,mca->mc", w, slope, outward)  # slope of the linear deflection, normal to each half-edge
     turn = half_edge_signs(surface) * unknowns["rotation"][edge]
-    # the slope dw/dm of a bubble 4 phi_c phi_c+1 along the outward normal m is linear on each half-edge
     ahead, behind = (np.einsum("mia,mca->mci", g, outward) for g in (after, slope))  # (m, half-edge, bubble)
     bent = (8 / 3 * surface.areas[:, None, None] * voigt(slope, after) * bubble[:, :, None]).sum(axis=1)
     work = np.repeat(bent[:, None], 3, axis=1)

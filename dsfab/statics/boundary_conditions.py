@@ -77,8 +77,8 @@ def _merge_hint(surface: Surface) -> str:
 
 def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list[str]:
     """Return the names of the rigid motions of `vertices` that neither fixed directions nor clamped edges prevent.
-    Each motion is named after its largest component.
-    clamped : (k, 2) ends of the edges that do not rotate. An edge of direction t allows a rotation w if w . t = 0."""
+    A motion has the name of its largest component.
+    fixed   : (n, 3) fixed directions of the vertices.    clamped : (k, 2) ends of the edges that do not rotate."""
     at_supports = rigid_motions(V[vertices])[fixed[vertices]]  # (fixed directions, 6)
     along = V[clamped[:, 1]] - V[clamped[:, 0]]
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
@@ -105,11 +105,11 @@ def require_loads_on_faces(surface: Surface, load: LoadCase) -> None:
 
 
 def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: Bools | None) -> Bools:
-    """Return a mask (e, k) of the fixed unknowns on edges (`elements.on_edges`).
+    """Return a mask (e, k) of the fixed unknowns of edges. The k unknowns of an edge are `elements.on_edges`.
     fixed   : (n, 3) fixed directions of the vertices.
     clamped : (e,) edges that do not rotate: built-in edges, and edges on a plane of symmetry.
-    If a face is fixed in all directions, its edges do not rotate. A bubble unknown moves an edge's middle along a unit
-    vector d. It is fixed if the squares of d's components in fixed directions (`held_middles`) sum to over 1/2."""
+    Edges of a face that is fixed in all directions do not rotate, either. An unknown that moves an edge's middle along
+    a direction is fixed if the direction lies mostly within the fixed directions of the middle."""
     faces, held_directions = held_faces(surface, fixed), held_middles(surface, fixed)
     no_rotation = np.zeros(len(held_directions), dtype=bool)
     no_rotation[surface.edges.of[faces.all(axis=1)]] = True
@@ -121,8 +121,8 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
 
 
 def held_middles(surface: Surface, fixed: Bools) -> Bools:
-    """Return the fixed directions (e, 3) of the middles of edges, from the fixed directions (n, 3) of the vertices.
-    The middle of a boundary edge is fixed if both ends are. A fixed face (`held_faces`) fixes its edges' middles."""
+    """Return a mask (e, 3) of the fixed directions of edges' middles, from those of the vertices, `fixed` (n, 3).
+    The middle of a boundary edge is fixed if both ends are; the middle of an inner edge, if a whole face is fixed."""
     edges, faces = surface.edges, held_faces(surface, fixed)
     is_held = fixed[edges.ends].all(axis=1) & edges.boundary[:, None]
     for axis in range(3):
@@ -131,13 +131,13 @@ def held_middles(surface: Surface, fixed: Bools) -> Bools:
 
 
 def held_faces(surface: Surface, fixed: Bools) -> Bools:
-    """Return directions (m, 3) in which all corners of a face are fixed. Faces with two boundary edges are left out."""
+    """Return a mask (m, 3) of the directions in which all corners of a face are fixed; none with two boundary edges."""
     ears = surface.edges.boundary[surface.edges.of].sum(axis=1) >= 2
     return np.asarray(fixed[surface.F].all(axis=1) & ~ears[:, None])
 
 
 def require_clampable(surface: Surface, elements: Elements, clamped: Bools | None) -> None:
-    """Raise StaticsError if edges (e,) are clamped, but `elements` have hinges and thus no rotation to clamp."""
+    """Raise StaticsError if edges are clamped (e,), but `elements` bend by hinges and have no rotations of edges."""
     if clamped is None:
         return
     if clamped.shape != (len(surface.edges.ends),):
@@ -152,7 +152,7 @@ def require_clampable(surface: Surface, elements: Elements, clamped: Bools | Non
 
 
 def all_clamped(load: LoadCase) -> Bools | None:
-    """Return the edges (e,) that do not rotate; None if no support clamps edges."""
+    """Return a mask (e,) of the edges that do not rotate; None if the load case has no clamped edges."""
     return load.clamped if len(load.clamped) else None
 
 
@@ -199,8 +199,8 @@ class SpreadLoad:
         return force
 
     def bubble_forces(self, surface: Surface, elements: Elements) -> Floats:
-        """Return forces (e, k), N, on the edge unknowns of `elements`: the work of the load on each unit edge bubble.
-        The integral of a bubble (`BUBBLES`) is A / 3 on a face, and 2 l / 3 on an edge."""
+        """Return forces (e, k), N, on the k edge unknowns of `elements`: the work of the load on unit edge bubbles.
+        The integral of an edge bubble (`BUBBLES`) is A / 3 on a face, and 2 l / 3 on an edge."""
         work = self.edge * _lengths(surface) * 2 / 3
         np.add.at(work, surface.edges.of.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))
         in_frame = np.einsum("edx,ex->ed", edge_frames(surface), work)

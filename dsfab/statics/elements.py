@@ -22,7 +22,6 @@ BUBBLES = ("along", "across", "normal")
 @dataclass(frozen=True)
 class Elements:
     """Elements of a sheet, for membrane and bending.
-
     membrane : `constant` strain, `quadratic` (the common six-node triangle), or `hybrid`, with the unknowns of
                `quadratic` and stresses in equilibrium. `hybrid` has a third to a half of the errors of `quadratic`.
                `constant` is 5 to 15 % too stiff for slender parts that bend in their plane.
@@ -46,7 +45,7 @@ class Elements:
 
     @property
     def is_reported(self) -> bool:
-        """True if reports may show results of these elements. Other elements have internal uses only (`Aid`)."""
+        """True if reports may show results of these elements; False if the elements serve internal purposes only."""
         return any(self in (pair, pair.in_plane) for pair in REPORTED)
 
     @property
@@ -66,7 +65,8 @@ class Elements:
         return 3 * surface.n + len(self.on_edges) * len(surface.edges.ends)
 
     def columns(self, surface: Surface, *names: str) -> Ints:
-        """Return numbers (m, 9 + 3 len(names)) of each face's unknowns: x, y, z of corners, then `names` on edges."""
+        """Return the numbers (m, 9 + 3 len(names)) of the unknowns of each face: displacements x, y, z of its corners,
+        then the unknowns `names` of its edges."""
         corners = (3 * surface.F[:, :, None] + np.arange(3)).reshape(-1, 9)
         count = len(surface.edges.ends)
         groups = [3 * surface.n + self.on_edges.index(name) * count + surface.edges.of for name in names]
@@ -78,19 +78,19 @@ INVERSE_MASS = 12 * (np.eye(3) - 0.25)  # Inverse mass matrix of linear function
 
 
 def half_edge_signs(surface: Surface) -> Floats:
-    """Return 1 (m, 3) if a half-edge runs from the lower vertex number of its edge to the higher one, else -1."""
+    """Return (m, 3) 1 for each side of a face that runs from a lower to a higher vertex number, else -1."""
     return np.where(np.roll(surface.F, -1, axis=1) > surface.F, 1.0, -1.0)
 
 
 @derived
 def edge_frames(surface: Surface) -> Floats:
-    """Return unit vectors t, m, n (e, 3, 3) of each edge: along it, across it in the sheet, and normal to the sheet.
-    n is the area-weighted mean of the two faces' normals, turned to one side. If an edge has three faces or a fold of
-    over 145 degrees, n is the eigenvector of sum A n n^T with the largest eigenvalue. The result is read-only."""
+    """Return unit vectors (e, 3, 3) of each edge: along the edge, across the edge in the sheet, normal to the sheet.
+    The normal is the area-weighted mean of the two faces' normals, turned to one side. If an edge has three faces or a
+    fold of over 145 degrees, the normal is the eigenvector of sum A n n^T with the largest eigenvalue."""
     edges = surface.edges
     t = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
     t = t / np.linalg.norm(t, axis=1, keepdims=True)
-    # half-edge sign x face normal does not depend on the face's orientation; it is opposite in an edge's two faces
+    # this product does not depend on the orientation of the face; its values in an edge's two faces are opposite
     area_normal = surface.normals * surface.areas[:, None]
     signed = (half_edge_signs(surface)[:, :, None] * area_normal[:, None, :]).reshape(-1, 3)
     n = signed[edges.order[edges.start[:-1]]]
@@ -122,8 +122,9 @@ def tensor_matrices(planar: Floats) -> Floats:
 
 
 def assemble_blocks(blocks: Floats, columns: Ints, size: int) -> csr_array:
-    """Return the sum (size, size) of blocks (m, c, c) of faces whose unknowns are `columns` (m, c).
-    The sum is a sparse product S^T Z, which needs no sorting: Z has the rows of all blocks, S selects the unknowns."""
+    """Return the sparse matrix (size, size) that sums the blocks (m, c, c) of all faces.
+    columns : (m, c) number of the unknown that belongs to each row and column of a block."""
+    # sparse product S^T Z, which needs no sorting: Z has the rows of all blocks, S selects the unknowns
     m, c = columns.shape
     columns = columns.astype(np.int32 if max(m * c * c, size) < 2**31 else np.int64)
     count = np.arange(m * c + 1, dtype=columns.dtype)
@@ -148,7 +149,7 @@ Quantity = Literal["compliance", "compliance_once", "displacement", "stress", "f
 """Quantities in reports."""
 
 Aid = Literal["needles", "spread", "ranking", "directions"]
-"""Keys in `USES` of elements for internal purposes. Results of these elements never appear in reports."""
+"""Internal purposes of elements, described in `USES`. Results of these elements never appear in reports."""
 
 
 @dataclass(frozen=True)
@@ -183,7 +184,7 @@ USES: Mapping[Quantity | Aid, Use] = MappingProxyType(
 """Elements for each use. Bounds of compliances in `dsfab.study.verdict.estimates` are calibrated for these elements."""
 
 REPORTED: tuple[Elements, ...] = tuple(dict.fromkeys(use.pair for use in USES.values() if use.tolerance is not None))
-"""Pairs of membrane and bending elements for results in reports, from the entries of `USES` with a tolerance."""
+"""All elements whose results may appear in reports."""
 
 
 def elements_of(use: Quantity | Aid) -> Elements:
@@ -218,7 +219,7 @@ def flatness(surface: Surface) -> Floats:
 
 
 def needle_message(surface: Surface) -> str:
-    """Return a clause with the number of needles (thin triangles) and the place of the worst; '' without needles."""
+    """Return a text about needles (very flat triangles): their number, and the place of the worst; '' without any."""
     shape = flatness(surface)
     count = int((shape < NEEDLE).sum())
     if not count:

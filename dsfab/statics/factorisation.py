@@ -15,7 +15,7 @@ from dsfab.statics.boundary_conditions import rigid_motions
 from dsfab.surface.mesh import Surface
 
 ACCURATE = 1e-9
-"""Relative residual above which dsfab refines solutions: a tenth of `REPORTED_RESIDUAL`, to allow for rounding."""
+"""Largest relative residual of a solution that is not refined: a tenth of the limit `REPORTED_RESIDUAL`."""
 
 REFINEMENTS = 6  # Largest number of refinement steps; two or three usually suffice.
 ROWS = 1 << 16
@@ -32,8 +32,8 @@ class LinearMap(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ScaledStiffness:
-    """The linear map diag(scale) K diag(scale) on the unknowns `free`, without storing this matrix: see `Factor`.
-    dtype : type of the numbers in the product."""
+    """The matrix diag(scale) K diag(scale) of the unknowns `free`, which is not stored but multiplies vectors.
+    free, scale : see `Factor`.    dtype : type of the numbers in the product."""
 
     K: csr_array
     free: Ints
@@ -53,7 +53,7 @@ class ScaledStiffness:
         return np.concatenate([self.K[i : i + ROWS].astype(self.dtype) @ x for i in starts])
 
     def astype(self, dtype: Any) -> Self:
-        """Return this linear map with numbers of the type `dtype`."""
+        """Return a copy of this matrix whose numbers have the type `dtype`."""
         return type(self)(self.K, self.free, self.scale.astype(dtype), dtype)
 
 
@@ -75,7 +75,7 @@ class Factor:
         return ScaledStiffness(self.K, self.free, self.scale)
 
     def displacements(self, forces: Floats) -> Floats:
-        """Return K^-1 F (u, k) for forces F (u, k), without refinement; 0 for unknowns that do not move."""
+        """Return the displacements (u, k) under forces (u, k), K^-1 F; 0 for unknowns that do not move."""
         x, scale = np.zeros(forces.shape), self.scale[:, None]
         x[self.free] = scale * self.solve(scale * forces[self.free])
         return x
@@ -135,10 +135,9 @@ def _restriction(K: csr_array, free: Ints, scale: Floats) -> csr_array:
 
 
 def refined_solution(K: LinearMap, b: Floats, solve: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
-    """Return x with K x = b, b (N,) or (N, k), and its relative residual in the norm of energy.
-
-    The residual is sqrt(r . K^-1 r / b . x). A residual above `ACCURATE` starts iterative refinement [Wilkinson 1963]
-    in the machine's highest precision, because K of a thin sheet is badly conditioned."""
+    """Return the solution x of K x = b, b (N,) or (N, k), and its relative residual sqrt(r . K^-1 r / b . x).
+    solve : applies an approximate inverse of K. If the residual is above `ACCURATE`, x is refined iteratively in the
+            machine's highest precision [Wilkinson 1963]."""
     x = solve(b)
     r = b - K @ x
     error = _energy_share(r, solve(r), b, x)

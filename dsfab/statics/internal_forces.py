@@ -15,18 +15,18 @@ from dsfab.statics.stress import SMOOTH, SheetStress, principal_values, vertex_a
 from dsfab.surface import Surface, hat_gradients, link_components, next_half_edge
 
 CROWDED = 0.25
-"""A face is a splinter if its height is less than this fraction of the mean size of faces.
-In splinters, computed gradients of moments are meaningless. So the load of a splinter is spread over its surroundings,
-up to a distance of CROWDED times the mean size. With a larger distance, some of the shear in ribs would get lost."""
+"""A face is a splinter if its height is less than CROWDED times the mean size of faces.
+Gradients of moments are meaningless in splinters. So the load of a splinter is spread over its surroundings, up to a
+distance of CROWDED times the mean size. At a larger distance, some of the shear in ribs would get lost."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShearRecovery:
-    """Data to compute shear forces q from moments; q is the gradient of a potential M. All cases share these data.
+    """Data of a surface to compute shear forces q from moments, for any load case. q is the gradient of a potential M.
     columns : unknowns of M, (m, 6) at corners and middles of half-edges, or (m, 3) at corners if M is linear on faces.
     sign    : (m, 6) -1 if the face's normal is opposite to the normal of the first face with this unknown, else 1.
     rim     : (m, 3) 1 on half-edges of free edges and folds, which transfer no shear; else 0.
-    spread  : (N, N) matrix that spreads the load of each unknown over its neighbours; columns sum to 1."""
+    spread  : (N, N) matrix that spreads the load of unknowns at very flat faces over neighbours; columns sum to 1."""
 
     surface: Surface
     columns: Ints
@@ -37,7 +37,7 @@ class ShearRecovery:
 
     @classmethod
     def for_surface(cls, surface: Surface, linear: bool = True) -> Self:
-        """Return the data for a surface. linear : True for moments linear on faces; potential M is then quadratic."""
+        """Return the data for a surface. linear : True for moments that are linear on faces, False for constant."""
         side_a, side_b = surface.edges.pairs.T
         lean = np.abs(np.einsum("ix,ix->i", surface.normals[side_a // 3], surface.normals[side_b // 3]))
         side_a, side_b = side_a[lean > SMOOTH], side_b[lean > SMOOTH]
@@ -52,12 +52,12 @@ class ShearRecovery:
         points[columns] = np.concatenate([ends, (ends + np.roll(ends, -1, axis=1)) / 2], axis=1)[:, :nodes]
         blocks = _gradient_stiffness(surface, linear) * sign[:, :, None] * sign[:, None, :]
         K = assemble_blocks(blocks, columns, size)
-        K = csr_array(K + diags_array(1e-9 * K.diagonal()))  # else M is unique only up to a constant per smooth part
+        K = csr_array(K + diags_array(1e-9 * K.diagonal()))  # makes K positive definite
         spread = _spread_matrix(surface, columns, sign, points)
         return cls(surface, columns, sign, rim.reshape(-1, 3), spread, factorise(K, points))
 
     def forces(self, moments: Floats, twist: Floats) -> Floats:
-        """Return the mean shear force q on each face (m, 3), N/m, in space, tangent to the face.
+        """Return the mean shear force (m, 3), N/m, on each face, as a vector in space tangent to the face.
         moments : (m, 3 corners, 3) moments of the elements, in `SheetStress.frame`, N.
         twist   : (m, 3 corners, 3) moments averaged at vertices, N. Their part m_nt acts on free edges and folds."""
         nodes = self.columns.shape[1]
@@ -112,7 +112,7 @@ def _gradient_stiffness(surface: Surface, linear: bool) -> Floats:
 
 
 def _spread_matrix(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> csr_array:
-    """Return `ShearRecovery.spread`. Points of splinters (low faces) share their load with points nearby, by area."""
+    """Return the matrix (N, N) by which points of very flat faces share their load with points nearby, by area."""
     size, nodes = len(points), columns.shape[1]
     weight = np.array([1 / 12] * 3 + [1 / 4] * 3) if nodes == 6 else np.full(3, 1 / 3)
     area = np.bincount(columns.ravel(), (surface.areas[:, None] * weight).ravel(), size)
@@ -189,10 +189,9 @@ def section_forces(
     surface: Surface, thickness: float, stress: SheetStress, recovery: ShearRecovery | None = None
 ) -> SectionForces:
     """Return n, m and q of a sheet from its stress. thickness : metres.
-    recovery : data for this surface and kind of bending; several cases can share them.
-
-    n is the thickness times the mean stress of the middle surface. m is averaged around each vertex, which removes the
-    bending of each flat face under its own load. q balances the moments; sums of q across ribs have errors of 2.5 %."""
+    recovery : data for this surface; several cases can share them. Default: computed.
+    n is the thickness times the mean stress of the middle surface. m is averaged around each vertex. q balances the
+    moments; sums of q across ribs have errors of 2.5 %."""
     stress_frame, scale = stress.frame, thickness**2 / 6
     moments = scale * vertex_averages(surface, stress_frame, stress.bending, sided=True)
     across = np.zeros((surface.m, 3))
@@ -211,7 +210,7 @@ def section_forces(
 
 
 def local_frames(surface: Surface) -> Floats:
-    """Return local x and local y of each face, (m, 2, 3), unit vectors, see `CONVENTION`."""
+    """Return two perpendicular unit vectors (m, 2, 3) in each face: local x and local y, as in `CONVENTION`."""
     normal = surface.normals
     # local x follows global y if the normal is within 8 degrees of global x
     axis = np.where((np.abs(normal[:, 0]) > 0.99)[:, None], np.eye(3)[1], np.eye(3)[0])

@@ -47,8 +47,8 @@ STRESSES = airy_stresses(AIRY)
 
 
 def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
-    """Return D (m, 9, 9) of each face, for strains (xx, yy, 2 xy) at its three corners, in its tangent frame.
-    C : (3, 3) isotropic matrix from strains to stresses or forces per length."""
+    """Return the stiffness (m, 9, 9) of each `hybrid` face against strains (xx, yy, 2 xy) at its three corners.
+    Strains are given in the face's tangent frame. C : (3, 3) isotropic matrix from strains to stresses."""
     corners = surface.V[surface.F]
     arm = (corners - corners.mean(axis=1, keepdims=True)) @ tangents(surface).transpose(0, 2, 1)
     x, y = np.moveaxis(POINTS @ (arm / np.abs(arm).max(axis=(1, 2), keepdims=True)), -1, 0)  # (m, 6 points), scaled
@@ -65,9 +65,8 @@ def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
 
 
 def hybrid_stress(surface: Surface, C: Floats, strain: Floats) -> Floats:
-    """Return the stress (m, 3 corners, 3), (xx, yy, xy), Pa, linear on each face, of `hybrid` elements.
-    This stress has the mean and energy of the element's quadratic stress, but is more accurate at edges of holes.
-    strain : (m, 3 corners, 3) strain of the quadratic triangle."""
+    """Return the stress (m, 3 corners, 3), (xx, yy, xy), Pa, of `hybrid` elements, linear on each face.
+    strain : (m, 3 corners, 3) strain of the quadratic triangle.    C : (3, 3) matrix from strains to stresses, Pa."""
     work = (hybrid_rigidity(surface, C) @ strain.reshape(-1, 9, 1)).reshape(-1, 3, 3)
     return np.asarray(INVERSE_MASS @ work / surface.areas[:, None, None])
 
@@ -75,8 +74,8 @@ def hybrid_stress(surface: Surface, C: Floats, strain: Floats) -> Floats:
 def membrane_stiffness(
     surface: Surface, material: Material, thickness: float, law: Law = "plane_stress", elements: Elements = PAPER
 ) -> csr_array:
-    """Return K_m, N/m, symmetric positive semidefinite, over the unknowns of `elements` ((3 n, 3 n) by default).
-    `constant`: the constant-strain triangle [Turner et al. 1956], assembled from blocks (`VertexPairs`).
+    """Return the membrane stiffness, N/m, over the unknowns of `elements`; by default (3 n, 3 n).
+    `constant`: the constant-strain triangle [Turner et al. 1956].
     `quadratic`: the linear-strain triangle [Fraeijs de Veubeke 1965]. Its edge bubbles move only within the sheet, so
     triangles that meet at an angle do not separate.
     `hybrid`: displacements of `quadratic` on the edges, stresses in equilibrium inside (`hybrid_rigidity`)."""
@@ -89,8 +88,8 @@ def membrane_stiffness(
 
 
 def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBlocks:
-    """Return the stiffness of constant-strain triangles, C (3, 3) N/m, as blocks on pairs of vertices.
-    The pairs are those of edges, or of hinges if `elements` have hinges. The block of two corners is, for isotropic C,
+    """Return the stiffness of constant-strain triangles as blocks, one for each pair of vertices with an edge or hinge.
+    C : (3, 3) isotropic matrix from strains to forces per length, N/m. The block of two corners of a face is
 
     A (lam g f^T + mu f g^T + mu (g . f) P),    A : area of the face, lam = C[0, 1], mu = C[2, 2]
 
@@ -115,7 +114,6 @@ def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBloc
 
 
 def _doubled_area_gradients(surface: Surface) -> Floats:
-    """Return gradients (3, 3, m) of the corners' hat functions, times twice the area: cross(normal, opposite edge)."""
     P = surface.V[surface.F].transpose(1, 2, 0)
     edge = np.roll(P, -2, axis=0) - np.roll(P, -1, axis=0)
     n = surface.normals.T
@@ -132,7 +130,6 @@ def _doubled_area_gradients(surface: Surface) -> Floats:
 def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> Floats:
     """Return the mean in-plane strain (m, 3), (xx, yy, 2 xy), of each face in its tangent frame.
     Without bubbles: strain of the constant-strain triangle [Turner et al. 1956], as in [Madan, Jacobson and Levin].
-
     u       : (n, 3) displacements, metres.
     bubbles : (e, 2) edge bubbles of `quadratic` along t and m, metres."""
     t = tangents(surface)
@@ -147,7 +144,7 @@ def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> F
 
 
 def corner_strains(surface: Surface) -> Floats:
-    """Return the strain (m, 3, 9) of each face, per metre of displacement of its corners along x, y, z."""
+    """Return the strains (xx, yy, 2 xy) of each face per metre of its corners' displacements x, y, z: (m, 3, 9)."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)  # (m, 3 corners, 2) hat gradients in the face's frame
     moved = voigt(slope[:, :, None, :], t.transpose(0, 2, 1)[:, None, :, :])  # (m, corner, xyz, strain)
@@ -155,7 +152,8 @@ def corner_strains(surface: Surface) -> Floats:
 
 
 def bubble_strains(surface: Surface, weights: Floats) -> Floats:
-    """Return the strain (m, 3, 6) at barycentric coordinates `weights` (3,), per metre of an edge bubble (`BUBBLES`).
+    """Return the strains (xx, yy, 2 xy) of each face per metre of its edges' bubbles (`BUBBLES`), (m, 3, 6).
+    weights : (3,) barycentric coordinates of the point.
     Columns: first the bubbles along the three edges, then the bubbles across the three edges."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)

@@ -31,7 +31,7 @@ class Material:
             raise StaticsError(f"density = {self.density} kg/m3 must not be negative")
 
     def membrane(self, law: Law) -> Floats:
-        """Return the matrix (3, 3), Pa, from strains in the sheet's plane to stresses, for (xx, yy, 2 xy).
+        """Return the matrix (3, 3), Pa, from strains (xx, yy, 2 xy) in the sheet's plane to stresses (xx, yy, xy).
         `plane_stress`: the thickness is free to change, as in a thin sheet.
         `stvk`: linearised St. Venant-Kirchhoff law. The thickness stays constant, as in plane strain."""
         mu = self.young / (2 * (1 + self.poisson))
@@ -65,7 +65,7 @@ class SheetModel:
     carried: Floats | None = None
 
     def with_clamped_edges(self, load: LoadCase) -> LoadCase:
-        """Return the load with this sheet's clamped edges added."""
+        """Return a copy of the load case in which this sheet's clamped edges are clamped, too."""
         if self.clamped is None:
             return load
         return replace(load, clamped=self.clamped | load.clamped if len(load.clamped) else self.clamped)
@@ -80,5 +80,5 @@ class SheetMaterial:
     law: Law = "plane_stress"
 
     def model_for(self, surface: Surface) -> SheetModel:
-        """Return the model of a sheet with this material, thickness and law on `surface`."""
+        """Return the model of a sheet with this material and thickness, whose middle surface is `surface`."""
         return SheetModel(surface, self.material, self.thickness, self.law)

@@ -37,7 +37,7 @@ UPRIGHT = f"{HELD_ACROSS}, and to clamp the supported edges, because a hinged sh
 
 @dataclass(frozen=True, eq=False)
 class ModeSupports:
-    """Supports for vibration and buckling. load : load case with these supports. told : note on assumptions, or ''."""
+    """Supports for vibration and buckling. load : a load case with these supports. told : assumptions, or ''."""
 
     load: LoadCase
     told: str = ""
@@ -48,7 +48,6 @@ def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -
 
     A sheet in a plane can also leave its plane in a mode. So its supported vertices are also fixed normal to the plane.
     If the sheet could still turn about a line of supports, boundary edges between supported vertices are clamped.
-
     plane : True if the sheet is solved in its plane; by default this follows from the load."""
     axis = flat_axis(surface, load)
     if axis is None or plane is False:
@@ -79,7 +78,7 @@ MODE_RESIDUAL = 1e-3
 """Largest accepted relative residual of a mode, in the norm of the stiffness.
 The residual bounds the relative error of the frequency or buckling factor [Parlett 1980, 4.5]."""
 
-INDEPENDENT = 1e-6  # Combinations of unit-energy vectors with less energy than this are rounding errors, left out.
+INDEPENDENT = 1e-6  # Vectors with less energy than this fraction, after a projection, are rounding errors.
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,8 +135,8 @@ def frequencies(
 
 
 def mass_of_loads(loads: Iterable[LoadCase]) -> Floats | None:
-    """Return masses (n,), kg, at the vertices, from loads that are weights of these masses; None without loads.
-    Only weight downwards has mass. Each load's mass is that of its resultant. Forces that cancel add no mass."""
+    """Return the masses (n,), kg, at the vertices that weigh as much as the loads push downwards; None without loads.
+    The mass of each load is that of its resultant, so forces that cancel add no mass."""
     masses = None
     for load in loads:
         up = load.force[:, 2]
@@ -197,8 +196,9 @@ def lowest_buckling(
     K: csr_array | None = None,
     factor_of: FactorFunction | None = None,
 ) -> tuple[float | None, str]:
-    """Return the lowest factor of `buckling`, or None, and a note. The note is '' unless this factor's mode is local.
-    The note has the mode's place, and the lowest factor of a mode that is not local. Parameters: see `buckling`."""
+    """Return the lowest buckling factor, or None if nothing buckles, and a note. Parameters: see `buckling`.
+    The note is '' unless only a small part of the sheet buckles. Then it states the place of this part, and the lowest
+    factor at which a larger part buckles."""
     factors = factor_of or FactorCache()
     K = sheet_stiffness(sheet, elements) if K is None else K
     lowest = buckling(sheet, load, answer, 1, elements, K, factors)
@@ -219,7 +219,7 @@ def lowest_buckling(
 
 
 def mass_matrix(surface: Surface, per_area: float, elements: Elements) -> csr_array:
-    """Return M (u, u), kg, over the unknowns of `elements`; rotations of edges have no mass.
+    """Return the mass matrix (u, u), kg, over the unknowns of `elements`; rotations of edges have no mass.
     per_area : mass per area, kg/m2."""
     scalar = np.block([[HATS, HAT_BUBBLES], [HAT_BUBBLES.T, BUBBLE_PAIRS]])
     names = [name for name in BUBBLES if name in elements.on_edges]
@@ -233,20 +233,21 @@ def mass_matrix(surface: Surface, per_area: float, elements: Elements) -> csr_ar
 
 
 def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements) -> csr_array:
-    """Return K_g, N/m, over the unknowns of `elements`: the second variation of the work of a membrane stress,
+    """Return the geometric stiffness K_g, N/m, over the unknowns of `elements`: the effect of membrane forces N,
 
         x . K_g x  =  integral of  sum over i of  grad x_i . N grad x_i     [Zienkiewicz and Taylor 2000, vol. 2, 11]
 
     resultant : (m, 3, 3) membrane force per length N, N/m, tangent to each face.
-    K_g uses only slopes for which the elements have stiffness; else single needles (thin triangles) would buckle.
-    These slopes are mean gradients; for `hhj` elements also slopes of a constant curvature [Morley 1968]."""
+    grad x_i : mean gradient of displacement i on each face; for `hhj` elements, the slopes of a constant curvature are
+    added [Morley 1968]. With other slopes, single very thin triangles would buckle."""
     slopes, columns = _slopes(surface, elements)
     blocks = np.einsum("majx,mab,mbjy->mxy", slopes, _in_faces(surface, resultant), slopes, optimize=True)
     return assemble_blocks(blocks, columns, elements.unknowns(surface))
 
 
 def geometric_products(surface: Surface, resultants: Floats, elements: Elements, modes: Floats) -> Floats:
-    """Return the products x_i . K_g x_j (b, s, s) of the columns of `modes` (u, s), for forces N (b, m, 3, 3)."""
+    """Return x_i . K_g x_j (b, s, s) for the s columns x of `modes` (u, s), with the K_g of `geometric_stiffness`.
+    resultants : (b, m, 3, 3) b fields of membrane forces per length, N/m; each field has its own K_g."""
     slopes, columns = _slopes(surface, elements)
     along = np.einsum("majx,mxs->majs", slopes, modes[columns], optimize=True)
     rows, count = 10 * surface.m, modes.shape[1]
@@ -260,9 +261,8 @@ def _in_faces(surface: Surface, resultant: Floats) -> Floats:
 
 
 def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
-    """Return slopes s (m, 2 tangents, 5, c) times sqrt(area) for each unknown, and the unknowns (m, c) of each face.
-    Slopes 0 to 2: mean gradients of displacements x, y, z. Slopes 3, 4: from curvature, at two quadrature points.
-    For membrane forces N, K_g (`geometric_stiffness`) is the sum of s . N s."""
+    """Return the slopes (m, 2, 5, c) of each face per unit of its c unknowns, and the numbers (m, c) of the unknowns.
+    Slopes are along two tangents, times sqrt(area): three gradients of x, y, z, and two slopes from curvature."""
     names = ("normal", "rotation") if elements.bending == "hhj" else ()
     mean = _mean_gradients(surface, names) * np.sqrt(surface.areas)[:, None, None, None]
     slopes = np.concatenate([mean, np.zeros((surface.m, 2, 2, mean.shape[3]))], axis=2)
@@ -276,8 +276,6 @@ def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
 
 
 def _mean_gradients(surface: Surface, names: tuple[str, ...]) -> Floats:
-    """Return mean gradients (m, 2 tangents, 3 xyz, columns) for unit values of unknowns: corners, then edges' `names`.
-    `normal` moves an edge's middle along the edge's normal. Only the component along the face's normal counts."""
     slope = np.einsum("mik,mak->mai", hat_gradients(surface), tangents(surface))
     gradients = np.zeros((surface.m, 2, 3, 9 + 3 * len(names)))
     for i in range(3):
@@ -300,16 +298,16 @@ def _supported_modes(
     count: int,
     factor_of: FactorFunction,
 ) -> tuple[Floats, Floats]:
-    """Return the largest positive mu (k,) of A x = mu K x, descending, and the vertices' part of x, (k, n, 3).
-    Lanczos on K^-1 A with the inner product of K needs only the factor of K [Lehoucq et al. 1998, ARPACK]."""
+    """Return the largest positive eigenvalues mu (k,) of A x = mu K x, descending, and the mode shapes (k, n, 3).
+    The Lanczos method needs only the factor of K [Lehoucq et al. 1998, ARPACK]."""
     is_held = held_unknowns(surface, [load], elements, plane=False)
     mu, x = largest_eigenpairs(A, factor_of(surface, with_springs(K, load), is_held), count)
     return mu, _normalised_shapes(x[:, : 3 * surface.n].reshape(-1, surface.n, 3))
 
 
 def largest_eigenpairs(A: csr_array, factor: Factor, count: int, are_results: bool = True) -> tuple[Floats, Floats]:
-    """Return the largest positive mu (k,) of A x = mu K x, descending, and vectors x (k, u). factor : K, factorised.
-    are_results : False if the vectors only form a basis. Then residuals may reach `MODE_RESIDUAL`, to save time.
+    """Return the largest positive eigenvalues mu (k,) of A x = mu K x, descending, and eigenvectors x (k, u).
+    factor : K, factorised.    are_results : False for a faster, less accurate solution.
     Raises StaticsError if the modes do not converge, or if results are not accurate."""
     N = len(factor.free)
     if not 1 <= count < N:
@@ -320,7 +318,7 @@ def largest_eigenpairs(A: csr_array, factor: Factor, count: int, are_results: bo
     start = np.random.default_rng(0).standard_normal(N)  # a fixed seed gives repeatable numbers
     tolerance = 1e-10 if are_results else MODE_RESIDUAL
     try:
-        # usually the Lanczos method needs few restarts, but many if the load barely compresses the sheet
+        # the Lanczos method needs many restarts if the load barely compresses the sheet
         mu, x = eigsh(operator, count, M=M, Minv=Minv, which="LA", v0=start, maxiter=500, tol=tolerance)
     except ArpackNoConvergence as error:
         raise StaticsError("the modes do not converge: the load barely compresses the sheet, or not at all") from error
@@ -345,8 +343,8 @@ def _accurate_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) ->
 
 
 def refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return refined eigenvalues (k,) and vectors (N, k) of A x = mu K x, and last changes (k,) of mu [Davidson 1975].
-    If edges are far shorter than the sheet's thickness, rounding makes residuals large, although mu converges."""
+    """Refine eigenvalues mu (k,) and eigenvectors x (N, k) of A x = mu K x [Davidson 1975].
+    Return the results, and the last change (k,) of each eigenvalue. factor : K, factorised."""
     K, change = factor.map.astype(np.longdouble), np.full(len(mu), np.inf)
     Kx = (K @ x).astype(np.float64)
     for _ in range(REFINEMENTS):
@@ -355,7 +353,7 @@ def refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> t
         steps, _ = refined_solution(factor.map, A @ x - mu * Kx, factor.solve)
         moves = (K @ steps).astype(np.float64)
         energies = np.sqrt(np.einsum("nk,nk->k", steps, moves).clip(0))
-        inexact = energies > MODE_RESIDUAL * mu  # smaller steps of the modes x are rounding errors
+        inexact = energies > MODE_RESIDUAL * mu  # smaller steps are rounding errors
         basis = np.concatenate([x, steps[:, inexact] / energies[inexact]], axis=1)
         forces = np.concatenate([Kx, moves[:, inexact] / energies[inexact]], axis=1)
         energy = basis.T @ forces
@@ -369,7 +367,6 @@ def refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> t
 
 
 def _normalised_shapes(shapes: Floats) -> Floats:
-    """Scale each shape (k, n, 3) so that its longest vector is 1, and its largest component is positive; k may be 0."""
     flat = shapes.reshape(len(shapes), 3 * shapes.shape[1])
     sign = np.sign(flat[np.arange(len(flat)), np.abs(flat).argmax(axis=1)])
     longest = np.linalg.norm(shapes, axis=2).max(axis=1)

@@ -15,7 +15,7 @@ from dsfab.surface.mesh import Surface
 
 @dataclass(frozen=True, eq=False)
 class Resultant:
-    """Sum of forces. force : (3,) newtons. moment : (3,) sum of the moments about the origin, newton metres."""
+    """Sum of forces, `force` (3,), N, and sum of their moments about the origin, `moment` (3,), N m."""
 
     force: Floats
     moment: Floats
@@ -36,8 +36,8 @@ def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> 
 
 def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
     """Return the resultant of each support's forces and torques on the sheet.
-    The torque of an edge goes to the supports that clamp the edge; without these, to the supports of its ends. Edges
-    clamped by the sheet itself (`SheetModel.clamped`) belong to no support, so reactions can fail to balance loads."""
+    The torque at an edge belongs to the supports that clamp the edge, or else to the supports of its ends. Torques at
+    edges that the sheet itself clamps (`SheetModel.clamped`) may belong to no support; then loads are not balanced."""
     forces = support_forces(surface, supports, answer)
     fixed = np.array([support.fixed_directions(surface) for support in supports])  # (s, n, 3)
     torques = np.zeros((len(supports), 0))
@@ -71,7 +71,7 @@ class SupportEntry:
     area     : m2 of the faces with three supported corners.
     holds    : fixed directions, springs and clamping, such as 'xyz', 'z, clamped' or 'spring xy'.
     reaction : (3,) newtons on the sheet, by case.
-    share    : its part of the sum of the magnitudes of all support forces, 0 to 1, by case."""
+    share    : sum of the magnitudes of the support's forces divided by that of all supports, 0 to 1, by case."""
 
     name: str
     vertices: int
@@ -109,8 +109,8 @@ class LoadEntry:
 def support_entries(
     surface: Surface, supports: Sequence[Support], answers: Mapping[str, Equilibrium] | None = None
 ) -> tuple[SupportEntry, ...]:
-    """Return each support, with its reactions under each case if `answers` has them.
-    Raises SurfaceError for pickers that select nothing."""
+    """Return the supports with their places and sizes, and with their reactions in each case of `answers`.
+    Raises SurfaceError for a support that selects no vertex."""
     reactions: dict[str, list[Floats]] = {}
     shares: dict[str, Floats] = {}
     for case, answer in (answers or {}).items():
@@ -131,7 +131,8 @@ def support_entries(
 
 
 def _extent(surface: Surface, picked: Bools) -> tuple[int, Floats, float, float]:
-    """Return count and mean of picked vertices, length of edges (of picked faces: only at the boundary), face area."""
+    """Return number and mean place of the picked vertices, and length of edges and area of faces with these corners.
+    Edges inside of picked faces are not counted."""
     faces, edges = surface.faces_of(picked), surface.edges
     inner = np.zeros(len(edges.ends), dtype=bool)
     inner[edges.of[faces]] = True
@@ -147,8 +148,8 @@ def _holds(support: Support) -> str:
 
 
 def load_entries(surface: Surface, loads: Sequence[Load], weight: float) -> tuple[LoadEntry, ...]:
-    """Return each load by itself, without factors of combinations. Raises SurfaceError for loads without an effect.
-    weight : weight of the sheet, N/m2."""
+    """Return the loads with their resultants and sizes, without the factors of combinations.
+    weight : weight of the sheet, N/m2. Raises SurfaceError for a load without effect."""
     entries = []
     for name, load in zip(load_names(loads), loads, strict=True):
         force, spread = load.forces(surface, weight), spread_load(surface, [load], weight)

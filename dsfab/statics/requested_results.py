@@ -39,11 +39,11 @@ class ResultRequest:
         return self.frequencies + self.buckling
 
     def elements_for(self, elements: Elements) -> Elements:
-        """Return `elements` if they are in `REPORTED`, or if nothing is requested; else `elements_of("stress")`."""
+        """Return `elements` if they are accurate enough for the requested results; else more accurate elements."""
         return elements_of("stress") if self and elements not in REPORTED else elements
 
     def factor_for(self, elements: Elements) -> FactorFunction:
-        """Return the function that factorises the stiffness; with a cache if vibration or buckling use K again."""
+        """Return the function that factorises the stiffness; with a cache if vibration or buckling need it again."""
         return FactorCache() if self.modes and self.elements_for(elements) == elements else stiffness_factor
 
 
@@ -54,7 +54,7 @@ class Answers:
     elements    : elements that solved the sheet; without bending if it was solved in its plane.
     equilibrium : solution by these elements.
     stress      : stress and energy, see `SheetStress`.
-    vibration, buckling : None without a request or without a result.
+    vibration, buckling : None if they were not requested or could not be computed.
     refusals    : reasons for missing results, one sentence each.
     assumed     : assumptions about the supports for vibration and buckling, or ''."""
 
@@ -70,9 +70,9 @@ class Answers:
 @dataclass(frozen=True, eq=False)
 class SolvedCase:
     """A load case and its equilibrium.
-    equilibrium : solution by `elements`, or by `elements.in_plane` if `plane`.    spread : load on faces and edges.
-    elements    : pair of membrane and bending elements, also if `plane` is True.
-    factor_of   : function that factorised K (`ResultRequest.factor_for`).
+    equilibrium : solution; without bending if the sheet was solved in its plane.    spread : load on faces and edges.
+    elements    : membrane and bending elements, also for a sheet that was solved in its plane.
+    factor_of   : function that factorised the stiffness (`ResultRequest.factor_for`).
     plane       : True if the sheet was solved in its plane; by default this follows from `load`."""
 
     load: LoadCase
@@ -91,11 +91,11 @@ def sheet_answers(
     other_factors: FactorFunction | None = None,
 ) -> Answers:
     """Return stress and energy of a solved sheet, and the other requested results.
-    stiffness     : function that returns K for given elements.
-    other_factors : function that factorises K for elements other than `case.elements`, and for modes of a sheet that
-                    was solved in its plane. Loads on the same supports can share one `FactorCache(2)`.
+    stiffness     : function that returns the stiffness matrix of the sheet by given elements.
+    other_factors : function that factorises any matrix other than that of the case. Loads on the same supports can
+                    share one `FactorCache(2)`.
     If modes do not converge, `Answers.refusals` has the reason.
-    Raises StaticsError if results need elements other than `case.elements`, and these cannot solve the sheet."""
+    Raises StaticsError if the results need more accurate elements, which cannot solve the sheet."""
     load, solved, factor_of, surface = case.load, case.equilibrium, case.factor_of, sheet.surface
     plane = flat_axis(surface, load) is not None if case.plane is None else case.plane
     other_factors = other_factors or FactorCache(2)
@@ -124,7 +124,6 @@ def sheet_answers(
 
 
 def _result_or_refusal(find: Callable[[], Result], missing: str, refusals: list[str]) -> Result | None:
-    """Return find(). If it raises StaticsError, add `missing` and the error to `refusals`, and return None."""
     try:
         return find()
     except StaticsError as error:

@@ -64,7 +64,8 @@ class Equilibrium:
 
     @property
     def bubbles(self) -> Floats | None:
-        """Shifts (e, 2) of edges' middles by bubbles, metres, along and across each edge; None for constant strain."""
+        """(e, 2) displacement of each edge's middle relative to its ends, metres, along and across the edge.
+        None for elements with constant strain, whose edges stay straight."""
         if "along" not in self.on_edges:
             return None
         return np.stack([self.on_edges["along"], self.on_edges["across"]], axis=1)
@@ -87,10 +88,10 @@ def equilibrium(
     spread: SpreadLoad | None = None,
     factor_of: "FactorFunction | None" = None,
 ) -> Equilibrium:
-    """Solve K u = f without the fixed unknowns, and with the springs of supports added to K.
-    K         : stiffness, N/m, over the unknowns of `elements`: x, y, z of each vertex, then the edges.
+    """Return displacements, reactions and compliance of a sheet with a known stiffness under a load.
+    K         : stiffness without springs, N/m, over the unknowns of `elements`: x, y, z of each vertex, then edges.
     elements  : elements of K; without bending for a sheet solved in its plane.
-    spread    : load per area and length, for the forces on edge bubbles; `load` has all forces on vertices.
+    spread    : part of the load on faces and edges; `load` contains its forces on vertices, too.
     factor_of : function that factorises; a `FactorCache` for repeated use.
     Raises StaticsError if the supports leave a motion free, if a load acts on a vertex without faces, if edges without
     rotations are clamped, or if the solution does not balance the loads."""
@@ -106,9 +107,9 @@ def equilibria(
     sums: Sequence[Sequence[float]] = (),
     factor_of: "FactorFunction | None" = None,
 ) -> tuple[Equilibrium, ...]:
-    """Return the `equilibrium` of each load, then of each combination of the loads, from one factorisation.
-    K    : (u, u), see `equilibrium`.    spreads : part of each load on faces and edges.    factor_of : factorises K.
-    sums : k factors for each combination, one per load. A combination's residual is a bound from the loads' residuals.
+    """Return the equilibrium of each load, then of each combination of the loads, from one factorisation.
+    K, factor_of : see `equilibrium`.    spreads : part of each load on faces and edges.
+    sums         : for each combination, a factor for each load.
     Raises StaticsError as `equilibrium`, and for loads on different supports."""
     _require_same_supports(loads)
     is_held = held_unknowns(surface, loads, elements)
@@ -136,7 +137,7 @@ def _require_same_supports(loads: Sequence[LoadCase]) -> None:
 
 
 def held_unknowns(surface: Surface, loads: Sequence[LoadCase], elements: Elements, plane: bool | None = None) -> Bools:
-    """Return the unknowns (u,) that do not move. All loads must have equal supports.
+    """Return a mask (u,) of the unknowns that do not move. All loads must have equal supports.
     plane : False to let a flat sheet leave its plane; by default, it stays in its plane if all loads lie in this plane.
     Raises StaticsError if the supports leave a motion free, and for a load on a vertex without faces."""
     reference = loads[0]
@@ -157,12 +158,12 @@ def held_unknowns(surface: Surface, loads: Sequence[LoadCase], elements: Element
 def equilibrium_of_unknowns(
     surface: Surface, load: LoadCase, elements: Elements, unbalanced: Floats, x: Floats, is_held: Bools
 ) -> Equilibrium:
-    """Return the equilibrium with the unknowns x (u,). The result's compliance and residual are 0.
-    unbalanced : (u,) K x - f. K excludes springs, so this is the force of all supports and springs."""
+    """Return the equilibrium with the solved unknowns x (u,). Compliance and residual are left at 0.
+    unbalanced : (u,) forces of supports and springs on the sheet, K x - f, where K excludes springs."""
     corners, edges = np.split(x, [3 * surface.n])
     forces, on_edges = np.split(unbalanced, [3 * surface.n])
     u = corners.reshape(-1, 3)
-    # spring forces are -k u; computed from K x - f, they would always balance the loads and hide errors of u
+    # the forces of springs are -k u; K x - f would hide errors of u
     reaction = np.where(load.fixed, forces.reshape(-1, 3), 0.0) - load.spring * u
     imbalance = _imbalance(surface, load.force, reaction, _torque(elements, on_edges))
     torque = _torque(elements, np.where(is_held[3 * surface.n :], on_edges, 0.0))
@@ -211,7 +212,8 @@ def require_solved(surface: Surface, imbalance: float, residual: float) -> None:
 def solution(
     surface: Surface, K: csr_array, F: Floats, is_held: Bools, factor_of: FactorFunction
 ) -> tuple[Floats, Floats]:
-    """Return unknowns (N, k) under forces F (N, k), and relative residuals (k,). Unknowns without stiffness are 0."""
+    """Solve K U = F for k columns of forces F (N, k). Return U (N, k), and the relative residual (k,) of each column.
+    Unknowns that are held or have no stiffness are 0. factor_of : function that factorises K."""
     U = np.zeros(F.shape)
     if not (~is_held & (K.diagonal() > 0)).any():
         return U, np.zeros(F.shape[1])
@@ -223,7 +225,6 @@ def solution(
 
 
 def _torque(elements: Elements, on_edges: Floats) -> Floats:
-    """Return the moments (e,), N m, on the sheet at its edges: the part of `on_edges` for unknowns `rotation`."""
     if "rotation" not in elements.on_edges:
         return np.zeros(0)
     return np.asarray(on_edges.reshape(len(elements.on_edges), -1)[elements.on_edges.index("rotation")])

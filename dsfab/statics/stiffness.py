@@ -25,7 +25,7 @@ Row = Callable[[str], AbstractContextManager[object]]
 
 def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontext) -> csr_array:
     """Return K (N, N), N/m, over the unknowns of `elements`: membrane, and bending if the elements have it.
-    row : function that records the times of "membrane" and "bending" in a table, see `Row`."""
+    row : function that records the time that each part takes, see `Row`."""
     surface, material, thickness = sheet.surface, sheet.material, sheet.thickness
     if elements == PAPER:
         with row("membrane"):
@@ -42,7 +42,7 @@ def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontex
 
 @dataclass(frozen=True, eq=False)
 class FaceStiffness:
-    """K = sum over the faces of s_f K_f on the free unknowns, with a factor s_f for each face.
+    """Stiffness K of a sheet whose faces f can be scaled: the sum of s_f K_f, with a factor s_f for each face.
     Elements: constant strain and mid-edge bending; without bending for a sheet that is solved in its plane.
     blocks  : (m, c, c) K_f, N/m.
     unknown : (m, c) free unknown of each row of K_f, `count` if it is fixed.
@@ -64,7 +64,8 @@ class FaceStiffness:
 
     @classmethod
     def from_sheet(cls, sheet: SheetModel, loads: Sequence[LoadCase]) -> Self:
-        """Return K of a sheet. Raises StaticsError for a free motion, or for a load on a vertex without faces."""
+        """Return the scalable stiffness of a sheet with the supports of the loads.
+        Raises StaticsError if the supports leave a motion free, or for a load on a vertex without faces."""
         surface = sheet.surface
         axis = flat_axis(surface, *loads)
         elements = elements_of("ranking")
@@ -90,12 +91,12 @@ class FaceStiffness:
         return cls(blocks, unknown, count, places, indices, indptr, springs, points, node, np.asarray(force[numbers]))
 
     def matrix(self, scale: Floats) -> csr_array:
-        """Return K (count, count); `scale` (m,) multiplies the stiffness of each face."""
+        """Return K (count, count) with the springs of supports. scale : (m,) factors on the stiffness of the faces."""
         values = self.places @ scale + self.springs
         return csr_array((values, self.indices, self.indptr), shape=(self.count, self.count))
 
     def factor(self, scale: Floats, earlier: Factor | None = None) -> Factor:
-        """Factorise K for stiffness scales `scale` (m,) of the faces. Raises StaticsError for a mechanism.
+        """Factorise K. scale : (m,) factors on the stiffness of the faces. Raises StaticsError for a mechanism.
         earlier : an earlier factorisation, which is overwritten; its order of unknowns saves time."""
         try:
             if earlier is None:
@@ -109,7 +110,7 @@ class FaceStiffness:
         return earlier
 
     def energies(self, x: Floats) -> Floats:
-        """Return u . K_f u (m, k) of each face for solutions x (count, k), joules (twice the energy)."""
+        """Return twice the energy (m, k) of each unscaled face, J, for k solutions x (count, k): u . K_f u."""
         moved = np.concatenate([x, np.zeros((1, x.shape[1]))])[self.unknown]
         return np.asarray(np.einsum("mck,mck->mk", moved, self.blocks @ moved))
 
@@ -117,7 +118,8 @@ class FaceStiffness:
 def face_blocks(
     surface: Surface, material: Material, thickness: float, law: Law, elements: Elements
 ) -> tuple[Floats, Ints]:
-    """Return the stiffness (m, c, c) of each face, N/m, and unknowns (m, c): c = 9, or 12 with mid-edge bending."""
+    """Return the stiffness (m, c, c) of each face, N/m, and the numbers (m, c) of its c unknowns.
+    c is 9 without bending, or 12 with mid-edge bending."""
     names = ("rotation",) if elements.bending else ()
     columns = elements.columns(surface, *names)
     blocks = np.zeros((surface.m, columns.shape[1], columns.shape[1]))

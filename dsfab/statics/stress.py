@@ -21,13 +21,13 @@ from dsfab.surface.mesh import Surface
 def stress(
     surface: Surface, material: Material, u: Floats, law: Law = "plane_stress", bubbles: Floats | None = None
 ) -> Floats:
-    """Return the membrane (Cauchy) stress (m, 3, 3), Pa, symmetric and tangent, of displacements u (n, 3), metres.
-    bubbles : (e, 2) `Equilibrium.bubbles`, metres. With bubbles, the stress is the mean of a linear stress."""
+    """Return the mean membrane stress (m, 3, 3) of each face, Pa, as a symmetric tensor tangent to the face.
+    u : (n, 3) displacements, metres.    bubbles : (e, 2) displacements of edges' middles (`Equilibrium.bubbles`)."""
     return tensors_in_space(surface, mean_strain(surface, u, bubbles) @ material.membrane(law).T)
 
 
 def tensors_in_space(surface: Surface, planar: Floats) -> Floats:
-    """Return symmetric tensors (m, 3, 3) of values xx, yy, xy (m, 3) in the frame of each face (`tangents`)."""
+    """Return symmetric tensors (m, 3, 3) in space from components xx, yy, xy (m, 3) in the frame of each face."""
     t = tangents(surface)
     return np.asarray(t.transpose(0, 2, 1) @ tensor_matrices(planar) @ t)
 
@@ -39,7 +39,7 @@ def von_mises(sigma: Floats) -> Floats:
 
 
 def membrane_strains(surface: Surface, answer: Equilibrium) -> Floats:
-    """Return in-plane strains (m, 3 corners, 3), (xx, yy, 2 xy), of the middle surface in each face's frame.
+    """Return the in-plane strains (xx, yy, 2 xy) at the corners of each face, (m, 3 corners, 3), in the face's frame.
     Elements `quadratic` and `hybrid` have the strains of the quadratic triangle."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
@@ -62,7 +62,7 @@ def membrane_stresses(surface: Surface, material: Material, law: Law, elements: 
 
 
 SMOOTH = np.cos(np.radians(30))
-"""Cosine of 30 degrees. A face lies across a fold if its normal and a corner's mean normal form a larger angle."""
+"""Cosine of 30 degrees. If normals of a face and of its surroundings form a larger angle, a fold is between them."""
 
 WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # Number of times that xx, yy, zz, yz, xz, xy occur in a tensor.
 HALVES = np.array([1.0, 1.0, 2.0])[:, None]  # Squared norms of unit plane tensors xx, yy and xy.
@@ -74,8 +74,8 @@ def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool
     values : (m, 3 corners, 3) tensors before averaging.
     sided  : True if values change their sign with the face's normal, like bending.
 
-    Averages remove most jumps between faces, which are errors [Hinton and Campbell 1974]. On curved sheets they also
-    remove the bending of a flat face by its own load. Across a fold (see `SMOOTH`), a face gets its own mean value."""
+    Averages remove most jumps between faces, which are errors [Hinton and Campbell 1974]. At a fold of over 30 degrees
+    (`SMOOTH`), a face has the mean of its own values instead."""
     corner = surface.F.ravel()
     face = np.repeat(np.arange(surface.m), 3)
     first_face = np.full(surface.n, -1)
@@ -96,7 +96,6 @@ def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool
 
 
 def _tensors(frame: Floats) -> Floats:
-    """Return the unit tensors xx, yy and xy of each frame as tensors in space, (m, 3, 6): xx, yy, zz, yz, xz, xy."""
     a, b = frame[:, 0], frame[:, 1]
     c, d = a[:, [1, 2, 0]], a[:, [2, 0, 1]]
     e, f = b[:, [1, 2, 0]], b[:, [2, 0, 1]]
@@ -105,14 +104,14 @@ def _tensors(frame: Floats) -> Floats:
 
 
 Layer = Literal["top", "middle", "bottom"]
-"""Layers: `top` is half a thickness away on the side of a face's normal; `bottom` is on the opposite side."""
+"""Layers of a sheet: `top` is half a thickness away on the side of a face's normal, `bottom` on the opposite side."""
 
 LAYERS: tuple[Layer, ...] = get_args(Layer)
 _SIDE = {"top": -1.0, "middle": 0.0, "bottom": 1.0}
 
 
 class Principal(NamedTuple):
-    """Principal stresses. values : (m, 2) Pa, the larger first. directions : (m, 2, 3) unit vectors in the plane."""
+    """Principal stresses. values : (m, 2) Pa, the larger first. directions : (m, 2, 3) unit vectors in each face."""
 
     values: Floats
     directions: Floats
@@ -136,7 +135,6 @@ class SheetStress:
     smooth_membrane, smooth_bending : `vertex_averages` of linear stresses; constant stresses are not averaged.
     membrane_energy : (m,) mean strain energy per area of each face, J/m2.
     bending_energy  : (m,) mean bending energy per area of each face, J/m2.
-
     Top and bottom swap if the corners of a face are listed in reverse order; `largest` does not change."""
 
     frame: Floats
@@ -153,7 +151,7 @@ class SheetStress:
         for name in ("membrane", "bending"):
             values, smooth = getattr(self, name), f"smooth_{name}"
             lock(self, name, np.float64, (m, 3, 3))
-            if getattr(self, smooth) is values:  # fields `name` and `smooth` are one array: store it once
+            if getattr(self, smooth) is values:  # not averaged: store the array once
                 object.__setattr__(self, smooth, getattr(self, name))
             else:
                 lock(self, smooth, np.float64, (m, 3, 3))
@@ -216,7 +214,7 @@ def principal_values(plane: Floats, frame: Floats) -> Principal:
 
 
 def plane_von_mises(stress: Floats) -> Floats:
-    """Return the von Mises equivalent (...) of plane stress (..., 3) as (xx, yy, xy), Pa [von Mises 1913]."""
+    """Return the von Mises stress (...), Pa, of plane stresses (..., 3), (xx, yy, xy) [von Mises 1913]."""
     xx, yy, xy = stress[..., 0], stress[..., 1], stress[..., 2]
     return np.asarray(np.sqrt(xx * xx - xx * yy + yy * yy + 3 * xy * xy))
 
@@ -241,5 +239,5 @@ def sheet_stress(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> 
 
 
 def _mean_product(a: Floats, b: Floats) -> Floats:
-    """Return the exact mean of a . b on each face (m,). a, b : (m, 3, 3) values at corners, linear on each face."""
+    """Return the mean of a . b (m,) on each face. a, b : (m, 3 corners, 3), values that are linear on each face."""
     return np.asarray((np.einsum("mci,mci->m", a, b) + np.einsum("mi,mi->m", a.sum(axis=1), b.sum(axis=1))) / 12)

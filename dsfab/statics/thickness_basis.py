@@ -32,16 +32,16 @@ INDEPENDENT = 1e-10
 ACCURATE = 2.0
 """For a sheet solved at thickness t, results are accurate from t / ACCURATE to t ACCURATE. Largest errors on cut
 vaults: 0.1 % in displacements, 0.4 % in stresses, 2 % in buckling factors."""
-DERIVATIVES, MODE_DERIVATIVES = 3, 2  # Number of derivatives by the thickness: of solutions, of buckling modes.
-MODES = 3  # Number of modes per load case: several, because the order of modes changes with the thickness.
-CASES = 3  # Number of load cases whose modes are in the basis: the cases with the largest compression.
+DERIVATIVES, MODE_DERIVATIVES = 3, 2  # How often solutions and buckling modes are derived by the thickness.
+MODES = 3  # Number of buckling modes for each load case; with another thickness, another mode may be the lowest.
+CASES = 3  # Number of load cases with buckling modes in the basis: the cases with the largest compression.
 
 
 @dataclass(frozen=True, eq=False)
 class ThicknessStiffness:
-    """Stiffness t A + t^3 B and supports of a sheet of any thickness t, over the unknowns of `elements`.
+    """Stiffness t A + t^3 B of a sheet of any thickness t, over the u unknowns of `elements`, and its supports.
     membrane : A (u, u), N/m2.     bending : B (u, u), N/m4; zero for a sheet that is solved in its plane.
-    load     : a load case that has the supports of the sheet.    is_held : (u,) unknowns that do not move."""
+    load     : any load case of the sheet; only its supports are used.    is_held : (u,) unknowns that do not move."""
 
     surface: Surface
     elements: Elements
@@ -61,15 +61,16 @@ class ThicknessStiffness:
         return cls(surface, elements, membrane, bending, loads[0], is_held)
 
     def matrix(self, thickness: float) -> csr_array:
-        """Return K (u, u), N/m, with the springs of supports."""
+        """Return the stiffness K (u, u), N/m, at a thickness (m), with the springs of supports."""
         return with_springs(csr_array(thickness * self.membrane + thickness**3 * self.bending), self.load)
 
     def product(self, thickness: float, x: Floats) -> Floats:
-        """Return K x (u, k), without springs, for x (u, k)."""
+        """Return K x (u, k) for x (u, k). K : stiffness at a thickness (m), without springs."""
         return np.asarray(thickness * (self.membrane @ x) + thickness**3 * (self.bending @ x))
 
     def with_derivatives(self, thickness: float, factor: Factor, x: Floats, count: int) -> list[Floats]:
-        """Return [x, P x, ..., P^count x] for x (u, k), with P = K^-1 dK/dt. factor : factorised K(thickness)."""
+        """Return [x, P x, ..., P^count x] for vectors x (u, k), with P = K^-1 dK/dt at a thickness t.
+        factor : the stiffness K at this thickness, factorised."""
         vectors = [x]
         for _ in range(count):
             forces = self.membrane @ vectors[-1] + 3 * thickness**2 * (self.bending @ vectors[-1])
@@ -84,15 +85,15 @@ class ThicknessStiffness:
         return np.array([_without_negative_eigenvalues(part) for part in parts])
 
     def basis(self, vectors: Floats, thickness: float) -> Floats:
-        """Return independent vectors (u, b), orthonormal in K(thickness), that span the same space as `vectors` (u, c).
-        With these vectors, rounding errors do not make the projected stiffness singular, at any thickness."""
+        """Return independent vectors (u, b) that span the same space as `vectors` (u, c).
+        The vectors are orthonormal in the stiffness K at this thickness."""
         K = self.matrix(thickness)
         weight = np.sqrt(K.diagonal())  # makes metres and radians comparable
         columns = _independent_columns(vectors * weight[:, None]) / np.where(weight > 0, weight, 1.0)[:, None]
         energies = np.einsum("ui,ui->i", columns, K @ columns)
         images, count = np.zeros_like(columns), 0
         for x, before in zip(columns.T.copy(), energies, strict=True):
-            for _ in range(2):  # the second pass removes rounding errors [Giraud et al. 2005]
+            for _ in range(2):  # twice, against rounding errors [Giraud et al. 2005]
                 x -= columns[:, :count] @ (images[:, :count].T @ x)
             image = K @ x
             energy = float(x @ image)
@@ -103,13 +104,11 @@ class ThicknessStiffness:
 
 
 def _without_negative_eigenvalues(part: Floats) -> Floats:
-    """Return the stiffness `part` (b, b) without negative eigenvalues: rounding errors due to very thin triangles."""
     values, vectors = np.linalg.eigh((part + part.T) / 2)
     return np.asarray((vectors * values.clip(min=0)) @ vectors.T)
 
 
 def _independent_columns(columns: Floats) -> Floats:
-    """Return orthonormal columns (u, q) that span the same space as `columns` (u, k)."""
     scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
     q, r, _ = qr(scaled, mode="economic", pivoting=True)
     return np.asarray(q[:, np.abs(np.diag(r)) > INDEPENDENT])
@@ -117,12 +116,12 @@ def _independent_columns(columns: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ThicknessBasis:
-    """Reduced bases for displacements and buckling of a sheet at thicknesses near its own, see `from_sheet`.
-    loads     : the loads by name, at the thickness of `sheet`.
+    """Reduced bases for displacements and buckling of a sheet at thicknesses near its own.
+    loads     : the k loads by name, at the thickness of `sheet`.
     constant, per_metre : f0 (u, k), N, and f1 (u, k), N/m. At thickness t, the loads on the unknowns are f0 + t f1.
     vectors   : (u, b) basis of the displacements.
-    reduced   : (3, b, b) `projection` on `vectors`.    modes : (3, s, s) `projection` on the buckling modes.
-    geometric : (b, s, s) -x_i . K_g x_j for modes x. K_g : geometric stiffness for each of `vectors`, thickness 1 m."""
+    reduced   : (3, b, b) stiffness (`projection`) on this basis.    modes : (3, s, s) on the basis of s buckling modes.
+    geometric : (b, s, s) minus the geometric stiffness on the modes, for the displacements of each of `vectors`."""
 
     sheet: SheetModel
     loads: Mapping[str, LoadCase]
@@ -136,9 +135,9 @@ class ThicknessBasis:
 
     @classmethod
     def from_sheet(cls, sheet: SheetModel, loads: Mapping[str, LoadCase], buckling: Sequence[str] = ()) -> Self:
-        """Return reduced bases for thicknesses from t / `ACCURATE` to t x `ACCURATE`, where t is that of `sheet`.
+        """Return bases that are accurate from half to twice the thickness of `sheet` (`ACCURATE`).
         buckling : names of the loads whose buckling factors are wanted.
-        Raises StaticsError as `solve_statics`. Needles (very thin triangles) can cause this error."""
+        Raises StaticsError as `solve_statics`."""
         try:
             return cls._by_elements(sheet, loads, buckling, elements_of("displacement"))
         except StaticsError:
@@ -207,12 +206,11 @@ class ThicknessBasis:
 
 
 def _sum(parts: Floats, thickness: float) -> Floats:
-    """Return t A + t^3 B + S (b, b). parts : (3, b, b) projected stiffness of membrane A, bending B and springs S."""
     return np.asarray(thickness * parts[0] + thickness**3 * parts[1] + parts[2])
 
 
 def _linear_loads(sheet: SheetModel, loads: Sequence[LoadCase], size: int) -> tuple[Floats, Floats]:
-    """Return f0 (N) and f1 (N/m), each (size, k): at thickness t, the k loads on the `size` unknowns are f0 + t f1."""
+    """Return f0 (N) and f1 (N/m), each (size, k). At thickness t, the forces of the k loads are f0 + t f1."""
     once, twice = np.zeros((2, size, len(loads)))
     for k, load in enumerate(loads):
         once[: load.force.size, k] = load.force.ravel()
@@ -221,14 +219,15 @@ def _linear_loads(sheet: SheetModel, loads: Sequence[LoadCase], size: int) -> tu
 
 
 def _resultants(sheet: SheetModel, stiffness: ThicknessStiffness, x: Floats) -> Floats:
-    """Return the membrane forces (k, m, 3, 3), N/m, that displacements x (u, k) cause in a sheet 1 m thick."""
+    """Return the membrane forces (k, m, 3, 3), N/m, in the faces of a sheet 1 m thick with displacements x (u, k)."""
     surface, setting = sheet.surface, (stiffness.load, stiffness.elements, np.zeros(len(x)))
     moved = [equilibrium_of_unknowns(surface, *setting, column, stiffness.is_held) for column in x.T]
     return np.array([stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles) for answer in moved])
 
 
 def _buckling_modes(across: ThicknessStiffness, resultants: Floats, factor: Factor) -> list[Floats]:
-    """Return the lowest buckling modes (unknowns, s) of the most compressed cases. resultants : (k, m, 3, 3), N/m."""
+    """Return the lowest buckling modes (u, s) of each of the most compressed cases.
+    resultants : (k, m, 3, 3) membrane forces of k cases, N/m.    factor : stiffness, factorised."""
     surface, modes = across.surface, list[Floats]()
     compression = [-np.linalg.eigvalsh(N)[:, 0].clip(max=0) @ surface.areas for N in resultants]
     for k in np.argsort(compression)[: -1 - CASES : -1]:

@@ -14,8 +14,8 @@ from dsfab.surface import Surface, half_edges
 from dsfab.surface.fields import tangents
 
 APART = np.radians(60)
-"""Smallest angle, at a disc's centre, between two border points on different sides of a rib.
-Points at a smaller angle lie on the same side, at a kink of the border [Ma, Bae and Choi 2012]."""
+"""Smallest angle, seen from the centre of a disc in a rib, between border points on different sides of the rib.
+Points at a smaller angle lie on the same side [Ma, Bae and Choi 2012]."""
 
 
 def torsion_share(ratio: Floats) -> Floats:
@@ -29,7 +29,7 @@ def torsion_share(ratio: Floats) -> Floats:
 
 
 class RibShape(NamedTuple):
-    """Width and direction of the rib at each face. widths : (m,) metres; inf on a closed sheet without openings.
+    """Width and direction of the rib at each face. widths : (m,) metres; inf for a sheet without any border.
     along : (m, 3) unit vectors in the face, along the border nearest to the face."""
 
     widths: Floats
@@ -37,8 +37,8 @@ class RibShape(NamedTuple):
 
 
 def rib_shape(surface: Surface) -> RibShape:
-    """Return the width of the material around each face [medial discs, Blum 1967], and the nearest border's direction.
-    Width: diameter of the largest disc in the material that touches the border point nearest to the face."""
+    """Return the width of the rib at each face, and the direction of the border nearest to the face.
+    The width is the diameter of the largest disc that fits into the rib at the nearest border point [Blum 1967]."""
     border = np.flatnonzero(surface.edges.boundary[surface.edges.of.ravel()])
     if not len(border):
         return RibShape(np.full(surface.m, np.inf), tangents(surface)[:, 0])
@@ -84,9 +84,9 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
 
 
 def torsion_loss(sheet: SheetModel, elements: Elements, ribs: RibShape) -> csr_array:
-    """Return a (negative) stiffness over the unknowns of `elements`. Add it to make ribs twist as softly as bars.
-    The bending stiffness D of each face is reduced by (1 - `torsion_share`) D_66 t t^T. The vector t is defined by
-    t . kappa = 2 kappa_ab, a along the rib, b across it. Raises ValueError unless bending is `hhj` or `midedge`."""
+    """Return a negative stiffness, N/m, over the unknowns of `elements`. Added to the stiffness of the sheet, it makes
+    ribs twist as softly as bars with a rectangular section (`torsion_share`).
+    Raises ValueError unless the elements bend by `hhj` or `midedge`."""
     if elements.bending not in ("hhj", "midedge"):
         raise ValueError(f"{elements}: only hhj and midedge bending can reduce the torsion of ribs")
     share = torsion_share(ribs.widths / sheet.thickness)

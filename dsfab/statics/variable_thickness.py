@@ -15,9 +15,10 @@ from dsfab.statics.stress import tensors_in_space
 from dsfab.surface import LoadCase
 
 LEAST = 1e-4
-"""Least thickness of a face in a solve / thickness of the sheet. It is over 0, so that faces have membrane forces."""
+"""Least thickness of a face in a solve, as a fraction of the sheet's thickness; with 0, faces would have no forces."""
 SETTLED, MOVE, STEPS = 0.01, 0.2, 40
-"""The iteration ends at changes under SETTLED, or after STEPS steps. No change exceeds MOVE. Unit: sheet thickness."""
+"""The iteration ends when thicknesses change by less than SETTLED, or after STEPS steps. A step changes no thickness
+by more than MOVE. SETTLED and MOVE are fractions of the sheet's thickness."""
 
 
 class VaryingSheet(NamedTuple):
@@ -63,15 +64,15 @@ def _membrane_forces(sheet: SheetModel, loads: list[LoadCase], K: FaceStiffness,
 
 
 def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: Bools, move: float) -> Floats:
-    """Return new shares of material x sqrt(gain / multiplier), (m,), 0 to 1. Each differs from x by at most `move`.
-    The multiplier makes the sum of the results times `areas` equal to `area`, m2 [Bendsoe 1995].
+    """Return new shares of material (m,), 0 to 1, in proportion to x sqrt(gain) within limits [Bendsoe 1995].
+    x     : (m,) old shares; a share changes by at most `move`.
     gain  : (m,) decrease of the compliance per area of material added to a face.
-    solid : (m,) faces whose result is always 1, without regard to `move`."""
+    area  : sum of the new shares times `areas` (m,), m2.    solid : (m,) mask of faces whose share is always 1."""
     low, high = np.maximum(x - move, 0.0), np.minimum(x + move, 1.0)
     root = x * np.sqrt(np.maximum(gain, 0.0))
     lower, upper = 0.0, 2 * float(root.max()) / max(float(x.min()), 1e-3)
     while upper - lower > 1e-6 * upper:
-        middle = (lower + upper) / 2  # bisection: next estimate of sqrt(multiplier), see the docstring
+        middle = (lower + upper) / 2  # bisection: the new shares are root / middle
         thickness = np.where(solid, 1.0, np.clip(root / middle, low, high))
         if areas @ thickness > area:
             lower = middle

@@ -19,10 +19,10 @@ from dsfab.study.judges import AnsweredLoad, Judge, Judgement, full, quick
 
 @dataclass(frozen=True)
 class Spread:
-    """Statistics of the compliances (J) of all variants of a competing structure. Each variant is solved once.
+    """Statistics of the compliances (J) of all variants of a structure. Each variant is solved once.
     tried, carried : number of variants, and number of variants that carry the loads.
-    best, mean, worst : compliances of the variants that carry the loads.
-    median : median of all variants. The compliance of a variant that does not carry the loads counts as infinite."""
+    best, mean, worst : smallest, mean and largest compliance of the variants that carry the loads.
+    median : median of all variants; a variant that does not carry the loads counts as infinite."""
 
     tried: int
     carried: int
@@ -41,11 +41,11 @@ class Spread:
 
 @dataclass(frozen=True)
 class Competitor:
-    """A structure under the design's loads. If it could not be made or solved, `error` states the reason.
+    """A structure under the design's loads. If the structure could not be made or solved, `error` states the reason.
     variant         : name of the stiffest variant, such as "modes 1, 2".
     area_fraction   : area divided by the area of the surface.       mass : kg.
     thickness       : metres.       pieces : number of the sheet's pieces.
-    judgement       : result of the judge; None if there is an error.
+    judgement       : compliance and other computed results; None if there is an error.
     loose           : share of the material that reaches no support; this material is not part of the sheet.
     smallest_member : width of the narrowest member, metres; None if it cannot be measured.
     spread          : statistics of the variants; None for a single variant.
@@ -144,11 +144,11 @@ ALTERNATIVE_WORDS = {
 @dataclass(frozen=True)
 class Alternative:
     """A structure with the mass of a design, under the design's loads.
-    over      : compliance of the design divided by that of the alternative. Infinite if the design does not carry its
-                loads; 0 if the alternative does not carry them.
+    over      : compliance of the design divided by that of this structure. Infinite if the design does not carry its
+                loads; 0 if this structure does not carry the loads.
     low, high : interval of `over` from the error bounds of the compliances.
-    variant   : the best variant, such as "modes 1, 2".     error : reason why there is no alternative, or ''.
-    level     : description of the solves, such as "one solve each"."""
+    variant   : the best variant, such as "modes 1, 2".     error : reason why the structure has no result, or ''.
+    level     : how the compliances were computed, such as "one solve each"."""
 
     name: str
     over: float
@@ -194,8 +194,8 @@ def is_searched(preset: Preset) -> bool:
 
 
 def design_alternatives(design: Design) -> tuple[Alternative, ...]:
-    """Return a design's alternatives. Each comparison uses the fastest solve that shows which structure is stiffer.
-    Raises DsfabError if the design cannot be cut."""
+    """Compare a design with other structures of its mass: a thinner sheet, and stripes that ignore the stress.
+    Each comparison takes as few solves as are needed to decide. Raises DsfabError if the design cannot be cut."""
 
     def solve() -> tuple[Alternative, ...]:
         slicing, thickness = design.slicing, design.preset.statics.thickness
@@ -211,14 +211,14 @@ def alternatives(
     names: Sequence[str] = tuple(ALTERNATIVE_WORDS),
     solved: Mapping[str, AnsweredLoad] | None = None,
 ) -> tuple[Alternative, ...]:
-    """Compare a structure with other structures of the design's mass. names : keys of `ALTERNATIVE_WORDS`.
-    solved : solutions from an earlier judgement of the structure; None to compute them."""
+    """Compare a structure with other structures of the same mass. names : keys of `ALTERNATIVE_WORDS`.
+    solved : earlier solutions of the structure, by name of the load; None to compute new solutions."""
     makers = {"thinner": thinner_alternative, "isotropic": isotropic_alternative}
     return tuple(makers[name](task, structure, partial(quick, solved=solved)) for name in names)
 
 
 class _BoundedCompliance(NamedTuple):
-    """A compliance (J), infinite if the structure fails, with its relative error bound. error : reason of failure."""
+    """A compliance (J), infinite for a structure that fails, with its relative error bound. error : why it fails."""
 
     compliance: float
     bound: float
@@ -227,8 +227,9 @@ class _BoundedCompliance(NamedTuple):
 
 
 def thinner_alternative(task: ComparisonTask, structure: Structure, own_judge: Judge = quick) -> Alternative:
-    """Compare a structure with a thinner sheet of the same mass. Each is solved once.
-    If the error bounds leave open which one is stiffer, more accurate solves follow."""
+    """Compare a structure with a thinner sheet without openings, of the same mass. Each is solved once.
+    If the error bounds leave open which structure is stiffer, more accurate solves follow. own_judge : function that
+    solves `structure` then."""
     thin = Structure.uncut(task.surface, task.share * task.preset.statics.thickness)
     design, rival = _ranked_compliance(task, structure), _judged_compliance(quick, task, thin)
     alternative = _alternative("thinner", design, rival, "one solve each")
@@ -240,9 +241,9 @@ def thinner_alternative(task: ComparisonTask, structure: Structure, own_judge: J
 
 
 def isotropic_alternative(task: ComparisonTask, structure: Structure, own_judge: Judge = quick) -> Alternative:
-    """Compare a structure (the design) with the best isotropic stripes, which ignore the stress, of the same mass.
-    Each pair of modes gives stripes that are cut and solved once. The stripes of the two best pairs are cut again, to
-    exactly the design's mass, and solved with more accurate elements. The function `own_judge` solves the design."""
+    """Compare a structure with the best stripes that ignore the stress (isotropic stripes), of the same mass.
+    Every pair of modes gives stripes that are cut and solved once. The stripes of the two best pairs are cut again, to
+    exactly the same mass, and solved more accurately. own_judge : function that solves `structure`."""
     blind = isotropic_stripes(task)
     phases = blind.preset.pattern.major.shift, blind.preset.pattern.minor.shift
     level = f"one solve of each sheet; the best of {len(blind.pairs)} pairs of modes"
@@ -270,7 +271,7 @@ def _variant_compliance(task: ComparisonTask, variant: Variant) -> _BoundedCompl
 
 
 def judged_alternatives(design: Competitor, rivals: Iterable[Competitor]) -> tuple[Alternative, ...]:
-    """Return an `Alternative` for each competitor in `ALTERNATIVE_WORDS`, from compliances that are already known."""
+    """Compare the design with the competitors named in `ALTERNATIVE_WORDS`, by compliances that are already known."""
     design_value, judged = _competitor_compliance(design), []
     for rival in (rival for rival in rivals if rival.name in ALTERNATIVE_WORDS):
         level = f"{rival.judgement.level} check" if rival.judgement else ""
@@ -295,7 +296,7 @@ def _alternative(name: str, design: _BoundedCompliance, rival: _BoundedComplianc
 
 
 def _ranked_compliance(task: ComparisonTask, structure: Structure) -> _BoundedCompliance:
-    """Return the compliance of a cut sheet by one solve with fast elements; its error is 5 to 15 %."""
+    """Return the compliance of a structure by one solve with fast elements, which has an error of 5 to 15 %."""
     statics = task.preset.statics
     try:
         loads = sheet_loads(task.surface, structure.material, structure.sheet, task.loads_on(structure))

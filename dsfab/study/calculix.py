@@ -26,8 +26,8 @@ Projection = Callable[[Floats], tuple[Floats, Floats]]  # points -> their neares
 class Wedges:
     """A solid with one quadratic wedge (C3D15) for each of m triangles.
     nodes   : (p, 3) metres.
-    elements : (m, 15) nodes in CalculiX's order: corners below, corners above, middles of the edges below, middles of
-               the edges above, middles of the upright edges.
+    elements : (m, 15) nodes of each wedge: corners below, corners above, middles of the edges below, middles of the
+               edges above, middles of the upright edges.
     columns : (n, 3) nodes of each vertex of the sheet: below, above and in the middle of the thickness.
     middles : (e, 2) nodes of each edge: below and above."""
 
@@ -38,7 +38,8 @@ class Wedges:
 
 
 def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges:
-    """Return the solid with a thickness (m), half of it below and half above the middle surface."""
+    """Return the solid of a sheet with a thickness (m): half of it below and half above the middle surface.
+    projection : function that returns the nearest points on the exact surface and the normals there."""
     edges, F = surface.edges, surface.F
     n, e = surface.n, len(edges.ends)
     corner, normal = projection(surface.V)
@@ -59,7 +60,7 @@ def solid_compliance(
 ) -> float | None:
     """Return the compliance (J) of a solid under its own weight by CalculiX; None if CalculiX is not installed.
     fixed_nodes : numbers of fixed nodes.       gravity : (3,) m/s2.       seconds : time limit.
-    Raises StaticsError if CalculiX fails."""
+    Raises StaticsError if CalculiX fails or takes too long."""
     program = shutil.which(CCX)
     if program is None:
         return None
@@ -93,7 +94,7 @@ def _input_text(solid: Wedges, material: Material, fixed_nodes: Ints, gravity: F
 
 
 def end_face_nodes(solid: Wedges, surface: Surface, marked: Bools) -> Ints:
-    """Return the nodes of the solid's faces on boundary edges whose two ends are in the mask `marked` (n,)."""
+    """Return the nodes of the solid above, at and below the boundary edges with two marked ends. marked : (n,) mask."""
     edges = surface.edges
     is_marked = edges.boundary & marked[edges.ends].all(axis=1)
     return np.unique(np.concatenate([solid.columns[edges.ends[is_marked]].ravel(), solid.middles[is_marked].ravel()]))
@@ -148,7 +149,7 @@ def _supports(solid: Wedges, surface: Surface, load: LoadCase, held_directions: 
 
 
 ATTEMPT = re.compile(r"^ *\d+ +\d+ +\d+(U?) +\d+ +(\S+) +\S+ +(\S+) *$", re.MULTILINE)
-"""Line of the .sta file, with groups: U if no equilibrium was found, time before the step, attempted time step."""
+"""Line of CalculiX's .sta file: U if no equilibrium was found, time at the start of a step, length of the step."""
 TABLE = re.compile(r"^ displacements .* time +(\S+)\s*$", re.MULTILINE)
 
 
@@ -175,7 +176,7 @@ class CcxFiles:
         return parsed
 
     def failures(self) -> list[tuple[float, float]]:
-        """Return, for each attempt that found no equilibrium, the time at its start and its time step."""
+        """Return the time at the start, and the length, of each time step in which CalculiX found no equilibrium."""
         return [(float(start), float(step)) for failed, start, step in ATTEMPT.findall(self.attempts) if failed]
 
 
@@ -231,16 +232,16 @@ def _files(folder: Path, ended: bool) -> CcxFiles:
 
 
 FACTOR = re.compile(r"^ +\d+ +(\S+) *$", re.MULTILINE)
-FACTORS = (6, 24, 96)  # Numbers of requested factors; negative factors (of the reversed load) hide positive ones.
-SETTLED = 0.01  # The search ends if the lowest positive factor changes by at most this fraction.
+FACTORS = (6, 24, 96)  # Numbers of buckling factors to request in turn, because many can be negative.
+SETTLED = 0.01  # Largest relative change of the lowest positive factor at which the search for this factor ends.
 
 
 @dataclass(frozen=True, eq=False)
 class LoadPath:
-    """Path of a structure under growing loads.
+    """Computed states of a structure under growing loads: k points of a path.
     load    : (k,) factors on the loads; the first is 0.    u : (k, w, 3) displacements of w nodes, metres.
     whole   : True if the path reaches the last requested factor.    late : True if the time limit ended the path.
-    failed  : (f, 2) start point and load increment of each attempt without equilibrium."""
+    failed  : number of the point before each step without equilibrium, and the increase of the factor in the step."""
 
     load: Floats
     u: Floats
@@ -255,8 +256,9 @@ class LoadPath:
 
 
 def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats] | None:
-    """Return the lowest linear buckling factor, and its mode as displacements (p, 3) of any size.
-    Return None if no factor is positive, or if the solid would move by more than its own size before it buckles."""
+    """Return the lowest factor on the loads at which a solid buckles by linear theory, and its mode (p, 3), unscaled.
+    Return None if no factor is positive, or if the solid would move by more than its own size before it buckles.
+    seconds : time limit of each run of CalculiX."""
     lowest = np.inf
     for count in FACTORS:
         moved, factors, modes = _buckling_factors(model, count, seconds)
@@ -264,7 +266,7 @@ def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats] |
         lowest = float(positive.min())
         if np.isfinite(positive).all() or abs(lowest - earlier) <= SETTLED * lowest < np.inf:
             break
-    if not lowest * moved <= np.ptp(model.solid.nodes, axis=0).max():  # also true if no factor is positive
+    if not lowest * moved <= np.ptp(model.solid.nodes, axis=0).max():  # `lowest` is inf if no factor is positive
         return None
     mode, rows = np.zeros_like(model.solid.nodes), modes[int(positive.argmin())]
     mode[rows[:, 0].astype(int) - 1] = rows[:, 1:]
@@ -272,7 +274,7 @@ def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats] |
 
 
 def _buckling_factors(model: WedgeModel, count: int, seconds: float) -> tuple[float, Floats, list[Floats]]:
-    """Return the largest displacement (m) under the load, and buckling factors with their tables of displacements."""
+    """Return the largest displacement (m) under the load, `count` buckling factors, and each mode's displacements."""
     load, table = [*_loads(model.force), "*NODE PRINT, NSET=ALL\nU\n*END STEP\n"], "B U C K L I N G"
     steps = ["*STEP\n*STATIC\n*CLOAD\n", *load, f"*STEP\n*BUCKLE\n{count}\n*CLOAD, OP=NEW\n", *load]
     files = run_ccx([*_model(model, model.solid.nodes), *steps], seconds)
@@ -295,9 +297,9 @@ def load_path(
     stop_point: Callable[[LoadPath], int | None] = lambda path: None,
     steps: int = 10,
 ) -> LoadPath:
-    """Return the path of the nodes `watched` (w,), with large displacements.
-    nodes : (p, 3) initial positions, metres.
-    factors : factors on the loads. The load grows to each of them in turn.
+    """Compute the displacements of a structure under growing loads, with large displacements.
+    nodes : (p, 3) initial positions, metres.    watched : (w,) nodes whose displacements are returned.
+    factors : factors on the loads. The load grows to each factor in turn.
     stop_point : function of the path so far. It returns the number of the last point that is needed, or None.
     steps : number of steps to each factor. CalculiX halves steps that do not converge.
     The path ends if CalculiX fails or at the time limit. Raises StaticsError if the first step fails."""

@@ -55,7 +55,7 @@ less than 0.8 times the torsional stiffness of the shell (`torsion_share`)."""
 
 @dataclass(frozen=True)
 class MemberUse:
-    """The member with the largest utilisation (`value`, 1 at the limit), its place (m), and the name of the check."""
+    """The most used member: utilisation `value` (1 at the limit), place (m), load case, and name of the check."""
 
     member: str
     value: float
@@ -66,7 +66,8 @@ class MemberUse:
 
 @dataclass(frozen=True)
 class Movement:
-    """The largest movement (m) with its place. span : length (m) for comparison. about : description of the span."""
+    """The largest displacement, `value` (m), and its place. span : length (m) to which it is compared.
+    about : the span in words."""
 
     value: float
     place: Place
@@ -102,9 +103,9 @@ Outcome = Literal["carries", "does not carry", "not judged"]
 class Carrying:
     """The verdict on a cut structure, with the values behind it.
     use      : largest utilisation; None without a strength, or if the structure does not stand.
-    movement : largest movement; None if the structure does not stand.
+    movement : largest displacement; None if the structure does not stand.
     buckling : lowest buckling factor of the perfect shape; None without compression or without a strength.
-    buckling_case : case of the lowest buckling factor, or ''.
+    buckling_case : case of this factor, or ''.
     mass     : mass of the sheet, kg.     reactions : forces by support, then by case.
     faults   : reasons why the structure does not carry.       remarks : missing values and assumptions.
     stress   : (m,) von Mises stress (Pa) in the case of the most used member, or in the first case."""
@@ -128,7 +129,7 @@ class Carrying:
         return "carries" if self.use else "not judged"
 
     def facts(self) -> dict[str, Any]:
-        """Return the key `carrying` of `design.json`, in SI units."""
+        """Return the verdict as plain values in SI units, for the key `carrying` of `design.json`."""
         share = self.movement.share if self.movement else None
         facts = asdict(replace(self, stress=None)) | {"outcome": self.outcome, "of": "the cut sheet"}
         return {key: value for key, value in facts.items() if key != "stress"} | {"movement_over_span": share}
@@ -137,8 +138,8 @@ class Carrying:
 @dataclass(frozen=True, eq=False)
 class CutStatics:
     """The cut sheet of a design with a thickness (m), its loads, and results for each case and combination.
-    answers : solutions by elements that are accurate enough for reports.
-    stiffness : stiffness matrix by the elements for buckling factors, without springs.    factor_of : factorises it."""
+    answers   : solutions by name of the case or combination.
+    stiffness : matrix without springs, for buckling factors; None to compute it.    factor_of : factorises matrices."""
 
     design: Design
     thickness: float
@@ -163,8 +164,8 @@ class CutStatics:
 
 
 def carrying(design: Design) -> Carrying:
-    """Return the verdict on the cut sheet of a design; the design stores the result.
-    A structure that does not stand gets a verdict, not an error. Raises the DsfabError of a stage that fails."""
+    """Return the verdict on the cut sheet of a design; the design stores this verdict.
+    A structure that does not stand also gets a verdict. Raises the DsfabError of a stage that fails."""
     return design.cached_result("slicing", "carrying", lambda: _carrying(design))
 
 
@@ -222,10 +223,10 @@ def _factors(design: Design) -> dict[str, Mapping[str, float]]:
 
 
 def use_and_movement(statics: CutStatics, use: bool = True) -> Carrying:
-    """Return the mass, largest movement and largest utilisation of a solved cut sheet.
+    """Return the mass, largest displacement and largest utilisation of a solved cut sheet.
     use : False to leave out the utilisation, which takes longest.
-    Steel and timber members are checked by Eurocode. Otherwise, the utilisation is the von Mises stress divided by the
-    strength; 99 % of the area has at most this stress."""
+    Members of steel or timber are checked by Eurocode. In other materials, the utilisation is a von Mises stress that
+    99 % of the area does not exceed, divided by the strength."""
     moved, mass = _movement(statics), _mass(statics.design, statics.thickness)
     if not statics.preset.statics.strength:
         return Carrying(statics.thickness, mass, None, moved, remarks=(NO_STRENGTH,))
@@ -251,7 +252,7 @@ def cut_carrying(statics: CutStatics) -> Carrying:
 
 
 def _narrow_ribs(statics: CutStatics) -> tuple[str, ...]:
-    """Return a remark if ribs are so narrow that shell elements overestimate their torsional stiffness."""
+    """Return a remark if ribs are so narrow that shell elements make them too stiff against twist; else ()."""
     ratio = rib_width(statics.model.surface) / statics.thickness
     if ratio >= NARROW_RIB or next(iter(statics.answers.values())).elements.bending is None:
         return ()
@@ -288,13 +289,12 @@ def _most_used_by_code(statics: CutStatics) -> MemberUse:
 
 
 def _member_forces(statics: CutStatics) -> "dict[str, MemberForces]":
-    """Return the forces of members by case and combination, from the section forces in each case."""
     from dsfab.members.frame import member_forces
 
     factors, surface, sections = _factors(statics.design), statics.model.surface, {}
     linear = next(iter(statics.answers.values())).elements.bending == "hhj"
     make = partial(ShearRecovery.for_surface, surface, linear=linear)
-    recovery = statics.design.cached_result("slicing", f"shear recovery {linear}", make)  # same for all thicknesses
+    recovery = statics.design.cached_result("slicing", f"shear recovery {linear}", make)
     for name in (name for name in statics.answers if name not in factors):
         result = statics.stress(name)
         sections[name] = section_forces(surface, statics.thickness, result, recovery)
@@ -338,9 +338,9 @@ def _movement(statics: CutStatics) -> Movement:
 
 
 def judged_span(surface: Surface, load: LoadCase) -> tuple[float, str]:
-    """Return the span (m) with which movements are compared, and its description.
+    """Return the span (m) to which displacements are compared, and the span in words.
     The span is twice the largest distance of a vertex from the supports, measured at right angles to the load. If the
-    direct distance in space is longer than this span, as for a column under its load, the direct distance is used."""
+    direct distance of a vertex from the supports is longer than this, as in a column, the span is this distance."""
     net, V, parts = load.force.sum(axis=0), surface.V, load.parts
     if parts is not None and (parts.point.any() or parts.bare.any() or parts.covered.any()):
         net = net - surface.areas @ parts.weight
@@ -353,7 +353,7 @@ def judged_span(surface: Surface, load: LoadCase) -> tuple[float, str]:
 
 
 def _buckling(statics: CutStatics) -> tuple[float | None, str, tuple[str, ...]]:
-    """Return the lowest buckling factor with its case, and remarks on supports and missing results."""
+    """Return the lowest buckling factor or None, its load case, and remarks on supports and missing results."""
     model, remarks, factors = statics.model, dict[str, None](), dict[str, float]()
     for name in _most_compressed(statics):
         answer, standing = statics.answers[name], mode_supports(model.surface, statics.loads[name])
@@ -406,13 +406,12 @@ def _reactions(statics: CutStatics) -> tuple[SupportForce, ...]:
 
 
 def support_shares(supports: Iterable[Support], surface: Surface, sheet: Sheet) -> Floats:
-    """Return shares (s, n', 3) of s supports in the reactions (x, y, z) at the n' vertices of a cut sheet.
-    Supports that hold a vertex in the same direction have equal shares."""
+    """Return how much of the reaction x, y, z at each vertex belongs to each support, 0 to 1, as (s, n', 3).
+    n' : number of vertices of the cut sheet. Supports that hold a vertex in the same direction have equal shares."""
     marks = np.array([_held_directions(support, surface, sheet) for support in supports])
     return np.asarray(marks / np.maximum(marks.sum(axis=0), 1))
 
 
 def _held_directions(support: Support, surface: Surface, sheet: Sheet) -> Bools:
-    """Return a mask (n', 3) of the directions in which a support or its springs hold each vertex of the cut sheet."""
     springs = sheet.vertices_between(surface, support.springs(surface) > 0)
     return sheet.vertices_between(surface, support.fixed_directions(surface), support.fixed_edges(surface)) | springs

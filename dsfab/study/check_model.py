@@ -27,20 +27,20 @@ and only thin wedges come close to plane stress."""
 
 
 def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
-    """Return the nodes (n + e, 3), metres, and the triangles (m, 6) of a surface. The vertices are the first nodes;
-    the middles of edges come next. A triangle's nodes are its corners, then the middles of its sides 1-2, 2-3, 3-1."""
+    """Return the nodes (n + e, 3), metres, and the six-node triangles (m, 6) of a surface.
+    Nodes: the n vertices, then the middles of the e edges. A triangle has three corners, then the middles of its sides
+    1-2, 2-3, 3-1."""
     edges = surface.edges
     middles = surface.V[edges.ends].mean(axis=1)
     return np.concatenate([surface.V, middles]), np.concatenate([surface.F, surface.n + edges.of], axis=1)
 
 
 def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = None) -> Floats:
-    """Return forces (n + e, 3), newtons, on the nodes of six-node triangles. They do the same work as dsfab's loads.
+    """Return forces (n + e, 3), newtons, on the nodes of six-node triangles: vertices, then middles of edges.
     force  : (n, 3) newtons on the vertices. They include the loads `spread`.
-    spread : loads per area and per length.
-    The shape function of a middle node is the bubble function of its edge. The force on this node is therefore the work
-    of the loads on the bubble. The shape function of a corner is a linear function minus half of the bubble of each of
-    its edges. So half of a middle node's force is subtracted at each end of the edge."""
+    spread : part of the load on faces and edges.
+    The force on the middle of an edge is the work of the loads on the edge's bubble. Half of this force is subtracted
+    at each end of the edge, because the shape function of a corner is a linear function minus half of each bubble."""
     middle = np.zeros((len(surface.edges.ends), 3))
     if spread is not None:
         on_bubbles = spread.bubble_forces(surface, elements_of("six_nodes"))[:, -3:]
@@ -51,7 +51,7 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
 
 
 def held_nodes(surface: Surface, supports: Mapping[str, Bools]) -> dict[str, Bools]:
-    """Return a mask (n + e, 3) of the held directions of all nodes for each support.
+    """Return a mask (n + e, 3) of the held directions of vertices and edges' middles, by name of the support.
     supports : (n, 3) mask of held directions of the vertices, by name of the support.
     If two supports hold the ends of an edge, its middle belongs to the first support."""
     ends = surface.edges.ends
@@ -101,15 +101,15 @@ def six_node_model(
 
 
 def axes_of_file(axis: int) -> Ints:
-    """Return the coordinates (0 to 2) of the surface that become x, y and z in the file, (3,). `axis` becomes z."""
+    """Return which coordinates (0 to 2) of the surface become x, y and z in the file, (3,). axis : becomes z."""
     return np.asarray(np.roll(np.arange(3), 2 - axis))
 
 
 def in_plane(model: CalculixModel, axis: int, thickness: float) -> CalculixModel:
     """Return the model in CPS6 elements, with the two coordinates of the sheet's plane as x and y.
     axis      : coordinate perpendicular to the sheet.
-    thickness : largest thickness of the section, metres. A thicker section is replaced by a thinner, stiffer one. It
-                preserves displacements, reactions and energy, and increases stresses.
+    thickness : largest thickness of the section, metres. A thicker section is replaced by a thinner, stiffer section
+                with the same displacements, reactions and energy, but larger stresses.
     Raises StaticsError for a sheet that is not flat."""
     if np.ptp(model.nodes[:, axis]) > 1e-9 * np.ptp(model.nodes, axis=0).max():
         raise StaticsError("the sheet is not flat, so CPS6 elements cannot be used; choose S6 elements")
@@ -151,7 +151,7 @@ LOADS = {
 
 @dataclass(frozen=True, eq=False)
 class CheckModel:
-    """A CalculiX model, its surface, and dsfab's own results for each step."""
+    """A CalculiX model, its surface, and dsfab's own results, by name of the load case or combination."""
 
     model: CalculixModel
     surface: Surface
@@ -160,8 +160,8 @@ class CheckModel:
 
 
 def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
-    """Return the model of a preset's uncut surface, with a step for each case and combination. The elements are CPS6
-    for a flat surface loaded in its plane, else S6 shells. Raises DsfabError if a stage fails."""
+    """Return the CalculiX model of a preset's uncut surface, with a step for each load case and combination.
+    Elements are CPS6 for a flat surface loaded in its plane, else S6 shells. Raises DsfabError if a stage fails."""
     log = Log(progress)
     surface = surface_step(preset, log)
     check_scale(preset, surface, log)
@@ -177,7 +177,7 @@ def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
 
 
 def cut_model(design: Design, progress: Progress | None = None) -> CheckModel:
-    """Return the model of a design's cut sheet. Loads of the uncut surface are moved to vertices of the cut sheet."""
+    """Return the CalculiX model of a design's cut sheet. Loads of the uncut surface act on vertices of this sheet."""
     sheet, preset = design.sheet, design.preset
     nothing = SpreadLoad.broadcast(sheet.surface)  # spread loads are already part of the vertex forces
     acting = [
@@ -260,7 +260,6 @@ def _check_model(
 def _answers(
     preset: Preset, surface: Surface, acting: Sequence[Loading], cases: Mapping[str, LoadCase]
 ) -> dict[str, Equilibrium]:
-    """Return dsfab's results for `cases` and combinations, with quadratic displacements as in six-node triangles."""
     spreads = {loading.name: loading.spread for loading in acting if loading.name in cases}
     sums = {loading.name: loading.factors for loading in acting if loading.factors is not None}
     sheet, pair = preset.statics, elements_of("six_nodes")

@@ -34,11 +34,11 @@ NameReport = Callable[[str], None]  # receives the name of the structure that is
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """A design, the uncut (full) sheet, and competitors of the design's mass, under the loads that shape the pattern.
-    The compliance is the sum over the load cases, with the weights of [diffusion]; it is small for a stiff structure.
-    task      : common input of the competitors.
-    pattern   : quality of the design's pattern; not computed (None) for scaled widths or a design that cannot be cut.
-    looked_at : results of fast solves for structures of `ALTERNATIVE_WORDS` that are not among the competitors."""
+    """Compliances of a design, the uncut sheet (`full`), and other structures of the design's mass (`rivals`).
+    The compliance, small for a stiff structure, is a weighted sum over the load cases that shape the pattern.
+    task      : data from which the structures were made.
+    pattern   : quality of the design's pattern; None if the design's widths were scaled or the design cannot be cut.
+    looked_at : results of fast solves for structures of `ALTERNATIVE_WORDS` that are not in `rivals`."""
 
     name: str
     task: ComparisonTask
@@ -50,12 +50,12 @@ class Comparison:
 
     @property
     def alternatives(self) -> tuple[Alternative, ...]:
-        """Results for structures of `ALTERNATIVE_WORDS`: first structures in `rivals`, then in `looked_at`."""
+        """Comparisons of the design with the structures of `ALTERNATIVE_WORDS` in `rivals`, then in `looked_at`."""
         judged = judged_alternatives(self.design, self.rivals)
         return judged + tuple(entry for entry in self.looked_at if entry.name not in {two.name for two in judged})
 
     def with_alternatives(self) -> Self:
-        """Return the comparison with all structures of `ALTERNATIVE_WORDS`. Fast solves compute missing structures."""
+        """Return this comparison, with fast solves of those structures of `ALTERNATIVE_WORDS` that are missing."""
         missing = [name for name in ALTERNATIVE_WORDS if name not in {rival.name for rival in self.rivals}]
         structure = self.design.structure
         if not (structure and missing):
@@ -65,21 +65,21 @@ class Comparison:
 
     @property
     def competitors(self) -> tuple[Competitor, ...]:
-        """The full sheet, the design, and the other competitors in the requested order."""
+        """The uncut sheet, the design, and the other structures in the requested order."""
         return (self.full, self.design, *self.rivals)
 
     def __getitem__(self, name: str) -> Competitor:
         return next(competitor for competitor in self.competitors if competitor.name == name)
 
     def gain(self, name: str) -> float:
-        """Return a competitor's compliance divided by the design's; above 1, the design is stiffer. nan: inf / inf."""
+        """Return the compliance of a structure divided by that of this design; above 1, the design is stiffer."""
         rival, design_compliance = self[name].compliance, self.design.compliance
         if np.isfinite(design_compliance):
             return rival / design_compliance
         return 0.0 if np.isfinite(rival) else float("nan")
 
     def __repr__(self) -> str:
-        """Return a table: name, compliance, this compliance / compliance of the design, and mass of each competitor."""
+        """Return a table of all structures: name, compliance, compliance divided by the design's, and mass."""
         rows = []
         for entry in self.competitors:
             values = (f"{entry.compliance:.4g} J", f"{self.gain(entry.name):.3g} x the design's", mass(entry.mass))
@@ -90,7 +90,7 @@ class Comparison:
         return head + table((f"Comparison of {self.name}", "compliance", "", "mass"), rows)
 
     def record(self) -> dict[str, Any]:
-        """Return plain values for a file, in SI units: `name`, `alternatives`, and a row for each of `competitors`."""
+        """Return the comparison as plain values for a file, in SI units."""
         return {
             "name": self.name,
             "alternatives": [entry.record() for entry in self.alternatives],
@@ -106,10 +106,11 @@ def comparison(
     rival_judge: Judge | None = None,
     refuse: bool = True,
 ) -> Comparison:
-    """Compare the compliance of the design's cut sheet with competitors of the same mass.
-    against : names of `BASELINES`.     judge : function that solves the design and the full sheet.
-    rival_judge : solves competitors, default `judge`. If a competitor has variants, `quick` first finds the stiffest.
-    refuse  : True to raise an error if the design does not carry its loads. If False, `Comparison.design` states it.
+    """Compare the compliance of a design's cut sheet with that of other structures of the same mass.
+    against : names of `BASELINES`.     judge : function that solves the design and the uncut sheet.
+    rival_judge : function that solves the other structures, default `judge`.
+    report : function that receives the name of each structure before it is made.
+    refuse : True to raise an error if the design does not carry its loads; else `Comparison.design` has the error.
     Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names."""
     rivals = baselines_by_name(against)
     try:
@@ -133,9 +134,10 @@ def compare_at(
     judge: Judge = quick,
     report: NameReport | None = None,
 ) -> Comparison:
-    """Compare sheets whose material covers `share` of the surface. The design's widths are scaled to this share.
-    If the design does not carry its loads, the comparison holds the error. Raises DsfabError for unknown names, or
-    if `share` is not between 0 and 1. against : competitors' names.    judge : function that solves all sheets."""
+    """Compare a design with other structures at another mass: the material of each covers `share` of the surface.
+    The widths of the design's stripes are scaled to this share.
+    against : names of `BASELINES`.    judge : function that solves all structures.
+    Raises DsfabError for unknown names, or if `share` is not between 0 and 1."""
     rivals = baselines_by_name(against)
     if not 0 < share < 1:
         raise DsfabError(f"the share {share:g} of the surface must lie between 0 and 1")
@@ -236,8 +238,8 @@ Level = Literal["quick", "full"]
 @dataclass(frozen=True)
 class Checks:
     """Options for the checks of a comparison.
-    level  : quick (one solve) or full (several meshes with an error bound). None: the design gets a full check; the
-             competitors get one, too, if all checks take less than a minute.
+    level  : "quick" (one solve) or "full" (several meshes, with an error bound). None: full for the design, and also
+             for the other structures if all checks take less than a minute.
     ask    : number of frequencies and buckling factors to compute.        memory : limit of a full check, bytes."""
 
     level: str | None = None
@@ -246,7 +248,7 @@ class Checks:
     progress: Progress = silent
 
     def judge(self, depth: str, every: bool = False) -> Judge:
-        """Return the function that checks a structure to a depth.
+        """Return the function that computes the compliance of a structure.
         depth : "quick" (one solve), "full" (several meshes), or "whole": full for uncut sheets, quick for cut sheets.
         every : True to judge all cases; else only the cases whose stresses determine the pattern."""
         if depth == "whole":
@@ -257,8 +259,8 @@ class Checks:
 
 
 class Judges(NamedTuple):
-    """Functions that compute the compliance of the design (`own`, all load cases) and of its competitors (`rival`).
-    told : message why competitors with openings are solved only once; '' if they get a full check."""
+    """Functions that compute the compliance of a design (`own`) and of the structures compared with it (`rival`).
+    told : message why structures with openings are solved only once; '' if all structures get the same check."""
 
     own: Judge
     rival: Judge
@@ -268,10 +270,10 @@ class Judges(NamedTuple):
 def compare(
     design: Design, against: Iterable[str] = DEFAULT, level: Level | None = None, progress: Progress = silent
 ) -> Comparison:
-    """Compare the compliance of the design's cut sheet with competitors of the same mass, like `dsfab compare`.
-    against : names of `dsfab.study.baselines.BASELINES`.
+    """Compare the compliance of a design's cut sheet with that of other structures of the same mass.
+    against : names of these structures in `dsfab.study.baselines.BASELINES`.
     level   : "quick": one solve of each sheet. "full": solves on finer and finer meshes, with an error bound.
-              None: full for the design, and also for the competitors if all checks take less than a minute.
+              None: full for the design, and also for the other structures if all checks take less than a minute.
     Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names."""
     names = tuple(against)
     design_judge, rival, _ = judges(design, names, Checks(level, progress=progress))
@@ -279,7 +281,8 @@ def compare(
 
 
 def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
-    """Return the functions that solve the design and its competitors (names `against`), by the options `checks`."""
+    """Return the functions that compute the compliances of a design and of the structures compared with the design.
+    against : names of these structures.    checks : options."""
     names = tuple(baselines_by_name(against))
     if checks.level is None and _can_be_cut(design):
         plane = flat_axis(design.surface, *(case.load for case in design.statics.cases.values())) is not None
@@ -294,8 +297,8 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
 
 
 def full_at_many_shares(memory: float = BUDGET) -> Judge:
-    """Return a function that solves a structure as `full` does, but solves uncut sheets of one thickness only once.
-    Use it to compare one surface with different amounts of material. memory : bytes that the solver may take."""
+    """Return a function that checks a structure like `full`, but stores its results for uncut sheets.
+    Use the function for several comparisons of the same surface. memory : bytes that the solver may take."""
     judge = partial(full, budget=memory)
     return _full_for_whole_sheets(judge, judge)
 
@@ -308,7 +311,6 @@ def _can_be_cut(design: Design) -> bool:
 
 
 def _full_for_whole_sheets(whole_judge: Judge, cut: Judge) -> Judge:
-    """Return a function that solves cut sheets by `cut`, and uncut sheets once per thickness by `whole_judge`."""
     judgements: dict[float, Judgement] = {}
 
     def judge(task: ComparisonTask, structure: Structure) -> Judgement:

@@ -23,10 +23,10 @@ from dsfab.thickening.wall_thickness import Wall, thinnest_wall
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """A limit and its measured value, metres (three lengths each for `bed`).
-    name  : key of [fabrication].
-    value, place, what : measured value, its place, and the name of the measured part; empty if there is no such part.
-    asked : True if the preset sets the limit; False if the limit comes from `least_widths`."""
+    """A fabrication limit and the measured value, metres; for `bed`, three limits and three sizes.
+    name  : key of [fabrication], such as "min_gap".
+    value, place, what : measured value, its place, and the name of the measured part; empty without such a part.
+    asked : True if the preset sets the limit; False for a default limit (`least_widths`)."""
 
     name: str
     limit: tuple[float, ...]
@@ -50,7 +50,7 @@ class PieceContacts:
 
 @dataclass(frozen=True, eq=False)
 class FabricationMeasures:
-    """Result of `fabrication`; lengths in metres."""
+    """Measures of a design for its fabrication, in metres, and checks of the preset's limits."""
 
     thickness: float
     features: Features
@@ -89,9 +89,9 @@ def fabrication(design: Design) -> FabricationMeasures:
 
 
 def refusals(design: Design, measured: FabricationMeasures | None = None) -> tuple[str, ...]:
-    """Return reasons (clauses) why an export needs the option --accept: loads without support, and places where the
-    solid is thinner than `FILM`. In a workshop design, members and gaps under 1 mm that fail their check also count.
-    measured : measures of the design. If it is None, members and gaps are not checked."""
+    """Return reasons why a design should not be exported: loads without support, and places with almost no thickness.
+    In a design for a workshop, members and gaps under 1 mm that fail their check are also reasons.
+    measured : measures of the design; None to leave out members and gaps."""
     loads, why = {name: case.load for name, case in design.statics.cases.items()}, []
     try:
         sheet_loads(design.surface, design.slicing.cells.subset(), design.sheet, loads)
@@ -108,8 +108,8 @@ def refusals(design: Design, measured: FabricationMeasures | None = None) -> tup
 
 
 def require_fit(design: Design, measured: FabricationMeasures | None = None, measure: bool = True) -> None:
-    """Raise PatternError if `refusals` has reasons against the design, unless `fabrication.accept` is true.
-    measured : the design's measures.    measure : True to compute them for a workshop design if `measured` is None."""
+    """Raise PatternError if `refusals` finds reasons against the export of a design that its preset does not accept.
+    measured : measures of the design.    measure : True to compute missing measures of a design for a workshop."""
     if measured is None and measure and design.resolved_preset.pattern.for_workshop:
         measured = fabrication(design)
     if not design.preset.fabrication.accept and (why := refusals(design, measured)):
@@ -165,7 +165,8 @@ COARSER, COARSEST = 0.85, 0.6  # one change of a design multiplies the frequenci
 
 @dataclass(frozen=True, eq=False)
 class FixedDesign:
-    """A design that meets its limits. made : the design's measures. changes : old and new value of each changed key."""
+    """A design that meets its fabrication limits, with its measures, `made`.
+    changes : old and new value of each changed key of the preset."""
 
     design: Design
     made: FabricationMeasures
@@ -173,7 +174,7 @@ class FixedDesign:
 
 
 def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesign:
-    """Change a design until no check of its [fabrication] fails, and return it.
+    """Change a design until the design meets all limits of [fabrication], and return the design.
     The first changes raise the least widths of members and gaps. Later changes also lower the stripes' frequencies.
     Raises PatternError if `ATTEMPTS` changes do not suffice, or if `min_wall` or `bed` fails (no pattern helps)."""
     original, measured = design.preset, fabrication(design)
@@ -227,7 +228,7 @@ def _changes(design: Design, measured: FabricationMeasures) -> dict[str, Any]:
 
 
 def fewer_stripes(design: Design, measured: FabricationMeasures) -> dict[str, Any]:
-    """Return values of the preset, by dotted key, for stripes farther apart, so that members become wide enough."""
+    """Return new values of preset keys, such as pattern.major.spacing, for fewer stripes with a larger spacing."""
     short = min((c.value[0] / c.limit[0] for c in measured.failed_checks if c.name == "min_member"), default=COARSER)
     return spacing_changes(design, 1 / min(max(short, COARSEST), COARSER))
 
@@ -258,7 +259,7 @@ def _wider_stripes(preset: Preset, check: Check) -> dict[str, Any]:
 
 
 def raised_value(value: float, check: Check) -> float:
-    """Return a larger width (m): the limit if `value` is smaller; else `value` times a factor of at most 1.25."""
+    """Return a larger width (m) for a failed check: its limit if `value` is smaller; else up to 1.25 times `value`."""
     limit = MARGIN * check.limit[0]
     if value < limit:
         return _four_digits(limit)

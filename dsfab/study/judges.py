@@ -35,14 +35,14 @@ class CaseResponse:
     compliance   : joules.     displacement : largest displacement (m) with its place.
     stress, tension, compression : largest values (Pa), see `dsfab.study.verdict.estimates`.
     triangles    : number of triangles of the mesh on which the stress was computed.
-    utilisation  : stress divided by strength: on 99 % of the area, and away from corners.
+    utilisation  : stress / strength twice: the largest on 99 % of the area, the largest away from corners.
     reactions    : (3,) newtons for each support, in the order of surface.support.
     imbalance, residual : see `dsfab.statics.Equilibrium`.
     buckling     : lowest buckling factor, or None.     frequency : lowest frequency (Hz), or None.
     buckling_bound, frequency_bound : relative error bounds; None for one mesh.
     refusals     : reasons for missing values.
     assumed      : assumptions about the supports for buckling and frequency, or ''.
-    local        : clause about a local buckling mode, or ''."""
+    local        : text about a buckling mode in a small part of the sheet, or ''."""
 
     compliance: float
     displacement: Extreme
@@ -75,12 +75,12 @@ class AnsweredLoad:
 @dataclass(frozen=True)
 class Judgement:
     """Computed compliance of a structure, response to each load, and verdict on the accuracy.
-    compliance : weighted sum over the loads that the pattern follows, joules.
-    verdict    : `pass` if the bound is small enough.     reason : explanation of the verdict.
-    bound      : relative error bound, or None.     cases : response to each load, by the load's name.
-    check      : the verdict on several meshes; None for one mesh.
+    compliance : weighted sum over the loads that shape the structure's pattern, joules.
+    verdict    : `pass` if the error bound of the compliance is small enough.     reason : explanation of the verdict.
+    bound      : relative error bound of the compliance, or None.     cases : response to each load, by the load's name.
+    check      : result of solves on several meshes; None for one mesh.
     theory     : largest expected compliance of the solid, divided by that of the shell, minus 1; None for one mesh.
-    solved     : solutions on the unrefined mesh, by the load's name; empty for competing structures, to save memory."""
+    solved     : solutions on the unrefined mesh, by the load's name; may be empty, to save memory."""
 
     compliance: float
     cases: Mapping[str, CaseResponse]
@@ -96,8 +96,8 @@ class Judgement:
         return "full" if self.check else "quick"
 
     def solid_loss(self, power: float) -> float:
-        """Return the fraction by which a quantity is lower for the solid than for the shell.
-        power : exponent of the stiffness in this quantity: 1 for buckling factors, 0.5 for frequencies."""
+        """Return the fraction by which a buckling factor or frequency is lower for the solid than for the shell.
+        power : 1 for buckling factors, which grow with the stiffness; 0.5 for frequencies, which grow with its root."""
         return float(1 - (1 + (self.theory or 0.0)) ** -power)
 
     def worst(self, name: str) -> Extreme:
@@ -110,7 +110,7 @@ Judge = Callable[[ComparisonTask, Structure], Judgement]  # solves a structure; 
 
 
 def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False) -> dict[str, AnsweredLoad]:
-    """Solve a structure's sheet for each load that the pattern follows.
+    """Solve the sheet of a structure for each load that shapes the pattern.
     every : True to solve all cases and combinations.
     Raises StaticsError if the structure does not carry a load."""
     statics, surface = task.preset.statics, structure.sheet.surface
@@ -130,12 +130,12 @@ def quick(
     every: bool = False,
     solved: Mapping[str, AnsweredLoad] | None = None,
 ) -> Judgement:
-    """Judge by one solve on the unrefined mesh. This is enough to compare similar sheets, but not for a verdict.
-    The error bound of the compliance is 5 %, which holds for nine designs in ten. For uncut sheets that bend, it is
-    50 %, because their meshes are coarse.
+    """Compute compliance, stress and displacements by one solve on the unrefined mesh, without a verdict.
+    The error bound of the compliance is 5 %, which holds for nine designs in ten. For uncut sheets that bend, the bound
+    is 50 %, because their meshes are coarse.
     ask   : requested frequencies and buckling factors; only the lowest are computed.
-    every : True to judge all cases and combinations; else only those whose stresses determine the pattern.
-    solved : answers of an earlier judgement of this structure, which then is not solved again.
+    every : True for all cases and combinations; False for those whose stresses determine the pattern.
+    solved : earlier solutions of this structure, by name of the load; None to compute new solutions.
     Raises StaticsError if the structure does not carry a load."""
     answers, request = solved or solved_loads(task, structure, every), ask or ResultRequest()
     cases = {name: _case_response(task, structure, answered, request) for name, answered in answers.items()}
@@ -170,7 +170,8 @@ def _case_response(
 
 
 def utilisation(stress: Extreme, strength: float) -> tuple[float, float] | None:
-    """Return stress divided by strength: on 99 % of the area, and away from corners. Return None without a strength."""
+    """Return stress / strength for two stresses: the largest on 99 % of the area, and the largest away from corners.
+    Return None without a strength."""
     return (stress.quantile / strength, stress.settled / strength) if strength else None
 
 
@@ -212,12 +213,12 @@ def full(
     budget: float = BUDGET,
     progress: Progress | None = None,
 ) -> Judgement:
-    """Solve on finer and finer meshes, with error bounds for compliance, buckling and frequency. The stress is that of
-    the finest mesh; displacements and reactions are those of the unrefined mesh. If the memory is too small for finer
-    meshes, the result is that of `quick`.
-    every : True to solve all cases and combinations. If the sheet does not carry all of them, the verdict is `fail`.
+    """Compute compliance, buckling factors and frequencies on finer and finer meshes, with error bounds.
+    Stresses are those of the finest mesh; displacements and reactions are those of the unrefined mesh. If the memory is
+    too small for finer meshes, the result is that of `quick`.
+    every : True for all cases and combinations. If the sheet does not carry all of them, the verdict is `fail`.
     ask   : requested frequencies and buckling factors.         budget : memory, bytes.
-    Raises StaticsError if the structure does not carry the loads that its pattern follows."""
+    Raises StaticsError if the structure does not carry the loads that shape its pattern."""
     try:
         quick_judgement = quick(task, structure, None, every)
     except StaticsError as error:

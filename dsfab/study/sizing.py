@@ -21,7 +21,7 @@ from dsfab.study.fabrication import spacing_changes
 
 REACH, REACH_UP = 3.0, 6.0
 """Range of tried thicknesses: from the first guess divided by `REACH` to the guess times `REACH_UP`."""
-OWN_CUTS = 3  # Largest number of thicknesses for which the design is cut, after the draft.
+OWN_CUTS = 3  # Largest number of thicknesses for which the whole design is made, after a quick draft.
 SERIES = 1.15  # Ratio of successive thicknesses for a material without a stock.
 MORE, MOST = 1.3, 0.75  # Factor that raises the share of the surface with material, and largest share.
 CLOSER = 0.75  # Factor on the spacing of members if a pattern with more material still misses the targets.
@@ -29,10 +29,10 @@ CLOSER = 0.75  # Factor on the spacing of members if a pattern with more materia
 
 @dataclass(frozen=True)
 class SizingTrial:
-    """A tried thickness (m), and results for the cut sheet as in `Carrying`.
-    share    : share of the surface that is material.     movement : largest movement divided by the span.
+    """A tried thickness (m), and results for the cut sheet.
+    share    : share of the surface that is material.     movement : largest displacement divided by the span.
     buckling : lowest buckling factor; inf if unknown.     utilisation : largest utilisation; None if not computed.
-    excess   : ratio of result to limit for each target (limit to result for buckling); at most 1 if the target is met.
+    excess   : ratio of result to limit by name of the target (limit to result for buckling); a target is met up to 1.
     is_final : True if the pattern was cut for this thickness."""
 
     thickness: float
@@ -50,7 +50,7 @@ class SizingTrial:
 
     @property
     def row(self) -> tuple[str, ...]:
-        """The trial as texts in a row of a table."""
+        """Texts about this trial, for a row of a table."""
         missed = ", ".join(name for name, value in self.excess.items() if value > 1)
         moved = f"span / {1 / self.movement:.0f}" if self.movement > 0 else "none"
         moved = moved if self.movement < 1 else "over its span"
@@ -63,8 +63,8 @@ class SizingTrial:
 
 @dataclass(frozen=True)
 class SizingResult:
-    """Trials of thicknesses for a design; the last trial has the thickness of the design.
-    stock : source of the list of thicknesses.     changes : changed values of the pattern, by dotted key."""
+    """Trials of thicknesses for a design; the last trial has the thickness that was chosen.
+    stock : text about the source of the tried thicknesses.     changes : changed values of the preset, by key."""
 
     trials: tuple[SizingTrial, ...]
     stock: str
@@ -76,9 +76,8 @@ class SizingResult:
         return self.trials[-1].worst <= 1
 
     def lines(self, every: bool = False) -> Iterator[str]:
-        """Yield a table of the trials, then remarks.
-        every : True to list all trials. False to list the cut designs and the drafts of one thickness. This is the next
-                thinner tried thickness; if the pattern was changed or the targets are missed, it is the chosen one."""
+        """Yield the lines of a text: a table of the trials, then remarks.
+        every : True to list all trials. False to list the trials with cut designs, and drafts of one thickness only."""
         thickness, final = self.trials[-1].thickness, {trial.thickness for trial in self.trials if trial.is_final}
         if every or self.changes or not self.fits:
             shown = {trial.thickness for trial in self.trials} if every else {thickness}
@@ -99,7 +98,7 @@ class SizingResult:
             )
 
     def facts(self) -> dict[str, Any]:
-        """Return the key `sizing` of `design.json`, in SI units; unknown values are None."""
+        """Return the trials as plain values in SI units, for the key `sizing` of `design.json`."""
 
         def finite(values: dict[str, Any]) -> dict[str, Any]:
             return {key: None if value == float("inf") else value for key, value in values.items()}
@@ -109,13 +108,13 @@ class SizingResult:
 
 
 def sizing_result(design: Design) -> SizingResult | None:
-    """Return the trials by which the thickness of a design was chosen; None if the preset gave the thickness."""
+    """Return the trials by which dsfab chose the thickness of a design; None if the preset gave the thickness."""
     result: SizingResult | None = design.existing_result("sizing")
     return result
 
 
 def run_sized(preset: Preset, progress: Progress = silent) -> Design:
-    """Run all stages of a preset; if its thickness is auto, sizing chooses the thickness."""
+    """Return the complete design of a preset. If the thickness is auto, `sized_design` chooses the thickness."""
     return run(preset, progress) if preset.statics.is_sized else sized_design(preset, progress).until("thickening")
 
 
@@ -125,7 +124,7 @@ def sized_preset(preset: Preset, progress: Progress = silent) -> Preset:
 
 
 def guessed_preset(preset: Preset) -> Preset:
-    """Return the preset for quick drawings. If its thickness is auto, the result has a first guess of the thickness."""
+    """Return the preset. If its thickness is auto, replace it by a rough guess, which is enough for quick drawings."""
     if preset.statics.is_sized:
         return preset
     guess = preset.sizing.first
@@ -136,10 +135,10 @@ def guessed_preset(preset: Preset) -> Preset:
 
 
 def sized_design(preset: Preset, progress: Progress = silent) -> Design:
-    """Return the design with the thinnest sheet that meets the targets of [sizing]. Its last stage is slicing.
+    """Return the design, up to slicing, with the thinnest sheet that meets the targets of [sizing].
 
-    One solve of a draft of the cut sheet gives approximate results for similar thicknesses. Then the design is cut and
-    solved for the thickness that comes nearest to the targets, and for the next thicknesses if they may be better.
+    One solve of a rough draft gives approximate results for similar thicknesses. Then the whole design is made for the
+    thickness that comes nearest to the targets, and for the next thicknesses if they may be better.
     If no thickness suffices, the pattern gets more material, then also a smaller spacing. If this does not help, the
     result is the design that comes nearest to the targets.
     Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails."""
@@ -175,8 +174,8 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
 
 
 def _possible_thicknesses(design: Design, stock: Sequence[float], source: str) -> tuple[Sequence[float], str]:
-    """Return the thicknesses (m) for which the surface does not bend too sharply. Return also the text `source`, with
-    the other thicknesses added. Raises SolidError if the surface bends too sharply for all thicknesses."""
+    """Return the thicknesses (m) of `stock` for which the surface does not bend too sharply, and the text `source`.
+    The text then also names the other thicknesses. Raises SolidError if the surface bends too sharply for all."""
     possible = list[float]()
     for thickness in stock:
         with suppress(SolidError):
@@ -198,8 +197,8 @@ def _standing_design(design: Design, thickest: float, progress: Progress) -> Des
 
 
 def _nearest_trials(design: Design, stock: Sequence[float], progress: Progress) -> "_StockTrials":
-    """Try stock thicknesses near that of a rough draft. If thinner (thicker) ones may be better, draft again with
-    the thinnest (thickest) tried one or the next in stock. Raises the first draft's PatternError or StaticsError."""
+    """Make a rough draft of the design, and return its results with all thicknesses of `stock` near its own.
+    If other thicknesses may be better, make another draft. Raises the first draft's PatternError or StaticsError."""
     thickness, solved, rows = design.preset.statics.thickness, set[float](), None
     while True:
         solved.add(thickness)
@@ -224,7 +223,7 @@ def _nearest_trials(design: Design, stock: Sequence[float], progress: Progress) 
 
 
 def _draft(design: Design) -> Design:
-    """Return the design with approximate widths, without round corners, and with half as many triangles."""
+    """Return a rough draft of a design: approximate widths, sharp corners, half as many triangles."""
     draft = Design.from_preset(design.preset.with_pattern(fillet=0.0), design)
     return draft.sketch(answers=True) or draft
 
@@ -232,8 +231,9 @@ def _draft(design: Design) -> Design:
 def _own_cuts(
     design: Design, preset: Preset, rows: "_StockTrials", progress: Progress
 ) -> tuple[list[SizingTrial], Design | None]:
-    """Cut and solve, first with the thickness nearest to the targets in `rows`. Return trials, and the thinnest good
-    design (last trial) or None. Raises PatternError or StaticsError if a cut fails before any cut meets the targets."""
+    """Make whole designs, first with the thickness that is nearest to the targets in `rows`, the results of a draft.
+    Return the trials, and the thinnest design that meets the targets (the last trial) or None.
+    Raises PatternError or StaticsError if a design cannot be made before any design meets the targets."""
     trials, chosen, count = list[SizingTrial](), None, len(rows.trials)
     k = rows.thinnest_sufficient()
     if 0 < k < count and rows.full_trial(k - 1).worst * rows.full_trial(k).worst < 1:
@@ -266,7 +266,7 @@ def _with_result(design: Design, result: SizingResult) -> Design:
 
 
 def stock_thicknesses(preset: Preset, guess: float) -> tuple[Sequence[float], str]:
-    """Return the thicknesses to try (m), ascending, and the source of this list. guess : estimated thickness, m."""
+    """Return the sheet thicknesses to try (m), ascending, and a text about their source. guess : estimate (m)."""
     if preset.sizing.thicknesses:
         return sorted(preset.sizing.thicknesses), "from the list sizing.thicknesses of the preset"
     stock = STOCK.get(preset.statics.material or "")
@@ -298,13 +298,13 @@ class _StockTrials:
     trials: list[SizingTrial] = field(default_factory=list)
 
     def thinnest_sufficient(self) -> int:
-        """Return the index of the thinnest sheet that meets the targets; the number of trials if none does."""
+        """Return the index of the thinnest trial that meets the targets; the number of trials if no trial does."""
         count = len(self.trials)
         start = next((k for k, row in enumerate(self.trials) if row.worst <= 1), count)
         return bisect_left(range(count), True, lo=start, key=lambda k: self.full_trial(k).worst <= 1)
 
     def full_trial(self, k: int) -> SizingTrial:
-        """Return the trial of thickness k. Its utilisation, which takes longest, is computed on the first call."""
+        """Return trial number k, with its utilisation, which is computed on the first call because it takes longest."""
         row = self.trials[k]
         if row.utilisation is None:
             outcome = use_and_movement(self.statics(row.thickness))
@@ -329,7 +329,7 @@ def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) ->
 
 
 def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) -> SizingTrial:
-    """Return the trial of a solved structure. row : older trial of this thickness, for a missing buckling factor."""
+    """Return the trial of a solved structure. row : draft of this thickness, for a missing buckling factor, if any."""
     targets = design.preset.sizing
     use = outcome.use.value if outcome.use else float("inf") if row else None  # None: utilisation not yet computed
     movement = outcome.movement.share if outcome.movement else float("inf")

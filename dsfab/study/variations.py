@@ -76,7 +76,8 @@ def stage_of(key: str) -> int:
 
 
 def signature(changes: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return a text for each stage with its changed values. Two runs share all stages before the first unequal text."""
+    """Return one text for each stage: its changed values. Two runs with equal first texts share these first stages.
+    changes : changed values of the preset, by dotted key."""
     by_stage: dict[str, dict[str, Any]] = {stage: {} for stage in STAGES}
     for key, value in changes.items():
         section = key.split(".")[0]
@@ -86,8 +87,8 @@ def signature(changes: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
-    """Return the indices of the runs in an order in which successive runs share many stages. Keys of early stages
-    change least often."""
+    """Return the indices of the runs, sorted so that successive runs share as many first stages as possible.
+    runs : changed values of the preset for each run, by dotted key."""
     signatures = [signature(changes) for changes in runs]
     places: list[dict[str, int]] = [{} for _ in STAGES]
     for texts in signatures:
@@ -98,7 +99,8 @@ def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
 
 
 def expected_seconds(values: Values, stages: Mapping[str, float], picture: float) -> float:
-    """Return the expected time (s) for all pictures. stages, picture : time of each stage and of one picture, s."""
+    """Return the expected time (s) to compute and draw all combinations of the values, with one picture for each.
+    stages : time of each stage, s.    picture : time to draw one picture, s."""
     total = picture * count(values)
     for stage, seconds in stages.items():
         # a stage runs once for each combination of values of its own keys and of the keys of earlier stages
@@ -114,7 +116,7 @@ def spelled_value(value: Any) -> str:
 
 
 def short_names(keys: Sequence[str]) -> dict[str, str]:
-    """Return each key's shortest unique ending, such as frequency; major.frequency if two keys end in frequency."""
+    """Return each dotted key's shortest ending that no other key has, such as major.frequency."""
     names = {}
     for key in keys:
         words = key.split(".")

@@ -14,19 +14,19 @@ CREASE = 30.0  # Least angle between the normals of the faces at a crease, degre
 
 
 def feature_edges(surface: Surface) -> Bools:
-    """Return the edges (e,) on the boundary, at a crease, or between faces whose normals point to opposite sides."""
+    """Mark the edges (e,) on the boundary, at a crease, or between faces whose normals point to opposite sides."""
     return border_edges(surface) | sharp_edges(surface)
 
 
 def border_edges(surface: Surface) -> Bools:
-    """Return the edges (e,) on the boundary, or between faces whose normals point to opposite sides."""
+    """Mark the edges (e,) on the boundary, or between faces whose normals point to opposite sides."""
     marks = surface.edges.boundary.copy()
     marks[misoriented_edges(surface.F, surface.edges)] = True
     return marks
 
 
 def sharp_edges(surface: Surface) -> Bools:
-    """Return the edges (e,) at which the normals of the two faces differ by at least `CREASE`."""
+    """Mark the edges (e,) at which the normals of the two faces differ by at least 30 degrees."""
     marks = np.zeros(len(surface.edges.ends), dtype=bool)
     first_normals, second_normals = surface.normals[surface.edges.pairs // 3].transpose(1, 0, 2)
     marks[surface.edges.count == 2] = np.einsum("ei,ei->e", first_normals, second_normals) < np.cos(np.radians(CREASE))
@@ -34,15 +34,13 @@ def sharp_edges(surface: Surface) -> Bools:
 
 
 def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Surface:
-    """Return the surface with no edge longer than `target` metres; its old vertices come first.
+    """Return the surface with triangles divided until no edge is longer than `target` metres; old vertices come first.
 
-    smooth = False : Facets, area and boundary stay the same. Each round halves long edges. It also halves the longest
-    edge of each affected face, so that angles do not shrink [Rivara 1984].
-    smooth = True  : Loop's subdivision [Loop 1987] divides every triangle in four until all edges are short enough.
-    Vertices move towards the smooth limit surface. Vertices on a boundary or a crease (30 degrees) stay.
+    smooth : False: long edges are halved, and the shape stays the same [Rivara 1984]. True: every triangle is divided
+             in four, and vertices move towards a smooth surface [Loop 1987]. Vertices on a boundary or a crease stay.
 
-    Raises SurfaceError for an invalid target or more than `MOST_TRIANGLES` triangles.
-    Raises SurfaceError also for `smooth` on a surface that is not an oriented manifold."""
+    Raises SurfaceError for an invalid target, for more than `MOST_TRIANGLES` triangles, and for `smooth` on a surface
+    that is not an oriented manifold."""
     if not (np.isfinite(target) and target > 0):
         raise SurfaceError(f"the edge length {target} must be a positive length in metres; change surface.refine")
     if smooth and (faults := manifold_faults(surface.F, surface.edges, surface.n)):
@@ -62,7 +60,7 @@ def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Su
 
 
 def _loop_subdivision(V: Floats, F: Ints, edges: EdgeTable, fixed_edges: Ints) -> tuple[Floats, Ints, Ints]:
-    """Apply one step of Loop's subdivision. The edges `fixed_edges` (k, 2) stay; return also their halves (2 k, 2)."""
+    """Divide every triangle in four by Loop's subdivision. Return vertices, faces, and the halves of fixed edges."""
     positions = np.searchsorted(edges.ends @ (len(V), 1), fixed_edges @ (len(V), 1))
     moved, finer = igl.loop(V, F, 1)
     middle = np.empty(len(edges.ends), dtype=np.int64)
@@ -82,8 +80,8 @@ def _check_count(count: int, target: float) -> None:
 
 
 def halved_edges(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats, Ints, Ints]:
-    r"""Divide faces at the midpoints of marked edges (e,); the longest edge of each divided face must be marked.
-    Return the vertices, the faces, and the old face of each new face.
+    r"""Divide the faces of V (n, 3), F (m, 3) at the midpoints of the edges marked in `halves` (e,).
+    The longest edge of each divided face must be marked. Return the vertices, the faces, and each face's old face.
 
                  c                             c                          c
                / | \                         / | \                       / \
@@ -124,7 +122,8 @@ def with_longest_edges(V: Floats, edges: EdgeTable, halves: Bools) -> Bools:
 
 
 def quads(F: Ints, pairs: Ints) -> Ints:
-    """Return a, b, c, d (q, 4): the ends a, b of each edge with half-edges `pairs` (q, 2), and the opposite corners."""
+    """Return the corners a, b, c, d (q, 4) of two faces at each edge: ends a, b of the edge, and opposite corners c, d.
+    pairs : (q, 2) the two half-edges of each edge."""
     h0, h1 = pairs.T
     corners: Ints = np.stack([h0, next_half_edge(h0), next_half_edge(h0, 2), next_half_edge(h1, 2)], axis=1)
     return np.asarray(F.ravel()[corners])
@@ -140,15 +139,15 @@ def with_other_diagonals(F: Ints, pairs: Ints, quad: Ints) -> Ints:
 
 
 def has_new_diagonal(quad: Ints, edges: EdgeTable, n: int) -> Bools:
-    """Return which quads a, b, c, d (q, 4), on n vertices, have a diagonal c-d that is not an edge yet."""
+    """Mark the quads a, b, c, d (q, 4), on n vertices, whose diagonal c-d is not an edge yet."""
     keys, diagonal_keys = edges.ends @ (n, 1), np.sort(quad[:, 2:], axis=1) @ (n, 1)
     positions = np.minimum(np.searchsorted(keys, diagonal_keys), len(keys) - 1)
     return np.asarray((keys[positions] != diagonal_keys) & (quad[:, 2] != quad[:, 3]))
 
 
 def meets_link_condition(edges: EdgeTable, chosen: Ints, n: int) -> Bools:
-    """Return which of the edges `chosen` (c,) can collapse without a change of the topology.
-    Link condition: the ends of such an edge share no neighbours except the opposite corners [Dey et al. 1999]."""
+    """Mark the edges in `chosen` (c,) that can collapse without a change of the topology.
+    Link condition: the ends of an edge share no neighbours except the opposite corners [Dey et al. 1999]."""
     A: csr_array = adjacency(edges, n)
     a, b = edges.ends[chosen].T
     return np.asarray(np.asarray(A[a].multiply(A[b]).sum(axis=1)).ravel() == edges.count[chosen])
@@ -161,16 +160,16 @@ def contracted_faces(F: Ints, onto: Ints) -> Ints:
 
 
 def has_three_corners(F: Ints) -> Bools:
-    """Return the faces of F (m, 3) with three different corners."""
+    """Mark the faces (m,) of F (m, 3) with three different corners."""
     a, b, c = F.T
     return np.asarray((a != b) & (b != c) & (c != a))
 
 
 def leading_candidates(order: Ints, touched: Ints, n: int, edges: Ints | None = None) -> Bools:
-    """Return which candidates (c,) are better than every other candidate that shares a vertex with them.
+    """Mark the candidates (c,) for a mesh change that are better than every other candidate at their vertices.
     order   : (c,) the candidates, best first.
-    touched : (c, k) vertices that each candidate touches, 0..n-1.
-    edges   : (e, 2) edges of the mesh, to compare also candidates at neighbouring vertices; else None."""
+    touched : (c, k) vertices 0..n-1 that each candidate changes.
+    edges   : (e, 2) edges of the mesh, to compare also candidates at neighbouring vertices; None: not compared."""
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
     least_rank = np.full(n, len(order))
@@ -186,10 +185,10 @@ LEAST_ANGLE_GAIN = 1.0  # A flip must increase the smallest angle of its two fac
 
 
 def with_flipped_edges(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> Surface:
-    """Return the surface with flipped edges wherever a flip increases the smallest angle.
-    may       : (n,) marks of vertices; an edge may flip if a corner of its two faces is marked.
-    stays     : (k, 2) ends of edges that stay.
-    tolerance : largest distance that the surface may move, metres."""
+    """Return the surface with flipped edges: two faces get their other diagonal if this increases the smallest angle.
+    may       : (n,) mask of vertices; an edge may flip if a corner of its two faces is in the mask.
+    stays     : (k, 2) ends of the edges that must stay.
+    tolerance : largest distance between an edge and the edge that replaces it, metres."""
     keys = _keys(surface.n, *stays.T)
     for _ in range(8):
         F = _flip_once(surface, may, keys, tolerance)

@@ -16,7 +16,7 @@ from dsfab.surface.mesh import Surface
 
 
 def hat_gradients(surface: Surface) -> Floats:
-    """Return the gradients of the three hat functions on each face, (m, 3 corners, 3 xyz), per metre.
+    """Return the gradients (m, 3 corners, 3 xyz), per metre, of each face's linear hat functions: 1 at one corner.
     Formula: grad phi_i = n x (p_k - p_j) / (2 A), for corners i, j, k counter-clockwise about the normal n, area A."""
     P = surface.V[surface.F]
     u, v, w = (P[:, (2, 0, 1)] - P[:, (1, 2, 0)]).transpose(2, 0, 1)  # edges opposite to the corners
@@ -35,16 +35,15 @@ def tangents(surface: Surface) -> Floats:
 
 @derived
 def voronoi_mass(surface: Surface) -> Floats:
-    """Return the Voronoi areas (n,) of the vertices, square metres; their sum is the area of the surface.
-    The surface stores the result. Source: mixed areas [Meyer et al. 2003]."""
+    """Return the part of the surface's area that belongs to each vertex (n,), square metres [Meyer et al. 2003]."""
     diagonal: Floats = igl.massmatrix(surface.V, surface.F, igl.MASSMATRIX_TYPE_VORONOI).diagonal()
     diagonal.flags.writeable = False
     return diagonal
 
 
 def assemble(surface: Surface, blocks: Floats, diagonal: Floats | None = None) -> csr_array:
-    """Return the sparse sum (n, n) of the face blocks (m, 3, 3); row and column i of a block belong to corner i.
-    diagonal : (n,) numbers added to the diagonal. Zeros are stored, so that all such matrices have one pattern."""
+    """Return the sparse matrix (n, n) that sums the blocks (m, 3, 3) of the faces, by the vertices at their corners.
+    diagonal : (n,) numbers to add to the matrix's diagonal."""
     rows = np.repeat(surface.F, 3, axis=1).ravel()
     columns = np.tile(surface.F, (1, 3)).ravel()
     values = blocks.ravel()
@@ -63,8 +62,8 @@ class StructureLine:
     """A line of the structure, as a polyline on the surface.
     kind   : "edge", an edge of the material, or "centre", the middle line of a member.
     family : "major", "minor", "keep" (kept regions), "rim", or "boundary" for edges of the uncut surface.
-    number : number of the stripe in its family: the stripe coordinate of its middle line; 0 without a stripe.
-    part   : 1, 2, ... among the lines of the same kind, family and number.
+    number : number of the stripe in its family; 0 without a stripe.
+    part   : 1, 2, ... for lines of the same kind, family and number.
     points : (k, 3) metres; the last point repeats the first if the line is closed.
     length : length of the line on the mesh, before any simplification, metres."""
 
@@ -109,9 +108,8 @@ def polyline_length(points: Floats) -> float:
 
 
 def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | None = None) -> list[Track]:
-    """Return the lines on which a field x (n,), linear over each face, has one of the ascending levels (l,).
-    The chords are exact; chords of length zero are removed.
-    within : (m,) marks of faces that may have lines; by default all faces. Lines end at the border of these faces."""
+    """Return the lines on which the field x (n,), linear on each face, equals one of the levels (l,), ascending.
+    within : (m,) mask of the faces that may have lines; by default all faces."""
     nodes = _nodes(surface, x, levels)
     if nodes.level.size == 0:
         return []
@@ -173,9 +171,9 @@ def _side(i: Ints, j: Ints) -> Ints:
 
 
 def chains(first_nodes: Ints, second_nodes: Ints, count: int) -> list[tuple[Ints, Ints]]:
-    """Join links between `count` nodes to chains. Return the nodes and links (c,) of each chain.
-    A node has at most two links. Open chains come first, each from its end with the lower number. Closed chains end
-    with their first node."""
+    """Join links, each between a first and a second node, to chains. Return the nodes and the links of each chain.
+    A node has at most two links. Open chains come first. Closed chains end with their first node.
+    count : number of nodes."""
     node = np.concatenate([first_nodes, second_nodes])
     order = np.argsort(node, kind="stable")
     degree = np.bincount(node, minlength=count)
@@ -237,14 +235,14 @@ def _from_segment(points: Floats, a: Floats, b: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class CornerField:
-    """A field on a surface with n vertices and m faces; its sign and offset may differ from face to face.
-    x      : (n, 1) values at the vertices; or (n, 2) for the two edges of a band, see `dsfab.slicing.cutting.cut`.
+    """A field along whose levels a surface is cut. At a corner of a face, its value is sign * x + shift.
+    x      : (n, 1) values at the vertices, or (n, 2): two fields that bound bands of material. A place is material if
+             more levels lie below x[:, 0] than below x[:, 1].
     sign   : (m, 3) 1 or -1 at each corner of a face.
-    shift  : (m, 3) offset at each corner of a face. The value at the corner is sign * x + shift.
-    blank  : (m,) faces without a field; the cut leaves them whole.
-    wanted : (m,) fraction of each face on which the field applies, 0 to 1; None if it applies everywhere.
-    In a band, a place is material if the number of cut levels below x[:, 0] exceeds the number below x[:, 1]. If
-    earlier fields have cut an opening, the mean of `wanted` in the opening decides whether it stays or is filled."""
+    shift  : (m, 3) offset at each corner of a face.
+    blank  : (m,) mask of the faces without a field, which are not cut.
+    wanted : (m,) fraction of each face on which the field applies, 0 to 1; None for 1 everywhere. The mean of `wanted`
+             in an opening of earlier fields decides whether the opening stays."""
 
     x: Floats
     sign: Floats
@@ -262,22 +260,22 @@ class CornerField:
 
     @cached_property
     def changed_faces(self) -> Bools:
-        """Mask (m,) of faces where sign * x + shift differs from x: `sign` is -1 or `shift` is not 0 at a corner."""
+        """Mask (m,) of the faces where `sign` is -1 or `shift` is not 0 at a corner."""
         return np.asarray(((self.sign < 0) | (self.shift != 0)).any(axis=1))
 
     def corners(self, F: Ints) -> Floats:
-        """Return the values (m, 3, 1 or 2) of faces F (m, 3) at their corners."""
+        """Return the field's values (m, 3, 1 or 2) at the corners of the faces F (m, 3)."""
         x, sign = self.x[F], self.sign[:, :, None]
         return np.asarray(np.where(sign > 0, x, -x[..., ::-1]) + self.shift[:, :, None])
 
 
 @dataclass(frozen=True, eq=False)
 class DividedSurface:
-    """A surface with n vertices and m faces divided into n' vertices and m' triangles on the same sheet.
+    """A surface (n vertices, m faces) and the same surface with divided faces (n' vertices, m' triangles).
     whole   : the undivided surface.
     surface : the divided surface; its first vertices are those of `whole`.
-    parent  : (m',) the face of each part.
-    weights : (n', n) weights that give each vertex as a mean of vertices of `whole`, see `dsfab.slicing.Sheet`."""
+    parent  : (m',) face of `whole` that contains each triangle.
+    weights : (n', n) weights that give each vertex as a mean of vertices of `whole`."""
 
     whole: Surface
     surface: Surface
@@ -289,12 +287,11 @@ class DividedSurface:
 
     @classmethod
     def undivided(cls, surface: Surface) -> Self:
-        """Return `surface` as a divided surface in which every part is a whole face."""
+        """Return a surface as a `DividedSurface` without any division."""
         return cls(surface, surface, np.arange(surface.m), csr_array(eye_array(surface.n)))
 
     def with_halved_edges(self, edges: Bools, positions: Floats | None = None) -> "DividedSurface":
-        """Divide marked edges (e',). The longest edge of each affected face is also halved, so that angles do not
-        shrink.
+        """Return the surface divided at new vertices on marked edges (e',) and on the longest edges of their faces.
         positions : (e',) places of the new vertices along the edges, 0 to 1; by default the middle."""
         surface = self.surface
         edges = with_longest_edges(surface.V, surface.edges, edges)
@@ -310,13 +307,13 @@ class DividedSurface:
         return np.flatnonzero(self.surface.F.max(axis=1) >= self.whole.n)
 
     def corners(self, parts: Ints) -> Floats:
-        """Return the corners of parts (k,) as barycentric coordinates (k, 3, 3) in the undivided face of each part."""
+        """Return the corners of triangles (k,) as barycentric coordinates (k, 3, 3) in the undivided face of each."""
         rows, columns = self.surface.F[parts][:, :, None], self.whole.F[self.parent[parts]][:, None, :]
         i, j = (np.broadcast_to(index, (len(parts), 3, 3)).ravel() for index in (rows, columns))
         return np.asarray(self.weights[i, j]).reshape(-1, 3, 3)
 
     def origins_on_parts(self, origins: Origins) -> Origins:
-        """Convert the origins from which distances are measured, from the undivided to the divided surface."""
+        """Return the origins of distances on the divided surface, from origins on the undivided surface."""
         if self.surface is self.whole:
             return origins
         n, whole_edges, part_edges = self.whole.n, self.whole.edges, self.surface.edges
@@ -344,7 +341,7 @@ def _interpolation(ends: Ints, positions: Floats, n: int) -> csr_array:
 
 @dataclass(frozen=True, eq=False)
 class DividedField:
-    """Values x (n',), or (n', 2), at the vertices of a divided surface, linear on its parts."""
+    """A field on a divided surface, linear on its triangles: values x (n',), or (n', 2), at the vertices."""
 
     divided: DividedSurface
     x: Floats

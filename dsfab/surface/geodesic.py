@@ -21,7 +21,7 @@ SLACK = 1e-10  # Allowed rounding errors, divided by the compared lengths, areas
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """k windows. A window is the part of an edge that straight paths from a source reach, if faces are laid in a plane.
+    """k windows: parts of edges that straight paths from a source reach, after the faces are laid flat in a plane.
     names  : (k, 5) values of the properties `edge`, `face`, `a`, `b` and `parallel`.
     values : (k, 7) values of the properties `at_a` and `at_b` (two columns each), `start`, `end` and `offset`."""
 
@@ -32,7 +32,7 @@ class Windows:
     def from_columns(
         cls, names: Sequence[Ints | Bools], A: Floats, B: Floats, start: Floats, end: Floats, offset: Floats
     ) -> "Windows":
-        """Return k windows. names : five columns (k,) of `Windows.names`.    A, B : (k, 2) ends of their edges, m."""
+        """Return windows from columns (k,). names : edge, face, a, b, parallel.    A, B : (k, 2) ends of the edges."""
         return cls(np.stack(names, axis=1), np.stack([*A.T, *B.T, start, end, offset], axis=1))
 
     @property
@@ -42,17 +42,17 @@ class Windows:
 
     @property
     def face(self) -> Ints:
-        """Number (k,) of the face that paths to each window (see `Windows`) cross last; -1 if they cross no face."""
+        """Number (k,) of the face that paths to each window (part of an edge) cross last; -1 if paths cross no face."""
         return self.names[:, 1]
 
     @property
     def a(self) -> Ints:
-        """First vertices (k,) of the edges."""
+        """Number (k,) of the first vertex of each window's edge."""
         return self.names[:, 2]
 
     @property
     def b(self) -> Ints:
-        """Second vertices (k,) of the edges."""
+        """Number (k,) of the second vertex of each window's edge."""
         return self.names[:, 3]
 
     @property
@@ -62,22 +62,22 @@ class Windows:
 
     @property
     def at_a(self) -> Floats:
-        """Positions A (k, 2) of the edges' first vertices. The sources of paths lie on the right of the line A to B."""
+        """Positions A (k, 2) of the edges' first vertices in the plane. Sources lie to the right of the line A to B."""
         return self.values[:, 0:2]
 
     @property
     def at_b(self) -> Floats:
-        """Positions B (k, 2) of the edges' second vertices."""
+        """Positions B (k, 2) of the edges' second vertices in the plane."""
         return self.values[:, 2:4]
 
     @property
     def start(self) -> Floats:
-        """Start (k,) of each window, as the value t of a point A + t (B - A) on its edge from A to B."""
+        """Start (k,) of each window on its edge A-B, as a fraction of the edge from A, 0 to 1."""
         return self.values[:, 4]
 
     @property
     def end(self) -> Floats:
-        """End (k,) of each window, which is a part of an edge A-B: the point A + end (B - A)."""
+        """End (k,) of each window on its edge A-B, as a fraction of the edge from A, 0 to 1."""
         return self.values[:, 5]
 
     @property
@@ -86,7 +86,7 @@ class Windows:
         return self.values[:, 6]
 
     def select(self, which: Ints | Bools) -> "Windows":
-        """Return some windows (reached parts of edges), selected by indices or marks (k,)."""
+        """Return only some windows (reached parts of edges), selected by indices or a mask."""
         return Windows(self.names[which], self.values[which])
 
     @classmethod
@@ -95,11 +95,11 @@ class Windows:
         return cls(np.concatenate([part.names for part in parts]), np.concatenate([part.values for part in parts]))
 
     def place(self, t: Floats) -> Floats:
-        """Return the points A + t (B - A), (k, 2), on the edges from A to B that contain the windows."""
+        """Return the points (k, 2) in the plane at fractions t (k,) of the windows' edges."""
         return np.asarray(self.at_a + t[:, None] * (self.at_b - self.at_a))
 
     def distance(self, P: Floats) -> Floats:
-        """Return the lengths (k,) of paths from the origin to points P (k, 2), through the sources of `Windows`."""
+        """Return the lengths (k,) of paths from the origin to points P (k, 2), through each window's source."""
         return np.asarray(self.offset + np.where(self.parallel, P[:, 1], np.hypot(P[:, 0], P[:, 1])))
 
     def nearest(self) -> Floats:
@@ -115,8 +115,8 @@ class Windows:
         return np.where(self.parallel[:, None], (0.0, 1.0), P)
 
     def left_offset(self, t: Floats, C: Floats) -> Floats:
-        """Return how far (..., k) points C (..., k, 2) lie to the left of each window's ray through `place(t)`.
-        The distances are multiplied by the length of the ray's vector (`rays`). Those within rounding errors are 0."""
+        """Return how far (..., k) points C (..., k, 2) lie to the left of the ray from each window's source through the
+        point at fraction t (k,) of its edge. Distances are multiplied by the length of the ray's vector (`rays`)."""
         P = self.place(t)
         ray = self.rays(P)
         offsets = cross2(ray, C - P)
@@ -145,8 +145,8 @@ def dot2(a: Floats, b: Floats) -> Floats:
 
 
 class Origins(NamedTuple):
-    """Origins of distances: marked vertices (n,), edges (e,) and faces (m,). The edges of a marked face and the ends of
-    a marked edge are marked, too."""
+    """Origins from which distances are measured: masks of vertices (n,), edges (e,) and faces (m,).
+    The edges of a face in the mask, and the ends of an edge in the mask, must be in the masks, too."""
 
     vertices: Bools
     edges: Bools
@@ -154,8 +154,8 @@ class Origins(NamedTuple):
 
 
 class Distances(NamedTuple):
-    """Distances (m) from the nearest origin to vertices (n,) and edge middles (e,). reached : (m,) faces partly within
-    the requested distance. Distances are exact on these faces. Elsewhere, they are upper bounds, or infinite."""
+    """Distances along a surface, metres, from the nearest origin to each vertex (n,) and to each edge's middle (e,).
+    reached : (m,) mask of faces partly within the requested distance. Elsewhere: upper bounds, or infinite."""
 
     vertex: Floats
     middle: Floats
@@ -164,7 +164,7 @@ class Distances(NamedTuple):
 
 def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf) -> Distances:
     """Return the lengths of the shortest paths along a surface to the nearest origin; infinite if there is no path.
-    reach : distance from the origins, metres. Faces that lie entirely beyond it are skipped."""
+    reach : largest distance of interest, metres; faces that lie entirely beyond this distance are skipped."""
     front = _Front(surface, origins, reach)
     waiting = front.advance([front.edge_windows(), front.vertex_windows(_Bends.from_origins(origins))], reach)
     reached = front.reached.copy()
@@ -174,8 +174,8 @@ def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf
 
 
 class _Bends(NamedTuple):
-    """Vertices (k,) where shortest paths bend. The angle between incoming and outgoing path is at least `bound` (rad).
-    offset : (k,) distance of each vertex from the source, metres.
+    """Vertices (k,) where shortest paths bend. bound : least angle between incoming and outgoing path, radians.
+    offset : (k,) distance of each vertex from the origin, metres.
     edge, angle : (k, 2) two edges at the vertex, and their angles to the incoming part of the path, radians."""
 
     vertex: Ints

@@ -35,12 +35,12 @@ def signed_volume(V: Floats, F: Ints) -> float:
 
 
 def signed_volumes(V: Floats, F: Ints, shell: Ints, count: int) -> Floats:
-    """Return the signed volume (count,) of each closed shell, negative for voids. shell : (m,) shell of each face."""
+    """Return the volume (count,) of each closed shell, negative for inward normals. shell : (m,) shell of each face."""
     return np.bincount(shell, _tetrahedron_volumes(V, F), count).astype(np.float64)
 
 
 def total_area(V: Floats, F: Ints) -> float:
-    """Return the area of all faces F (m, 3) on vertices V (n, 3), in their unit squared."""
+    """Return the area of all faces F (m, 3) on vertices V (n, 3), in the unit of V squared."""
     return sum(float(np.sqrt((N**2).sum(axis=0)).sum()) / 2 for _, _, N in _face_blocks(V, F))
 
 
@@ -52,7 +52,7 @@ def _tetrahedron_volumes(V: Floats, F: Ints) -> Floats:
 
 
 def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
-    """Yield blocks of k faces: slice, first corners (3, k) relative to the box's middle, and twice the area vectors."""
+    """Yield blocks of k faces: slice, first corners (3, k) from the middle of the bounding box, 2 x area vectors."""
     if not len(F):
         return
     columns = np.ascontiguousarray((V - bounding_box(V, F).mean(axis=0)).T)
@@ -64,7 +64,7 @@ def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
 
 
 class NearestPlaces(NamedTuple):
-    """Nearest places on a mesh to points (k,): squared distance, index of the simplex, and place (k, 3)."""
+    """Places (k, 3) on a mesh nearest to points, squared distances (k,), and the triangle, edge or vertex there."""
 
     squared: Floats
     simplex: Ints
@@ -77,7 +77,7 @@ class NearestPlaces(NamedTuple):
 
 
 def nearest_places(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
-    """Return the places nearest to points (k, 3) on simplices of V (n, 3).
+    """Return the places on a mesh that are nearest to points (k, 3). V : (n, 3) vertices of the mesh.
     simplices : triangles (m, 3), edges (m, 2) or vertices (m, 1), at least one.
     Method: a tree of boxes [Jacobson et al. 2018, libigl]."""
     if not len(points):
@@ -146,14 +146,15 @@ class Surface:
 
     @classmethod
     def from_mesh(cls, V: Any, F: Iterable[Any], unit: str = "m") -> "Surface":
-        """Return a surface from vertices (n, 3) in `unit` and polygons; see `dsfab.surface.files.other_libraries`."""
+        """Return a surface from vertices V (n, 3), in `unit`, and polygons F, as lists of vertex indices."""
         from dsfab.surface.files.other_libraries import surface_from
 
         return surface_from(V, F, unit)
 
     @classmethod
     def of(cls, mesh: Any, unit: str | None = None) -> "Surface":
-        """Return a surface from a mesh of trimesh, pyvista, compas and others; see `surface.files.other_libraries`."""
+        """Return a surface from a mesh of trimesh, pyvista, compas, meshio, or any object with vertices and faces.
+        unit : unit of the coordinates; by default the unit of a trimesh mesh, else metres."""
         from dsfab.surface.files.other_libraries import surface_of
 
         return surface_of(mesh, unit)
@@ -229,19 +230,19 @@ class Surface:
 
     @cached_property
     def pieces(self) -> tuple[int, Ints]:
-        """Number of edge-connected pieces, and the piece (m,) of each face: see `topology.pieces`."""
+        """Number of pieces, each connected across edges, and the piece (m,) of each face."""
         return pieces(self.F, self.edges)
 
     @cached_property
     def vertex_pieces(self) -> Ints:
-        """Piece (n,) that contains each vertex, according to one of its faces; -1 for a vertex without faces."""
+        """Piece (n,) to which each vertex belongs; -1 for a vertex without faces."""
         piece = np.full(self.n, -1, dtype=np.int64)
         piece[self.F] = self.pieces[1][:, None]
         return piece
 
     @cached_property
     def pinches(self) -> Ints:
-        """Vertices (k,) where the surface touches itself in a point: see `topology.pinches`."""
+        """Vertices (k,) where the surface touches itself in a point."""
         return pinches(self.F, self.edges, self.n)
 
     @cached_property
@@ -292,5 +293,5 @@ class Surface:
         return edge_lengths(self.V, self.edges.ends)
 
     def faces_of(self, vertices: Bools) -> Bools:
-        """Return the faces (m,) whose three corners are all marked vertices (n,)."""
+        """Mark the faces (m,) whose three corners are all in a mask of vertices (n,)."""
         return np.asarray(vertices[self.F].all(axis=1))

@@ -31,8 +31,8 @@ def upright_vertices(V: Floats, up: Up) -> Floats:
 
 
 def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
-    """Return 1 or -1 (m, 3) for each face corner: -1 if the face is flipped relative to the vertex's first face.
-    Each fan of faces at a vertex has its own first face. On an oriented surface, all values are 1."""
+    """Return 1 or -1 (m, 3) for each face corner: -1 if the face is flipped relative to the first face at the vertex.
+    On an oriented surface, all values are 1."""
     if not len(misoriented_edges(F, edges)):
         return np.ones_like(F)
     h0, h1 = edges.pairs.T
@@ -50,7 +50,7 @@ def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
 
 
 def one_sided_pieces(F: Ints, edges: EdgeTable) -> Bools:
-    """Return the faces (m,) of pieces with one side only, for example of a Moebius strip."""
+    """Mark the faces (m,) of pieces with one side only, for example of a Moebius strip."""
     m = len(F)
     if not len(misoriented_edges(F, edges)):
         return np.zeros(m, dtype=bool)
@@ -61,8 +61,8 @@ def one_sided_pieces(F: Ints, edges: EdgeTable) -> Bools:
 
 
 def flips_along_tree(F: Ints, edges: EdgeTable) -> Bools:
-    """Return the faces (m,) to flip so that neighbours agree along a spanning tree of each piece. In a one-sided piece,
-    neighbours still disagree along a short seam."""
+    """Mark the faces (m,) to flip so that neighbours have the same orientation. In a one-sided piece, such as a Moebius
+    strip, neighbours still differ along a seam."""
     f, g, clash = _neighbours(F, edges)
     m = len(F)
     steps = coo_array((np.concatenate([clash, clash]) + 1, (np.r_[f, g], np.r_[g, f])), shape=(m, m)).tocsr()
@@ -77,7 +77,7 @@ def flips_along_tree(F: Ints, edges: EdgeTable) -> Bools:
 
 
 def require_two_sides(surface: Surface, faces: Bools, what: str) -> None:
-    """Raise SurfaceError if `faces` (m,) have one side only, because such faces have no inside or outside."""
+    """Raise SurfaceError if any of `faces` (m,) has one side only, as in a Moebius strip. what : for the message."""
     wrong = int((one_sided_pieces(surface.F, surface.edges) & faces).sum())
     if wrong:
         raise SurfaceError(

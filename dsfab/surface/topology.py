@@ -14,10 +14,10 @@ LONGEST_WALK = 100  # Largest number of steps of a walk around a vertex.
 
 @dataclass(frozen=True, eq=False)
 class EdgeTable:
-    """Edges of a mesh, each listed once.
-    ends   : (e, 2) vertices. The edge runs from the lower vertex number to the higher one, for all faces.
-    of     : (m, 3) the edge of each half-edge.
-    order  : (3 m,) half-edges sorted by edge; those of edge k are order[start[k] : start[k + 1]].
+    """Edges of a mesh, each listed once. A half-edge is a side of a face: side k of face f has the number 3 f + k.
+    ends   : (e, 2) numbers of the two vertices of each edge, the lower number first.
+    of     : (m, 3) edge number of each side of each face.
+    order  : (3 m,) half-edges sorted by edge; the half-edges of edge k are order[start[k] : start[k + 1]].
     start  : (e + 1,) positions in `order`."""
 
     ends: Ints
@@ -32,13 +32,13 @@ class EdgeTable:
 
     @cached_property
     def boundary(self) -> Bools:
-        """Edges (e,) with exactly one face."""
+        """Mask (e,) of the edges with exactly one face."""
         alone: Bools = self.count == 1
         return alone
 
     @cached_property
     def pairs(self) -> Ints:
-        """Half-edges (i, 2) of the edges with exactly two faces."""
+        """The two half-edges (i, 2) of each edge with exactly two faces."""
         starts = self.start[:-1][self.count == 2]
         return np.stack([self.order[starts], self.order[starts + 1]], axis=1)
 
@@ -56,23 +56,23 @@ class EdgeTable:
         return twin
 
     def edges_between(self, i: Ints, j: Ints) -> Ints:
-        """Return the edges (k,) between vertices i and j (k,), which must exist."""
+        """Return the number (k,) of the edge between each pair of vertices i (k,) and j (k,). Every edge must exist."""
         n = int(self.ends.max()) + 1
         return np.searchsorted(self.ends[:, 0] * n + self.ends[:, 1], np.minimum(i, j) * n + np.maximum(i, j))
 
 
 def half_edges(F: Ints) -> tuple[Ints, Ints]:
-    """Return the start and the end vertex (3 m,) of every half-edge."""
+    """Return the start vertex and the end vertex, (3 m,) each, of every side of faces F (m, 3)."""
     return F.ravel(), np.roll(F, -1, axis=1).ravel()
 
 
 def next_half_edge(h: Ints, steps: int | Ints = 1) -> Ints:
-    """Return the half-edges (...) that follow h (...) around their faces after `steps` steps, an integer or (...)."""
+    """Return the half-edges (...), numbers of face sides, that lie `steps` steps after h (...) around the same face."""
     return h - h % 3 + (h + steps) % 3
 
 
 def edge_table(F: Ints) -> EdgeTable:
-    """Return the table of edges of faces F (m, 3), in ascending order of their vertices."""
+    """Return the table of edges of faces F (m, 3), sorted by their vertex numbers."""
     a, b = half_edges(F)
     n = int(F.max()) + 1
     low, high = np.minimum(a, b), np.maximum(a, b)
@@ -87,14 +87,14 @@ def edge_table(F: Ints) -> EdgeTable:
 
 
 def _counted_order(keys: Ints, count: int) -> Ints:
-    """Return the indices that sort integers below `count` (stable), by a sparse transposition [Gustavson 1978]."""
+    """Return the indices (k,) that sort integers `keys` (k,) below `count` (stable) [Gustavson 1978]."""
     rows = csr_array((np.ones(len(keys), dtype=np.int8), keys, np.arange(len(keys) + 1)), shape=(len(keys), count))
     return rows.tocsc().indices.astype(np.int64)
 
 
 def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
-    """Return the number of edge-connected pieces, and the piece (m,) of each face; pieces with most faces come first.
-    Two parts that touch only in a vertex are two pieces, because a contact in a point carries no moment."""
+    """Return the number of connected pieces of a mesh, and the piece number (m,) of each face, largest piece first.
+    Parts that touch only in a vertex are separate pieces."""
     face = edges.order // 3
     is_shared = np.diff(edges.of.ravel()[edges.order]) == 0
     count, label = link_components(len(F), face[:-1][is_shared], face[1:][is_shared])
@@ -104,9 +104,9 @@ def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
 
 
 def link_components(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
-    """Return the number of components of a graph of `count` nodes with links i - j (k,), and each node's component.
-    Components are in the order of their first nodes. Method: nodes form trees. In each round, every link between two
-    trees puts the larger root below the smaller root. Then all paths are shortened [Shiloach and Vishkin 1982]."""
+    """Return the number of connected components of a graph, and the component number (count,) of each node.
+    count : number of nodes. i, j : (k,) the two nodes of each link.
+    Components are numbered in the order of their first nodes. Method: [Shiloach and Vishkin 1982]."""
     things = np.arange(count)
     root = things
     while len(i):
@@ -122,9 +122,9 @@ def link_components(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
 
 
 def boundary_loops(F: Ints, edges: EdgeTable) -> list[Ints]:
-    """Return closed chains (k,) of boundary vertices of an oriented mesh F (m, 3), the chain with most vertices first.
-    The surface lies left of each chain. Two sheets that touch in a vertex keep two loops. Without orientation, loops
-    may have the opposite direction. Chains may be open if the mesh is not manifold; check `manifold_faults` first."""
+    """Return the boundary loops of a mesh F (m, 3) as vertex numbers (k,), the loop with most vertices first.
+    On an oriented mesh, the surface lies left of each loop. Sheets that touch in a vertex have separate loops.
+    Loops may be open if the mesh is not manifold; check `manifold_faults` first."""
     a, _ = half_edges(F)
     _, fan = _fans(F, edges)
     boundary = np.flatnonzero(edges.boundary[edges.of.ravel()])
@@ -147,7 +147,7 @@ def boundary_loops(F: Ints, edges: EdgeTable) -> list[Ints]:
 
 
 def _turned_links(start: Ints, end: Ints) -> Bools:
-    """Return a mask (b,) of the chain links to reverse, so that each link begins at the end of the previous link."""
+    """Return a mask (b,) of the links start (b,) - end (b,) to reverse, so that links form chains of one direction."""
     link = np.arange(2 * len(start)) // 2
     ends = np.stack([start, end], axis=1).ravel()
     order = np.argsort(ends, kind="stable")
@@ -162,7 +162,7 @@ def _turned_links(start: Ints, end: Ints) -> Bools:
 
 
 def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
-    """Return the vertices (k,) with several fans of faces, at which the sheet F (m, 3) touches itself in a point."""
+    """Return the vertices (k,) at which parts of the mesh F (m, 3) touch only in this point. n : number of vertices."""
     if _walks_meet_all_corners(F, edges, n):
         return np.empty(0, dtype=np.int64)
     count, fan = _fans(F, edges)
@@ -172,15 +172,14 @@ def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
 
 
 def corner_fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | None = None) -> Ints:
-    """Return the faces (m, 3) on new vertices, one vertex for each fan of faces.
+    """Return the faces (m, 3) with new vertex numbers: a vertex for each fan (faces at a vertex, joined by edges).
     This separates parts that touch in a point, and faces on an edge with more than two faces.
-    also  : (k, 2) pairs of half-edges that stay joined on an edge with more than two faces.
-    apart : (e,) marks of edges along which faces are separated, too."""
+    also  : (k, 2) pairs of half-edges (face sides) that stay joined on an edge with more than two faces.
+    apart : (e,) marks of further edges along which faces are separated."""
     return _fans(F, edges, also, apart)[1].reshape(-1, 3)
 
 
 def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | None = None) -> tuple[int, Ints]:
-    """Return the count of fans (edge-connected faces at a vertex) and each corner's fan; inputs: see `corner_fans`."""
     pairs = edges.pairs if apart is None else edges.pairs[~apart[edges.count == 2]]
     h0, h1 = (pairs if also is None else np.concatenate([pairs, also])).T
     a, _ = half_edges(F)
@@ -193,7 +192,7 @@ def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | No
 
 
 def _walks_meet_all_corners(F: Ints, edges: EdgeTable, n: int) -> bool:
-    """Return True if a walk from face to face around each vertex meets all corners there; False if not or unknown."""
+    """Return True if all faces at each vertex surely form a single fan; False if they do not, or if it is unknown."""
     if len(misoriented_edges(F, edges)) or (edges.count > 2).any():
         return False
     start = np.full(n, -1)
@@ -232,9 +231,7 @@ def duplicate_faces(F: Ints) -> Ints:
 
 
 def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
-    """Return a mask (m,) of the fewest faces to flip for a common orientation of each piece; None if impossible.
-    Method: the mesh and a flipped copy are joined along all edges at which they agree (orientation double cover). A
-    piece is orientable if, and only if, its two copies stay separate."""
+    """Return a mask (m,) of the fewest faces to flip so that each piece is oriented; None for a one-sided surface."""
     m = len(F)
     a, _ = half_edges(F)
     h0, h1 = edges.pairs.T
@@ -251,7 +248,7 @@ def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
 
 
 def crowded_edge_fault(edges: EdgeTable) -> str:
-    """Return a clause that counts the edges of more than two faces and names the first; "" without such edges."""
+    """Return words for a message on edges with more than two faces: their number and first edges; "" without any."""
     crowded = np.flatnonzero(edges.count > 2)
     if not len(crowded):
         return ""
@@ -259,7 +256,7 @@ def crowded_edge_fault(edges: EdgeTable) -> str:
 
 
 def repeated_face_fault(F: Ints) -> str:
-    """Return a clause with the number and the first of the faces (m, 3) that repeat another; "" without such faces."""
+    """Return words for a message on faces with the same vertices as an earlier face of F (m, 3); "" without any."""
     twice = duplicate_faces(F)
     if not len(twice):
         return ""
@@ -282,40 +279,41 @@ def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
 
 
 def named_edges(indices: Ints, edges: EdgeTable, count: int = 3) -> str:
-    """Return the first `count` of the edges (k,) as pairs of vertices, for messages: '3-17, 4-20, ...'."""
+    """Return the first `count` of some edges, numbers (k,), as pairs of vertices, for messages: "3-17, 4-20, ..."."""
     shown = ", ".join(f"{a}-{b}" for a, b in edges.ends[indices[:count]].tolist())
     return shown + (", ..." if len(indices) > count else "")
 
 
 def adjacency(edges: EdgeTable, n: int) -> csr_array:
-    """Return a sparse matrix (n, n) with an entry 1 for every two vertices that an edge joins."""
+    """Return the adjacency matrix (n, n) of the vertices: 1 where an edge joins two vertices."""
     i, j = _directed_edges(edges)
     return csr_array(coo_array((np.ones(len(i)), (i, j)), shape=(n, n)))
 
 
 def on_boundary(edges: EdgeTable, n: int) -> Bools:
-    """Return the vertices (n,) at an end of a boundary edge."""
+    """Return a mask (n,) of the vertices on the boundary."""
     rim = np.zeros(n, dtype=bool)
     rim[edges.ends[edges.boundary]] = True
     return rim
 
 
 def corners_of(F: Ints, faces: Bools, n: int) -> Bools:
-    """Return the vertices (n,) that are corners of a marked face (m,)."""
+    """Return a mask (n,) of the vertices that are corners of marked faces (m,)."""
     marks = np.zeros(n, dtype=bool)
     marks[F[faces]] = True
     return marks
 
 
 def faces_at(F: Ints, marks: Bools) -> Bools:
-    """Return the faces (m,) with a marked vertex (n,). numpy's `any` over the corners would take five times as long."""
+    """Return a mask (m,) of the faces F (m, 3) with at least one marked vertex (n,)."""
     a, b, c = marks[F.T]
     return np.asarray(a | b | c)
 
 
 def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
-    """Return a mask (e, ...) of the edges with both ends marked (n, ...). An inner edge between two boundary vertices
-    must also belong to a face with three marked corners and at most one boundary edge."""
+    """Return a mask (e, ...) of the edges whose two ends are marked (n, ...).
+    An inner edge with both ends on the boundary counts only beside a face with three marked corners and at most one
+    boundary edge."""
     is_spanned = marks[edges.ends].all(axis=1)
     chord = on_boundary(edges, len(marks))[edges.ends].all(axis=1) & ~edges.boundary
     beside_marked_face = np.zeros_like(is_spanned)
@@ -326,8 +324,8 @@ def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
 
 
 def smoothing_neighbours(edges: EdgeTable, n: int) -> tuple[Ints, Ints]:
-    """Return pairs of a vertex (p,) and a neighbour (p,); smoothing moves a vertex to the mean of its neighbours.
-    A vertex on the boundary has neighbours along the boundary only."""
+    """Return pairs, vertex (p,) and neighbour (p,), for smoothing, which moves vertices to the means of neighbours.
+    A vertex on the boundary has neighbours only along the boundary."""
     i, j = _directed_edges(edges)
     used = np.concatenate([edges.boundary, edges.boundary]) | ~on_boundary(edges, n)[i]
     return i[used], j[used]

@@ -25,7 +25,7 @@ def check_edges(surface: Surface) -> None:
 
 
 def check_oriented(surface: Surface) -> None:
-    """Raise SolidError as `check_edges` does, or if adjacent faces of an orientable piece point to opposite sides."""
+    """Raise SolidError if an edge has over two faces, or if faces of an orientable piece point to opposite sides."""
     check_edges(surface)
     edges = surface.edges
     against = misoriented_edges(surface.F, edges)
@@ -38,7 +38,7 @@ def check_oriented(surface: Surface) -> None:
 
 
 def check_contacts(surface: Surface) -> None:
-    """Raise SolidError if parts of the sheet meet in a vertex only, because no solid is a manifold there."""
+    """Raise SolidError if parts of the sheet touch only in a vertex."""
     pinched = surface.pinches
     if len(pinched):
         raise SolidError(
@@ -56,12 +56,11 @@ CHUNK = 1 << 13  # Number of faces processed together, because they fit the proc
 
 
 def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
-    """Return unit normals (n, 3) at the vertices, at small angles to the normals of the faces around each vertex.
-    The smallest cosine of these angles is at least 95 % of the best possible.
-    faces   : (m, 3, 3) normal of each face at each of its corners, turned to the side wanted for the vertex normal.
-    weights : (m, 3) corner angles.
-    The best normal points from the origin to the nearest point of the face normals' convex hull [Gilbert 1966].
-    The search starts from the weighted mean of the face normals. If a cosine stays negative, the mean is returned."""
+    """Return unit normals (n, 3) at the vertices, as close as possible to the normals of all faces at each vertex.
+    The smallest cosine of the angles to these face normals is at least 95 % of the best possible.
+    faces   : (m, 3, 3) normal of each face, for each corner, turned to the side of the vertex normal.
+    weights : (m, 3) angles of the faces at their corners.
+    Where the search [Gilbert 1966] finds no normal within 90 degrees of all face normals, their mean is returned."""
     vertex, normal = surface.F.ravel(), faces.reshape(-1, 3)
     mean = _corner_mean(surface, weights, normal)
     point = mean.copy()
@@ -92,13 +91,13 @@ def _may_improve(surface: Surface, point: Floats, faces: Floats) -> Bools:
 
 
 def mitres(surface: Surface, N: Floats, weights: Floats, faces: Floats, limit: float = 2.0) -> Floats:
-    """Return mitre factors (n,), at most `limit`: 1 / mean cosine of the angles between the normal N and the faces."""
+    """Return factors (n,), at most `limit`, that lengthen offset vectors at creases: 1 / mean cosine of the angles
+    between the vertex normal N (n, 3) and the face normals. weights, faces : as for `visible_normals`."""
     cosine = np.stack([np.einsum("mi,mi->m", N.take(surface.F[:, v], axis=0), faces[:, v]) for v in range(3)], axis=1)
     return 1 / np.clip(_corner_mean(surface, weights, cosine.reshape(-1, 1))[:, 0], 1 / limit, 1)
 
 
 def _corner_mean(surface: Surface, weights: Floats, values: Floats) -> Floats:
-    """Return the weighted mean (n, k), at each vertex, of the values (3 m, k) of its corners; zero without corners."""
     w, vertex = weights.ravel(), surface.F.ravel()
     total = np.stack([np.bincount(vertex, w * column, surface.n) for column in values.T], axis=1)
     total_weight = np.bincount(vertex, w, surface.n)[:, None]
@@ -128,7 +127,6 @@ def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
 
 
 def _unit_normals(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
-    """Normalise `point`, or `mean` if `point` is 90 degrees or more off a face normal. Near zero, use a face normal."""
     N = np.where(_sees_all(surface, point, faces)[:, None], point, mean)
     lost = lengths(N) < 1e-6
     if lost.any():
@@ -154,12 +152,11 @@ SHIFT = {"mid": 0, "out": 1, "in": -1}  # Distance of the sheet's middle from th
 
 @dataclass(frozen=True, eq=False)
 class Offsets:
-    """Half-thickness vectors of a surface.
-
-    D        : (n, 3) half of the vector from the lower to the upper skin at each vertex, metres; 0 if it has no faces.
-    limited  : number of vertices where the surface bends too sharply for the thickness.
+    """Offset vectors at the vertices of a surface, for a sheet with this surface as its middle or one of its skins.
+    D        : (n, 3) half of the vector from the lower to the upper skin, metres; 0 at vertices without faces.
+    limited  : number of vertices where the sheet is thinner than wanted, because the surface bends too sharply.
     smallest : smallest ratio of thickness to wanted thickness, at vertex `tightest`; 1 if no vertex is limited.
-    sides    : (m, 3) side of a face, 1 or -1, on which D lies at each corner (see `corner_sides`)."""
+    sides    : (m, 3) for each corner of a face: 1 if D points to the side of the face's normal, else -1."""
 
     D: Floats
     limited: int
@@ -172,24 +169,19 @@ class Offsets:
         lock(self, "sides", np.int64, (None, 3))
 
     def at_corners(self, F: Ints) -> Floats:
-        """Return half-thickness vectors (m, 3, 3) at corners of F (m, 3), turned to the side of each face's normal."""
+        """Return half-thickness vectors (m, 3, 3) at the corners of faces F (m, 3), on the side of each face normal."""
         seen: Floats = self.D[F] * self.sides[:, :, None]
         return seen
 
 
 def offsets(surface: Surface, thickness: float | Floats, side: Side = "mid") -> Offsets:
     """Return offset vectors for a sheet of `thickness` (metres, measured normal to its faces) around a surface.
-
     thickness : thickness of the whole sheet, one number or (n,) at each vertex.
     side      : "mid": the surface is in the middle; "out": the sheet is on the side of the normals; "in": on the back.
-
     Each vector makes the smallest possible angles with the normals around its vertex. It is longer at creases (mitre,
-    at most twice), and shorter where the prisms over the faces would fold over.
-
-    Raises SolidError for
-    - a thickness that is not positive;
-    - surfaces that are not manifolds or are wrongly oriented;
-    - "out" and "in" on a one-sided surface."""
+    at most twice), and shorter where the thickened faces would fold over.
+    Raises SolidError for a thickness that is not positive, for surfaces that are not manifolds or wrongly oriented, and
+    for "out" and "in" on a one-sided surface."""
     t = _checked_thickness(surface, thickness)
     check_oriented(surface)
     if side != "mid" and one_sided_pieces(surface.F, surface.edges).any():
@@ -219,9 +211,10 @@ def _checked_thickness(surface: Surface, thickness: float | Floats) -> Floats:
 def safe_shares(
     surface: Surface, D: Floats, sides: Ints, shift: int = 0, shrink: float = 0.85, smallest: float = 0.05
 ) -> Floats:
-    """Return factors (n,), at most 1, of half-thickness vectors D (n, 3) that make prisms' Jacobians clearly positive.
-    Where a vector is nearly parallel to a face, a smaller Jacobian is allowed, because shortening does not raise it.
-    sides : (m, 3) as in `Offsets`. shift : as in `SHIFT`. shrink : factor of each step."""
+    """Return factors (n,), at most 1, that shorten half-thickness vectors D (n, 3) until no thickened face folds over.
+    sides    : (m, 3) as in `Offsets`.
+    shift    : 0 if the surface is the middle of the sheet, 1 if the sheet is on the side of the normals, -1 if behind.
+    shrink   : factor by which each round shortens vectors.    smallest : least factor of a vector."""
     share = np.ones(surface.n)
     faces = np.arange(surface.m)
     while len(faces):
@@ -241,10 +234,11 @@ def safe_shares(
 
 
 def prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
-    """Return Jacobian coefficients (m, 3, 3) of prisms P + s d, -1 <= s <= 1, and their smallest wanted values (m, 3).
+    """Return Jacobian coefficients (m, 3, 3) of prisms (thickened faces) and the least wanted coefficients (m, 3).
+    If all coefficients of a prism are positive, it does not fold over.
     P, d : (m, 3, 3) corners of the faces, and half-thickness vectors there, on the side of the faces' normals.
-    Coefficient [k, v] is for corner v and the Bernstein polynomial k in s. If all coefficients are positive, the prism
-    does not fold over. Coefficients are divided by twice the face's area, and by the face's mean |d|."""
+    Coefficient [k, v]: Bernstein polynomial k in s, corner v, for the prism P + s d, -1 <= s <= 1, divided by twice
+    the face's area and by the face's mean |d|."""
     e1, e2 = P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]
     d1, d2 = d[:, 1] - d[:, 0], d[:, 2] - d[:, 0]
     flat = cross(e1, e2)

@@ -16,15 +16,15 @@ from dsfab.thickening.union import THIN, THINNEST, PrismUnion, prism_union
 
 @dataclass(frozen=True, eq=False)
 class UnfoldedSheet:
-    """Vertices V (n, 3) of a sheet whose small folds were smoothed, and pairs (k, 2) of its faces that still cross."""
+    """A sheet after smoothing of its small folds: vertices V (n, 3), metres, and pairs (k, 2) of faces that cross."""
 
     V: Floats
     crossing: Ints
 
 
 def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
-    """Smooth small folds of a sheet, up to twice its thickness in size; D (n, 3): half-thickness vectors, metres.
-    A small fold is a fault of the mesh that no offset can repair. Larger folds are intended crossings."""
+    """Smooth small folds of a sheet, groups of faces that cross each other. Larger groups are intended crossings.
+    A fold is small up to twice the sheet's thickness. D : (n, 3) half-thickness vectors, metres."""
     all_crossings = crossing = intersecting_pairs(surface.V, surface.F)
     V, averages, half = surface.V, _averages(surface), float(np.median(np.linalg.norm(D, axis=1)))
     for _ in range(10 if len(crossing) else 0):
@@ -47,9 +47,10 @@ def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
 def flatten_contacts(
     surface: Surface, skin: Skin, D: Floats, backslash: Bools, pairs: Ints
 ) -> tuple[Floats, Floats, Ints]:
-    """Remove intersections that other repairs left; return vertices V (n, 3), offsets D (n, 3) and remaining face pairs
-    (k, 2). Offsets at intersecting faces shrink, to about 0.2 % if needed. Offsets nearly parallel to a face, and their
-    vertices, move halfway to their neighbours' means. The result is from the round with fewest pairs."""
+    """Remove intersections of a skin by thinning the sheet, down to 0.2 % of its offsets D (n, 3).
+    Vertices with offsets nearly parallel to a face are smoothed, too.
+    pairs, backslash : pairs (k, 2) of skin faces that intersect; wall diagonals as in `Skin`.
+    Returns vertices (n, 3) of the sheet, offsets (n, 3), metres, and the pairs (q, 2) that still intersect."""
     V, faces, averages = surface.V, skin.faces(backslash), _averages(surface)
     least = 0.002 * np.linalg.norm(D, axis=1)  # shortest offset; with half of it, rounding errors would be visible
     result = V, D, pairs
@@ -71,7 +72,6 @@ def flatten_contacts(
 
 
 def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
-    """Return each offset's smallest cosine (n,) to the normals of its vertex's faces, turned to the offset's side."""
     side = np.where(skin.upper < surface.n, 1, -1)
     unit = D / np.linalg.norm(D, axis=1, keepdims=True)
     cosine = np.einsum("mi,mvi->mv", surface.normals, unit[surface.F]) * side
@@ -81,7 +81,7 @@ def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
 
 
 def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
-    """Return each vertex's group (n,) of connected crossing faces, or -1; and the diagonal of each group's box (m)."""
+    """Return each vertex's group (n,) of connected crossing faces, or -1, and the box diagonal (g,) of each group."""
     corner = F[pairs].reshape(-1, 6)
     i, j = np.repeat(corner[:, :1], 5, axis=1).ravel(), corner[:, 1:].ravel()
     label, used = link_components(len(V), i, j)[1], distinct(corner)
@@ -101,11 +101,13 @@ def _averages(surface: Surface) -> csr_array:
 
 @dataclass(frozen=True, eq=False)
 class RepairedSkin:
-    """A skin after repair: offsets D (n, 3), metres, wall diagonals (r,) as in `Skin`, pairs (k, 2) of crossing faces.
-    found   : number of pairs before the repair.
-    crosses : number of pairs of faces in which the sheet, without thickness, crosses itself.
-    union   : mesh that replaces the skin if the sheet crosses itself; `pairs` then refers to the union.
-    V       : (n, 3) vertices of the sheet, moved at small folds."""
+    """A repaired skin (closed mesh around a sheet).
+    V, D      : (n, 3) vertices of the sheet and half-thickness vectors, metres.
+    backslash : (r,) wall diagonals as in `Skin`.
+    pairs     : (k, 2) pairs of faces of the skin, or of `union`, that still intersect.
+    found     : number of pairs that intersected before the repair.
+    crosses   : number of pairs of faces in which the sheet, without thickness, crosses itself.
+    union     : mesh that replaces the skin if the sheet crosses itself; else None."""
 
     V: Floats
     D: Floats
@@ -117,9 +119,10 @@ class RepairedSkin:
 
 
 def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None) -> RepairedSkin:
-    """Remove intersections of the skin of a sheet with offsets D (n, 3) as far as possible.
+    """Remove intersections of a skin (closed mesh around a sheet) as far as possible.
     If the sheet crosses itself, dsfab cuts it into patches and unites their solids.
-    among : mask of the skin's faces to test (default: all); other faces cannot intersect, however walls are divided."""
+    D     : (n, 3) half-thickness vectors, metres.
+    among : mask (f,) of the skin's faces to test; by default all. Other faces must be free of intersections."""
     V = surface.V
     backslash = skin.shorter_diagonals(V, D)
     pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash), among)
@@ -172,7 +175,6 @@ def _away_from(surface: Surface, crossing: Ints, D: Floats) -> Bools:
 
 
 def _thin_offsets(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, free: Bools) -> tuple[Floats, Ints]:
-    """Shorten `free` offsets at intersecting faces in rounds. Return the offsets with fewest pairs, and these pairs."""
     if not len(pairs):
         return D, pairs
     faces = skin.faces(backslash)

@@ -14,9 +14,8 @@ def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
     """Return the pairs of faces (k, 2), in ascending order, that meet outside their shared corners and edges.
     V     : (n, 3) vertices in any unit.
     F     : (m, 3) faces of an oriented manifold.
-    among : (m,) marks of the faces to test, if the other faces certainly meet no face (see `proven_cells`).
-    Faces that touch count as meeting. Unlike in CGAL, coincident vertices, and the neighbours of a face without area,
-    also count as meeting."""
+    among : (m,) marks of the faces to test; the other faces must meet no face. By default, all faces are tested.
+    Faces that touch count as meeting; so do different vertices at the same place."""
     if among is not None and not among.all():
         which = np.flatnonzero(among)
         used, corner = np.unique(F[which], return_inverse=True)
@@ -32,9 +31,9 @@ def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
 
 
 def pairs_after_moves(V: Floats, F: Ints, before: Ints, moved: Bools) -> Ints:
-    """Return the `intersecting_pairs` after vertices `moved` (n,) moved to V (n, 3).
-    before : (k, 2) pairs before the moves.
-    Only faces around moved vertices, and faces near them, are tested."""
+    """Update pairs of intersecting faces after a move of some vertices; faster than `intersecting_pairs`.
+    V      : (n, 3) vertices after the move.    moved : (n,) marks of the moved vertices.
+    before : (k, 2) pairs before the move. Returns the pairs (q, 2) after the move."""
     changed = np.asarray(moved[F].any(axis=1))
     if not changed.any():
         return before
@@ -71,7 +70,6 @@ def _around_vertices(V: Floats, F: Ints) -> Ints:
 
 
 def _surely_separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j: Ints) -> Bools:
-    """Return a mask of pairs i, j of corners at a vertex: True if a plane surely separates their faces, else False."""
     w = middle[i] - middle[j]
     least = np.minimum(np.einsum("ck,ck->c", ahead[i], w), np.einsum("ck,ck->c", behind[i], w))
     largest = np.maximum(np.einsum("ck,ck->c", ahead[j], w), np.einsum("ck,ck->c", behind[j], w))
@@ -81,8 +79,7 @@ def _surely_separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j:
 
 
 def _corners_meet(V: Floats, s: Ints, first_edge: tuple[Ints, Ints], second_edge: tuple[Ints, Ints]) -> Bools:
-    """Test exactly if triangles (s, a, b) and (s, c, d) meet outside s.
-    Edge a-b or c-d meets the other triangle; or the triangles are coplanar, and their angles at s overlap."""
+    """Return a mask (k,) of pairs of triangles, (s, a, b) and (s, c, d), that meet outside their common vertex s."""
     S, A, B, C, D = V[s], V[first_edge[0]], V[first_edge[1]], V[second_edge[0]], V[second_edge[1]]
     a, b, c, d = _side(S, C, D, A), _side(S, C, D, B), _side(S, A, B, C), _side(S, A, B, D)
     meet: Bools = (a * b <= 0) & (c * d <= 0)
@@ -105,7 +102,6 @@ def _stabs(p: Floats, q: Floats, triangle: tuple[Floats, Floats, Floats]) -> Boo
 
 
 def _angles_overlap(S: Floats, A: Floats, B: Floats, C: Floats, D: Floats) -> Bools:
-    """Return True where two angles with vertex S in one plane overlap: from A to B, and from C to D."""
     axis = np.abs(np.cross(A - S, B - S)).argmax(axis=1)
     first_turned, second_turned = _turn(axis, S, A, B) < 0, _turn(axis, S, C, D) < 0
     A, B = np.where(first_turned[:, None], B, A), np.where(first_turned[:, None], A, B)
@@ -140,7 +136,7 @@ def _side(a: Floats, b: Floats, c: Floats, d: Floats) -> Ints:
 
 
 def _turn(axis: Ints, a: Floats, b: Floats, c: Floats) -> Ints:
-    """Return the exact sign of the area of each triangle a, b, c, projected along the coordinate axis `axis`."""
+    """Return the exact sign (k,) of the area of triangles a, b, c (k, 3), projected along coordinate axes (k,)."""
     keep = 1.0 - np.eye(3)[axis]
     return _side(a * keep, b * keep, c * keep, np.eye(3)[axis])
 

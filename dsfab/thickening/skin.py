@@ -18,13 +18,13 @@ def round_to_single(V: Floats) -> Floats:
 
 
 def is_fine(V: Floats, D: Floats) -> bool:
-    """Return True if rounding V (n, 3) to single precision moves it by under 1e-3 of the median length of vectors D."""
+    """Return True if steps of single precision at V (n, 3) are at most 1e-3 of the median length of D (n, 3)."""
     step = np.spacing(np.float32(np.abs(V).max() * MM_PER_M)) / MM_PER_M
     return bool(step <= 1e-3 * np.median(np.linalg.norm(D, axis=1)))
 
 
 def rounding_step(V: Floats, D: Floats) -> float:
-    """Return an upper bound (m) of how far `round_to_single` moves V + 2 D. D : (n, 3) vectors of half a thickness."""
+    """Return an upper bound of the distance (m) by which `round_to_single` moves points V + 2 D (n, 3)."""
     largest = (np.abs(V).max() + 2 * np.abs(D).max()) * MM_PER_M
     return float(np.spacing(np.float32(largest)) / MM_PER_M)
 
@@ -45,18 +45,16 @@ def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
 
 
 def closed_skin(surface: Surface, D: Floats, shift: int = 0) -> tuple[Floats, Ints]:
-    """Return vertices (2 n, 3), metres, and triangles (k, 3) of the closed mesh around a manifold sheet.
+    """Return vertices (2 n, 3), metres, and triangles (k, 3) of the closed mesh (it may cross itself) around a sheet.
     D     : (n, 3) half-thickness vectors, metres.
-    shift : as in `Skin`.
-    The function does not test whether the mesh crosses itself."""
+    shift : 0 for a sheet in the middle of the solid, 1 for a solid on the side of D, -1 for the opposite side."""
     skin = Skin.from_surface(surface, shift)
     return skin.vertices(surface.V, D), skin.faces(skin.shorter_diagonals(surface.V, D))
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """Connectivity of the solid around a sheet of n vertices; the sheet lies to the left of every rim edge p -> q.
-
+    """Faces of the closed mesh around a sheet of n vertices. The sheet lies left of every boundary edge p -> q.
     Vertex i has copy i on the upper side of the first face around it, and copy n + i on the opposite side.
     upper  : (m, 3) copies of each face's corners on the side of the face's normal.
     lower  : (m, 3) copies of each face's corners on the opposite side.
@@ -89,12 +87,13 @@ class Skin:
         return cls(n, copies[0], copies[1], *ends, np.flatnonzero(rim) // 3, shift, single)
 
     def vertices(self, V: Floats, D: Floats) -> Floats:
-        """Return two copies (2 n, 3) of the vertices: first those on the side to which D points, then the opposite."""
+        """Return the vertices (2 n, 3) of the closed mesh, metres: n copies on the side of D, then n copies opposite.
+        V, D : (n, 3) vertices of the sheet and half-thickness vectors, metres."""
         copies = np.concatenate([V + (self.shift + 1) * D, V + (self.shift - 1) * D])
         return round_to_single(copies) if self.single else copies
 
     def shorter_diagonals(self, V: Floats, D: Floats) -> Bools:
-        """Return a mask (r,) of walls whose diagonal `backslash` (see `Skin`) is clearly shorter than `slash`."""
+        """Return a mask (r,) of the walls whose diagonal `backslash` (see `Skin`) is shorter than their `slash`."""
         P = self.vertices(V, D)
         back, slash = P[self.p[0]] - P[self.q[1]], P[self.q[0]] - P[self.p[1]]
         shorter: Bools = np.einsum("ri,ri->r", back, back) < (1 - 1e-9) * np.einsum("ri,ri->r", slash, slash)
@@ -109,11 +108,11 @@ class Skin:
         return np.concatenate([self.upper, self.lower[:, ::-1], first_triangle, second])
 
     def walls(self, faces: Ints) -> Ints:
-        """Return the walls (k,) that contain faces (f,) of the solid, each wall once."""
+        """Return the numbers (k,) of the walls that contain some of the solid's faces (f,), each wall once."""
         skins = 2 * len(self.upper)
         return np.unique((faces[faces >= skins] - skins) % max(self.p.shape[1], 1))
 
     def sources(self) -> Ints:
-        """Return the face of the sheet (2 m + 2 r,) from which each face of the solid was made."""
+        """Return, for each face of the solid, the number (2 m + 2 r,) of the sheet's face from which it was made."""
         every = np.arange(len(self.upper))
         return np.concatenate([every, every, self.rim, self.rim])

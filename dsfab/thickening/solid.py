@@ -31,7 +31,6 @@ Place = tuple[float, float, float]
 @dataclass(frozen=True)
 class Repairs:
     """Numbers of the repair of a solid.
-
     rung        : strongest method of the repair: `none`, `flipped` (wall diagonals), `thinned`, or `united` (parts of
                   a sheet that crosses itself).
     found       : number of pairs of faces that intersected before the repair.
@@ -65,7 +64,8 @@ class Repairs:
 def repair_report(
     surface: Surface, D: Floats, repair: RepairedSkin, V: Floats, F: Ints
 ) -> tuple[Repairs, tuple[str, ...]]:
-    """Report the repair of the sheet with offsets D (n, 3) in numbers and in sentences; V, F is the solid."""
+    """Return the repair of a sheet in numbers, and in sentences for the user.
+    D : (n, 3) offset vectors before the repair. V, F : mesh of the repaired solid."""
     report, notes = Repairs(rung="flipped" if repair.found else "none", found=repair.found), []
     share = np.linalg.norm(repair.D, axis=1) / np.linalg.norm(D, axis=1)
     thin = int((share < 1 - 1e-9).sum())
@@ -100,7 +100,7 @@ def repair_report(
 
 
 def rounding_notes(V: Floats, F: Ints) -> tuple[str, ...]:
-    """Report faces F (m, 3) that get two equal corners when STL files round V (n, 3), metres, to single precision."""
+    """Return a note, or (), on faces F (m, 3) that collapse where STL files round V (n, 3), m, to single precision."""
     a, b = half_edges(F)
     lost = np.arange(len(a))
     for column in V.T:
@@ -139,7 +139,6 @@ VOLUME_TOLERANCE = 1e-9  # Largest error of the volume, divided by area and size
 @dataclass(frozen=True, eq=False)
 class Solid:
     """A closed triangle mesh, ready to be built.
-
     V       : (n, 3) vertices, metres.
     F       : (m, 3) faces, counter-clockwise seen from outside.
     genus   : number of handles, summed over all closed boundary surfaces.
@@ -204,7 +203,6 @@ class Solid:
 
 def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | None = None) -> Solid:
     """Return the solid between the skins V + D and V - D of a sheet, closed by walls ruled along D on its boundary.
-
     surface : an edge-manifold sheet without parts that touch only in a point; it may be closed, one-sided or in pieces.
     D       : (n, 3) half-thickness vectors from `offsets`, metres, on the normal's side of each vertex's first face.
     side    : "out" for the skins V + 2 D and V, "in" for V and V - 2 D.
@@ -245,7 +243,6 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
 
 
 def _vertices(skin: Skin, repair: RepairedSkin, F: Ints, among: Bools | None) -> Floats:
-    """Return the repaired solid's vertices: exact, or rounded if `skin` rounds and this gives fewer intersections."""
     V = skin.vertices(repair.V, repair.D)
     if not skin.single:
         return V
@@ -254,8 +251,8 @@ def _vertices(skin: Skin, repair: RepairedSkin, F: Ints, among: Bools | None) ->
 
 
 def check_solid(solid: Solid) -> None:
-    """Raise SolidError if manifold3d rejects the solid, or if its volume is not positive or not manifold3d's volume.
-    manifold3d empties a bad mesh without an error, so its status is read. Intersections are not tested."""
+    """Raise SolidError if manifold3d rejects the solid or finds a different volume, or if the volume is not positive.
+    Intersections are not tested."""
     import manifold3d
 
     mesh = manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64))  # writable copies
@@ -293,7 +290,6 @@ def _used_part(surface: Surface, D: Floats) -> tuple[Surface, Floats]:
 
 
 def _euler_characteristic(F: Ints) -> int:
-    """Return vertices - edges + faces of a closed mesh, in which every edge has two faces (see `check_solid`)."""
     return int(np.count_nonzero(np.bincount(F.ravel()))) - len(F) // 2
 
 
@@ -313,7 +309,6 @@ def _check_upward(surface: Surface, skin: Skin, D: Floats) -> None:
 
 
 def _pieces_and_shells(surface: Surface, F: Ints) -> tuple[int, int]:
-    """Return the number of pieces of the sheet, and of closed boundary surfaces of its solid F."""
     count, label = surface.pieces
     if len(misoriented_edges(surface.F, surface.edges)):
         return count, pieces(F, edge_table(F))[0]

@@ -31,10 +31,11 @@ class Overlap:
 
 
 def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
-    """Return one part for each colour (number) of the faces (m,). A part extends over adjacent faces of higher colours.
-    clashes : (k, 2) pairs of faces of the sheet whose thickened solids meet; no part contains such a pair.
-    Where a part of colour c meets a lower colour, the part's thickness is multiplied by 1 - 2 s, s = 0.01 (1 + c / 2).
-    At the neighbours of these border vertices, the part's thickness is multiplied by 1 - s."""
+    """Divide a sheet into parts that overlap: the faces of each colour, and adjacent faces of higher colours.
+    colour  : (m,) number of the part of each face.
+    clashes : (k, 2) pairs of faces whose thickened solids meet; no part contains both faces of a pair.
+    Where the part of colour c meets a lower colour, its thickness is multiplied by 1 - 2 s, s = 0.01 (1 + c / 2).
+    At the neighbours of these vertices, the thickness is multiplied by 1 - s."""
     neighbours = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
     own_vertices = [corners_of(surface.F, colour == c, surface.n) for c in range(count)]
@@ -60,7 +61,6 @@ def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
 
 
 def _extension(surface: Surface, colour: Ints, c: int, own_vertices: Bools, clashes: Ints) -> Bools:
-    """Mark faces (m,) of higher colours that touch colour `c`, without faces whose solids meet in the extended part."""
     extension = (colour > c) & own_vertices[surface.F].any(axis=1)
     part = extension | (colour == c)
     meet = clashes[part[clashes].all(axis=1)]
@@ -69,7 +69,6 @@ def _extension(surface: Surface, colour: Ints, c: int, own_vertices: Bools, clas
 
 
 def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_vertices: Bools) -> Floats:
-    """Return vertices (n, 3). A vertex `beyond` a part moves by 45 % along its shortest edge that leads to the part."""
     i, j = np.concatenate([surface.edges.ends, surface.edges.ends[:, ::-1]]).T
     used = beyond[i] & own_vertices[j]
     i, j = i[used], j[used]
@@ -81,7 +80,6 @@ def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_ver
 
 
 def _move_towards(V: Floats, neighbours: csr_array, moves: Bools, towards: Bools, share: float) -> Floats:
-    """Move the vertices of V (n, 3) marked `moves` by `share` of the way to the mean of neighbours marked `towards`."""
     count = neighbours @ towards.astype(float)
     rows = np.flatnonzero(moves & (count > 0))
     V = V.copy()
@@ -95,8 +93,9 @@ THINNEST = 0.3  # Smallest fraction of an offset that thinning leaves.
 
 @dataclass(frozen=True, eq=False)
 class PrismUnion:
-    """Union of a sheet's prisms: closed mesh V (n, 3), F (m, 3), pairs (k, 2) of faces that intersect, piece count.
-    share  : (n',) length of the offset at each vertex of the sheet, divided by the input offset's length.
+    """United solid of a sheet that crosses itself: closed mesh V (n, 3), metres, F (m, 3), and its number of pieces.
+    pairs  : (k, 2) pairs of faces of this mesh that intersect.
+    share  : (n',) remaining fraction of the thickness at each vertex of the sheet.
     places : number of separate lines along which the sheet crosses itself."""
 
     V: Floats
@@ -108,10 +107,11 @@ class PrismUnion:
 
 
 def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> PrismUnion | None:
-    """Unite the prisms (solids over faces) of a sheet whose solid has intersecting faces `pairs` (k, 2).
-    corners : (m, 3, 3) offset vectors at the corners of the faces, on the side of each face's normal.
-    Returns None if the sheet must be cut into too many patches, or if manifold3d rejects a part. Offsets are shortened
-    where intersecting faces have a common vertex, because no cut can separate these faces."""
+    """Cut a sheet that crosses itself into patches, and unite the thickened patches.
+    corners : (m, 3, 3) half-thickness vectors at the corners of the faces, on the side of each face's normal, metres.
+    pairs   : (k, 2) pairs of faces of `skin` that intersect.
+    Returns None if too many patches are needed, or if manifold3d rejects a patch. The sheet is thinned where no cut can
+    separate intersecting faces, because they have a common vertex."""
     graph, share = _dual(surface), np.ones(surface.n)
     label = pieces(surface.F, surface.edges)[1]
     meeting = skin.sources()[pairs]
@@ -140,7 +140,6 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
 
 
 def _collapse_short_edges(V: Floats, F: Ints, single: bool) -> tuple[Floats, Ints, Ints]:
-    """Collapse edges too short for single precision. Return the mesh with fewest intersections, and its face pairs."""
     step = float(np.spacing(np.float32(np.abs(V).max() * MM_PER_M))) / MM_PER_M
     result: tuple[Floats, Ints, Ints] | None = None
     for tolerance in (0.0, *(step * factor for factor in (1.0, 4.0, 16.0, 64.0))):
@@ -174,7 +173,7 @@ def _touching(F: Ints) -> Bools:
 
 
 def _cut_patches(label: Ints, clashes: Ints, graph: csr_array, patch_limit: int = 400) -> Ints | None:
-    """Divide patches (m,) until no patch has both faces of a row in `clashes`; None above `patch_limit` patches."""
+    """Return patch numbers (m,) for which no patch has both faces of a row of `clashes`; None if too many patches."""
     label = label.copy()
     count = int(label.max()) + 1
     while True:
@@ -205,8 +204,8 @@ def _patch_colours(label: Ints, clashes: Ints) -> Ints:
 
 
 class PrismPart(NamedTuple):
-    """A closed mesh V (n, 3), F (m, 3).
-    found  : (k, 2) pairs of sheet faces whose prisms meet.
+    """A thickened part of a sheet: closed mesh V (n, 3), metres, F (m, 3).
+    found  : (k, 2) pairs of the sheet's faces whose solids meet in this part.
     around : (k,) mask of the pairs with a common vertex."""
 
     V: Floats
@@ -216,8 +215,9 @@ class PrismPart(NamedTuple):
 
 
 def prism_part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> PrismPart:
-    """Return the part of the sheet in `overlap`, thickened, as a closed mesh, split where faces touch only in a vertex.
-    corners : (m, 3, 3) offsets, metres. like : skin whose `shift` and rounding (`single`) apply."""
+    """Thicken the part of a sheet that `overlap` describes.
+    corners : (m, 3, 3) half-thickness vectors at the corners of the sheet's faces, metres.
+    like    : skin of the whole sheet; the part has the same `shift` and the same rounding (`single`)."""
     faces = np.flatnonzero(overlap.faces)
     F = corner_fans(surface.F[faces], edge_table(surface.F[faces]))
     _, first_corner = np.unique(F.ravel(), return_index=True)

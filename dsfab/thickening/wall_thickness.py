@@ -17,7 +17,7 @@ FLAT = float(np.cos(1e-3))  # Least cosine of the angle between neighbours in on
 
 @dataclass(frozen=True, eq=False)
 class Wall:
-    """The thinnest wall: its thickness (m), and its place (3,)."""
+    """The thinnest wall of a solid: its thickness (m), and the vertex (3,) at which it was measured (m)."""
 
     thickness: float
     place: Floats
@@ -37,13 +37,13 @@ class Rays:
         self._tree.init(self._V, self._F)
 
     def first_hits(self, start: Floats, direction: Floats) -> Ints:
-        """Return the first face (k,) that each line from points (k, 3) along unit vectors (k, 3) hits, or -1."""
+        """Return the first face (k,) hit by each ray, or -1. start, direction : (k, 3) points and unit vectors."""
         start = (start - self._middle) * self._scale + 1e-9 * LARGE * direction  # the line starts inside the face
         return np.asarray(self._tree.intersect_ray_first(self._V, self._F, start, direction)[0], dtype=np.int64)
 
 
 class Facets:
-    """The flat facets of a closed mesh F (m, 3) with unit normals N (m, 3)."""
+    """The flat facets (groups of coplanar neighbouring faces) of a closed mesh F (m, 3) with unit normals N (m, 3)."""
 
     def __init__(self, F: Ints, N: Floats) -> None:
         pairs = edge_table(F).pairs // 3
@@ -53,7 +53,8 @@ class Facets:
         self._first = np.searchsorted(self._facet, np.arange(len(F) + 1), sorter=self._order)
 
     def nearest_separate_pair(self, size: Floats, start_face: Ints, end_face: Ints) -> int | None:
-        """Return the index of the smallest `size` (k,) between faces in facets without a common point, or None."""
+        """Return the index of the pair of faces, start_face (k,) and end_face (k,), with the smallest size (k,).
+        Pairs whose facets are different and touch do not count. Returns None if no pair counts."""
         for k in np.argsort(size, kind="stable").tolist():
             if not np.isfinite(size[k]):
                 break
@@ -70,9 +71,9 @@ class Facets:
 
 
 def thinnest_wall(solid: Solid) -> Wall | None:
-    """Return the thinnest wall of a solid, from one line at each vertex; None without opposite faces.
-    The thickness is the distance of a line's start from the plane of the face that it hits. It is exact between flat
-    faces. Facets that meet in a point form a tip, which is not a wall."""
+    """Return the thinnest wall of a solid, measured along a ray into the solid at each vertex; None without walls.
+    The thickness is the distance from the ray's start to the plane of the face that the ray hits.
+    Facets that touch form a tip, not a wall."""
     V, F = np.array(solid.V), np.array(solid.F)
     face = _largest_faces(V, F)
     corner = np.arange(len(V))[face >= 0]

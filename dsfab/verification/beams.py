@@ -19,15 +19,16 @@ PATTERNS: tuple[Mesh, ...] = ("diagonal", "union_jack")
 
 
 def straight_beam(cells: int, mesh: Mesh, force: Vector, shape: Shape = "rectangles") -> Problem:
-    """Return a beam 6 x 0.2 x 0.1 in six blocks of `cells` by `cells`; distorted blocks have sides at 45 degrees."""
+    """Return a cantilever 6 x 0.2 x 0.1 with a force on its end. The mesh has six blocks of `cells` by `cells` cells.
+    shape : shape of the blocks; slanted sides are at 45 degrees."""
     uv, F = square(6 * cells, cells, mesh)
     V = np.stack([6 * uv[:, 0] + lean(6 * uv[:, 0], shape) * (2 * uv[:, 1] - 1), 0.2 * uv[:, 1], 0 * uv[:, 0]], axis=1)
     return tip_loaded(uv, F, V, Material(1e7, 0.3), 0.1, force)
 
 
 def lean(station: Floats, shape: Shape) -> Floats:
-    """Return how far mesh lines lean: offsets (k,) of their upper ends along the beam, at positions (k,) from 0 to 6.
-    In trapezoids the lines lean to alternate sides, in parallelograms to one side. Both end lines are upright."""
+    """Return the distances (k,), along the beam, by which the upper ends of mesh lines are moved to slant the lines.
+    station : (k,) positions of the lines along the beam, 0 to 6. The first and the last line stay upright."""
     lines = np.full(7, 0.0 if shape == "rectangles" else 1.0)
     if shape == "trapezoids":
         lines[1::2] = -1.0
@@ -36,7 +37,7 @@ def lean(station: Floats, shape: Shape) -> Floats:
 
 
 def curved_beam(cells: int, mesh: Mesh, force: Vector) -> Problem:
-    """Return a quarter ring between the radii 4.12 and 4.32, 0.1 thick, built in at one end."""
+    """Return a quarter ring between the radii 4.12 and 4.32, 0.1 thick, built in at one end, loaded at its free end."""
     uv, F = square(6 * cells, cells, mesh)
     radius, turn = 4.12 + 0.2 * uv[:, 1], np.pi / 2 * (1 - uv[:, 0])
     V = np.stack([radius * np.sin(turn), radius * np.cos(turn), 0 * turn], axis=1)
@@ -44,7 +45,7 @@ def curved_beam(cells: int, mesh: Mesh, force: Vector) -> Problem:
 
 
 def twisted_beam(cells: int, mesh: Mesh, force: Vector, thickness: float = 0.32) -> Problem:
-    """Return a beam 12 x 1.1, twisted by 90 degrees from the root to the tip."""
+    """Return a cantilever 12 x 1.1, twisted by 90 degrees from the root to the tip, with a force on the tip."""
     uv, F = square(11 * cells, cells, mesh)
     across, turn = 1.1 * (uv[:, 1] - 0.5), np.pi / 2 * uv[:, 0]
     V = np.stack([12 * uv[:, 0], across * np.cos(turn), across * np.sin(turn)], axis=1)
@@ -57,7 +58,6 @@ BENT_WIDTH = 0.2  # Metres; the axis has a radius of 1 m.
 
 def bent_strip(cells: int, mesh: Mesh, slenderness: float) -> Problem:
     """Return a strip 0.2 wide, bent into a quarter circle of radius 1, with a force on its free end along the radius.
-    Elements with membrane locking stretch the strip when it bends. Beam theory is exact without Poisson effect.
     slenderness : radius divided by thickness."""
     uv, F = square(8 * cells, cells, mesh)
     turn = np.pi / 2 * uv[:, 0]
@@ -66,7 +66,8 @@ def bent_strip(cells: int, mesh: Mesh, slenderness: float) -> Problem:
 
 
 def bent_strip_tip(slenderness: float) -> float:
-    """Return the radial movement of the free end of a bent strip whose axis does not stretch: pi / 4 P R^3 / (E I)."""
+    """Return the exact radial movement of the free end of `bent_strip`, for an axis that does not stretch.
+    It is pi / 4 P R^3 / (E I) for the force P = 1 and the radius R = 1."""
     return float(np.pi / 4 / (BENT.young * BENT_WIDTH / slenderness**3 / 12))
 
 
@@ -83,7 +84,7 @@ def raasch_hook(cells: int, mesh: Mesh) -> Problem:
 
 
 HOOK = 5.022
-"""Movement of the hook's end by solids: 5.02 by refined 20-node bricks [Abaqus 6.5 Benchmarks, 2.3.6; Knight 1997],
+"""Movement of the hook's end from solid elements: 5.02 by 20-node bricks [Abaqus 6.5 Benchmarks, 2.3.6; Knight 1997],
 5.02201 by extrapolation of three meshes of bricks in FinEtoolsFlexStructures.jl."""
 
 EDGES_OF_STRIP = 0.63 * 2 / 20

@@ -17,7 +17,7 @@ COARSE = 12  # Number of cells along the vault's arc before the ribs are cut; fi
 
 
 def vault(cells: int) -> Surface:
-    """Return a barrel vault with six by four openings; the stripes of each family cover half of the area."""
+    """Return the mesh of a barrel vault cut into ribs (six by four openings). cells : number of cells along its arc."""
     uv, F = square(COARSE, COARSE - 2, "union_jack")
     turn = OPENING * (uv[:, 0] - 0.5)
     uncut = Surface(np.stack([RADIUS * np.sin(turn), LENGTH * uv[:, 1], RADIUS * np.cos(turn)], axis=1), F)
@@ -30,14 +30,14 @@ def vault(cells: int) -> Surface:
 
 
 def on_cylinder(points: Floats) -> tuple[Floats, Floats]:
-    """Move points (k, 3) onto the cylinder, metres; return points and normals of the cylinder, (k, 3) each."""
+    """Return the points (k, 3), metres, moved onto the vault's cylinder, and the cylinder's normals (k, 3) there."""
     out = points * (1, 0, 1)
     normal = out / np.linalg.norm(out, axis=1, keepdims=True)
     return points * (0, 1, 0) + RADIUS * normal, normal
 
 
 def halved_on_cylinder(surface: Surface) -> Surface:
-    """Split every triangle into four; new vertices lie on the cylinder."""
+    """Return the mesh with every triangle split into four; new vertices lie on the vault's cylinder."""
     F, edges = surface.F, surface.edges
     mid = surface.n + edges.of
     added = on_cylinder(surface.V[edges.ends].mean(axis=1))[0]
@@ -51,7 +51,7 @@ def feet(surface: Surface) -> Bools:
 
 
 def cut_vault(cells: int, mesh: Mesh) -> Problem:
-    """Return the vault as a thin sheet built in at both springing lines under its own weight; value: compliance, J."""
+    """Return the vault as a thin sheet under its own weight, built in at both springing lines; value: compliance, J."""
     surface = vault(cells)
     where, weight = feet(surface), CONCRETE.density * THICKNESS * GRAVITY
     fixed, clamped = held_directions(surface.n, (where, "xyz")), edges_on(surface, where)
@@ -59,7 +59,7 @@ def cut_vault(cells: int, mesh: Mesh) -> Problem:
 
 
 def vault_solid(cells: int, mesh: Mesh) -> tuple[int, float] | None:
-    """Return the unknowns and the compliance (J) of the vault as a solid; None if CalculiX is not installed."""
+    """Return the number of unknowns and the compliance (J) of the vault as a solid; None without CalculiX."""
     surface = vault(cells)
     solid = wedges(surface, THICKNESS, on_cylinder)
     compliance = solid_compliance(solid, CONCRETE, end_face_nodes(solid, surface, feet(surface)), GRAVITY)

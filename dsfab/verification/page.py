@@ -34,7 +34,8 @@ INK, FAINT = "#010203", "#040506"  # Placeholders for the page's colours of text
 
 
 def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standing]) -> str:
-    """Plot error (%) over unknowns: lines for element pairs (membrane, bending), marks for published values."""
+    """Return an SVG plot of the error (%) over the number of unknowns, with marks for published values.
+    Each pair of membrane and bending elements has a line for each mesh pattern."""
     with _figure(6.6, 3.1) as (figure, axes):
         for colour, name in zip(COLOURS, dict.fromkeys(row.elements for row in rows), strict=False):
             for k, mesh in enumerate(test.meshes):
@@ -74,7 +75,7 @@ def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standi
 
 
 def drawing(problem: Problem, title: str) -> str:
-    """Draw the mesh with its supports (dots) and at most eight of its loads (arrows), from above or isometrically."""
+    """Return an SVG drawing of the mesh with its supports (dots) and at most eight of its loads (arrows)."""
     V = problem.surface.V
     view = np.eye(2, 3) if problem.plane_axis == 2 else _isometric()
     shown = V @ view.T
@@ -112,7 +113,6 @@ def _arrows(axes: "Axes", problem: Problem, view: Floats) -> None:
 
 
 def _isometric() -> Floats:
-    """Return a projection (2, 3): x points to the lower right, y to the upper right, z upwards."""
     c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
     return np.array([[c, c, 0.0], [-s, s, 1.0]])
 
@@ -187,7 +187,7 @@ def write_page(folder: Path, tests: Sequence[Test], rows: Sequence[VerificationR
 
 
 def page(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
-    """Return the whole page. Equal rows give equal text, because the page contains no date."""
+    """Return the HTML text of the page. Equal rows give equal text."""
     against = standings(rows, {test.name: test for test in tests})
     short = shortfalls(rows)
     parts = [_head(tests, rows), _uses(), _summary(tests, rows), _published_counts(against)]

@@ -27,7 +27,7 @@ from dsfab.verification.problems import (
 
 
 def corner_stress(surface: Surface, material: Material, answer: Equilibrium) -> Floats:
-    """Return the membrane stress (m, 3 corners, 3, 3) in plane stress, Pa, tangent to each face."""
+    """Return the stress tensors (m, 3 corners, 3, 3) of a sheet in plane stress at the corners of its faces, Pa."""
     strain = membrane_strains(surface, answer)
     planar = membrane_stresses(surface, material, "plane_stress", answer.elements, strain)
     t = tangents(surface)
@@ -35,7 +35,7 @@ def corner_stress(surface: Surface, material: Material, answer: Equilibrium) -> 
 
 
 def vertex_stress(surface: Surface, material: Material, answer: Equilibrium, vertex: int) -> Floats:
-    """Return the mean (3, 3) of the stresses in all face corners at a vertex, Pa."""
+    """Return the stress tensor (3, 3) at a vertex, Pa: the mean over the faces there."""
     return np.asarray(corner_stress(surface, material, answer)[vertex == surface.F].mean(axis=0))
 
 
@@ -43,7 +43,8 @@ STEEL = Material(210e9, 0.3)
 
 
 def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:
-    """Return a square sheet, 1 m wide, 10 mm thick, under 1 kN/m of tension or shear; value: movement of a side."""
+    """Return a square sheet, 1 m wide, 10 mm thick, under 1 kN/m of tension or shear.
+    Value: displacement along x of the right side in tension, of the top side in shear."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
     left, right, bottom, top = (is_at(uv[:, axis], end) for axis in (0, 1) for end in (0.0, 1.0))
@@ -70,8 +71,8 @@ def cook(cells: int, mesh: Mesh) -> Problem:
 
 
 def kirsch(cells: int, mesh: Mesh) -> Problem:
-    """Return a quarter ring from radius 1 to 5 around a hole in an infinite sheet in unit tension along x.
-    Tractions of Kirsch's solution act on the outer edge. The value is the largest stress at the hole, exactly 3."""
+    """Return a quarter of a sheet in unit tension along x around a hole of radius 1, cut out at radius 5.
+    Tractions of Kirsch's solution for an infinite sheet act on the outer edge. Value: stress at the hole, exactly 3."""
     uv, F = square(cells, cells, mesh)
     radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # this makes cells as long as wide
     V = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn], axis=1)
@@ -106,10 +107,11 @@ def quarter(
     stress: Callable[[Floats, Floats], Floats],
     target: tuple[float, str],
 ) -> Problem:
-    """Return a quarter of a sheet with a hole: u = 0 lies on the x axis, u = 1 on the y axis, v = 0 on the hole.
-
-    stress : (x, y) -> (..., 2, 2) stress, Pa, whose tractions act on the outer edge v = 1.
-    target : (u, component): the problem's value is this stress component at the edge of the hole, at this u."""
+    """Return a quarter of a sheet with a hole, loaded by tractions on its outer edge.
+    uv     : (n, 2) coordinates u, v of the vertices. u = 0 is on the x axis, u = 1 on the y axis; v = 0 is the edge of
+             the hole, v = 1 the outer edge.
+    stress : function (x, y) -> (..., 2, 2) of the stress, Pa, whose tractions act on the outer edge.
+    target : u and a component ("xx"): the problem's value is this stress component at the hole, at this u."""
     end, component = target
     surface = Surface(V, F)
     outer = edges_on(surface, is_at(uv[:, 1], 1.0))
@@ -124,7 +126,7 @@ def quarter(
 
 
 def tractions(surface: Surface, marked: Bools, stress: Callable[[Floats, Floats], Floats]) -> Floats:
-    """Return the mean traction (e, 3) on marked edges (e,), by four Gauss points and outward normals; 0 elsewhere."""
+    """Return the mean traction (e, 3) of a stress field on marked boundary edges (e,), Pa; 0 on all other edges."""
     ends = surface.V[surface.edges.ends[marked], :2]
     along = ends[:, 1] - ends[:, 0]
     n = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)

@@ -36,7 +36,8 @@ ACROSS = (0.0, 0.0, 1.0)  # Load normal to the plane of a plate, Pa.
 
 
 def plate(cells: int, mesh: Mesh, clamped: bool) -> Problem:
-    """Return a unit square under 1 Pa normal to its plane; value: deflection of its centre times D / (q a^4)."""
+    """Return a square plate under a uniform load. Value: deflection of its centre times D / (q a^4).
+    D: bending stiffness, q: load, a: side. clamped : false for simply supported edges."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
     sides = [is_at(uv[:, axis], end) for axis in (0, 1) for end in (0.0, 1.0)]
@@ -63,7 +64,7 @@ def skew_plate(cells: int, mesh: Mesh) -> Problem:
 
 
 def stressed_plate(cells: int, mesh: Mesh) -> Problem:
-    """Return the supported plate. Value: largest stress at its centre / (q (a / h)^2); load q, side a, thickness h."""
+    """Return the simply supported plate. Value: stress at its centre / (q (a / h)^2); load q, side a, thickness h."""
     problem = plate(cells, mesh, clamped=False)
     surface = problem.surface
     centre = np.abs(surface.V[:, :2] - 0.5).max(axis=1).argmin()
@@ -77,7 +78,8 @@ def stressed_plate(cells: int, mesh: Mesh) -> Problem:
 
 
 def shaken_plate(cells: int, mesh: Mesh) -> Problem:
-    """Return the supported plate without load; value: its lowest omega a^2 sqrt(rho h / D), side a, thickness h."""
+    """Return the simply supported square plate in free vibration. Value: lowest omega a^2 sqrt(rho h / D).
+    omega: angular frequency, a: side, rho: density, h: thickness, D: bending stiffness."""
     problem = plate(cells, mesh, clamped=False)
     scale = 2 * np.pi * np.sqrt(HEAVY.density * THIN / HEAVY.bending_stiffness(THIN))
 
@@ -89,7 +91,7 @@ def shaken_plate(cells: int, mesh: Mesh) -> Problem:
 
 
 def pressed_plate(cells: int, mesh: Mesh) -> Problem:
-    """Return a simply supported square, side a = 1, pressed along x by a line load N. Value: N a^2 / D at buckling."""
+    """Return a simply supported square plate of side a, pressed along x by a line load N. Value: buckling N a^2 / D."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
     ends = [is_at(uv[:, 0], end) for end in (0.0, 1.0)]
@@ -110,7 +112,7 @@ def pressed_plate(cells: int, mesh: Mesh) -> Problem:
 
 
 def _moment() -> float:
-    """Return M / (q a^2) at the centre of a supported square plate, nu = 0.3 [Navier 1820; Timoshenko 1959, 30]."""
+    """Return the moment M / (q a^2) at the centre of a simply supported square plate [Timoshenko 1959, 30]."""
     odd = np.arange(1, 400, 2)
     m, n = np.meshgrid(odd, odd, indexing="ij")
     sign = np.where((m + n) % 4 == 2, 1.0, -1.0)  # the sign is sin(m pi / 2) sin(n pi / 2)

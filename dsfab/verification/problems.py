@@ -31,7 +31,7 @@ NEAR = 1e-9  # Coordinates in the unit square that differ by less are equal.
 
 
 def square(nx: int, ny: int, mesh: Mesh) -> tuple[Floats, Ints]:
-    """Return vertices (n, 2) and faces (m, 3) of a mesh of the unit square with nx by ny cells."""
+    """Mesh the unit square with nx by ny cells of two triangles. Return vertices (n, 2) and faces (m, 3)."""
     x, y = np.meshgrid(np.arange(nx + 1) / nx, np.arange(ny + 1) / ny, indexing="ij")
     uv = np.stack([x.ravel(), y.ravel()], axis=1)
     i, j = np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij")
@@ -55,7 +55,7 @@ def is_at(values: Floats, position: float) -> Bools:
 
 
 def edges_on(surface: Surface, *lines: Bools) -> Bools:
-    """Return a mask (e,) of boundary edges with both ends on one of the lines, given as masks (n,) of vertices."""
+    """Return a mask (e,) of the boundary edges on any of the lines. lines : masks (n,) of the vertices on each line."""
     is_on_line = np.logical_or.reduce([line[surface.edges.ends].all(axis=1) for line in lines])
     return np.asarray(is_on_line & surface.edges.boundary)
 
@@ -90,21 +90,19 @@ def _octahedron_side(cells: int) -> tuple[Ints, Ints]:
 
 
 def _on_sphere(points: Ints, cells: int) -> Floats:
-    """Move points of the octahedron onto the sphere, with equal angles along edges, so that triangles are alike."""
     bent = np.sign(points) * np.sin(np.pi / 2 * np.abs(points) / cells)
     return np.asarray(bent / np.linalg.norm(bent, axis=1, keepdims=True))
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """One mesh of one test: structure, loads, and the value to compare.
-
-    fixed   : (n, 3) fixed directions.
-    clamped : (e,) edges that cannot rotate (built in, or symmetry).
+    """One mesh of one test: structure, loads, and the value that is compared with the reference.
+    fixed   : (n, 3) marks of fixed directions (x, y, z) at each vertex.
+    clamped : (e,) marks of edges that cannot rotate (built in, or on a symmetry plane).
     force   : (n, 3) concentrated loads, newtons.
-    face    : (m, 3) loads per area.    edge : (e, 3) loads per length.
+    face    : (m, 3) loads per area, Pa.    edge : (e, 3) loads per length, N/m.
     value   : function that returns the value from an equilibrium.
-    modes   : function that returns the value from elements, for eigenvalue problems; else None."""
+    modes   : for vibration and buckling: function that calculates the value with given elements; else None."""
 
     surface: Surface
     material: Material
@@ -136,7 +134,7 @@ class Problem:
 
     @property
     def plane_axis(self) -> int | None:
-        """Axis normal to a sheet that is solved in its plane; else None."""
+        """Number (0, 1, 2) of the axis normal to a flat sheet that is solved in its plane only; else None."""
         return None if self.modes else flat_axis(self.surface, self.load)
 
     @property
@@ -145,7 +143,7 @@ class Problem:
         return bool(self.clamped.any()) and self.plane_axis is None
 
     def unknowns(self, elements: Elements) -> int:
-        """Return the number of free unknowns with these elements."""
+        """Return the number of unknowns that are not fixed: displacements of vertices, and unknowns of edges."""
         fixed = self.fixed.copy()
         if self.plane_axis is not None:
             fixed[:, self.plane_axis] = True
@@ -153,8 +151,8 @@ class Problem:
         return int((~fixed).sum() + (~held_on_edges(self.surface, elements, fixed, self.clamped)).sum())
 
     def nodal_unknowns(self) -> int:
-        """Return the number of free unknowns of usual shells: three displacements and two rotations at each vertex.
-        A clamped edge fixes one rotation, a built-in vertex both. A sheet loaded in its plane has no rotations."""
+        """Return the number of unknowns that usual shell elements would have on this mesh, without fixed unknowns.
+        Each vertex has three displacements and two rotations; in a sheet loaded in its plane, it has no rotations."""
         fixed = self.fixed.copy()
         if self.plane_axis is not None:
             fixed[:, self.plane_axis] = True
@@ -165,7 +163,7 @@ class Problem:
         return int((~fixed).sum() + 2 * self.surface.n - turning.sum() - built_in.sum())
 
     def solve(self, elements: Elements) -> float:
-        """Return the tested quantity (movement, factor ...) as calculated with `elements`. Raises StaticsError."""
+        """Calculate the value (displacement, frequency, ...) with the given elements. Raises StaticsError."""
         if self.modes:
             return self.modes(elements)
         clamped = self.clamped if self.clamped.any() else None
@@ -240,7 +238,8 @@ def lines_on(where: Bools, newtons_per_metre: tuple[float, float, float]) -> Flo
 def tip_loaded(
     uv: Floats, F: Ints, V: Floats, material: Material, thickness: float, force: tuple[float, float, float]
 ) -> Problem:
-    """Return a strip V (n, 3), built in at u = 0 of uv (n, 2), with a force spread along its end u = 1.
+    """Return a strip built in at its end u = 0, with a force spread along its end u = 1.
+    uv, V : (n, 2) coordinates u, v of the vertices, 0 to 1, and (n, 3) places of the vertices.
     The problem's value is the displacement of the end u = 1 along the force."""
     surface = Surface(V, F)
     root, tip = is_at(uv[:, 0], 0.0), is_at(uv[:, 0], 1.0)

@@ -69,7 +69,6 @@ def outside_series(test: Test, mesh: Mesh) -> list[VerificationRow]:
 def _rows(
     test: Test, mesh: Mesh, elements: str, unknowns: Sequence[int], values: Sequence[float | None], missing: str = ""
 ) -> list[VerificationRow]:
-    """Return a row for each mesh; missing : verdict of a row without a value."""
     ratios = [None if value is None else value / test.reference for value in values]
     rows = []
     for k, (value, count) in enumerate(zip(values, unknowns, strict=True)):
@@ -128,7 +127,7 @@ Seen = Literal["page", "transcript", "recalled"]
 
 @dataclass(frozen=True)
 class Publication:
-    """A published document, and how its numbers were read."""
+    """A published document. seen : where its numbers were read; "recalled" means quoted from memory."""
 
     title: str
     seen: Seen
@@ -139,10 +138,10 @@ class Publication:
 
 @dataclass(frozen=True)
 class Published:
-    """One published value, divided by the reference of its source.
-    cells    : number of cells of this test's mesh; None if the source has only a `note`, such as "coarse mesh".
-    unknowns : unknowns of the source's mesh, if no mesh of the test has as many; otherwise None. If given, `cells`
-               counts the cells of the finest mesh of the test that is coarser than the source's mesh."""
+    """One published value for a test. ratio : this value divided by the reference of its source.
+    cells    : number of cells of the published mesh, counted as in the test; None if only a `note` describes the mesh.
+    unknowns : number of unknowns of the published mesh, if it is not a mesh of the test; else None. If given, `cells`
+               is the cell count of the next coarser mesh of the test."""
 
     test: str
     element: str
@@ -267,13 +266,13 @@ Outcome = Literal["better", "alike", "worse", "unknown"]
 
 @dataclass(frozen=True)
 class Standing:
-    """One published value beside the error of dsfab's elements for displacements.
-    unknowns : number in the published mesh; None if unknown.
-    ours     : largest relative error of dsfab's elements on all regular mesh patterns, on meshes at least as fine as
-               the published mesh; None without a comparable mesh.
-    basis    : `unknowns`: `ours` is interpolated at the published number of unknowns, or is from dsfab's finest mesh if
-               this has fewer unknowns. `cells`: `ours` is for the published cell count, as dsfab's meshes have more.
-    outcome  : result of the comparison: our error is better than, like, or worse than the published error."""
+    """Comparison of a published value with dsfab's elements for displacements.
+    unknowns : number of unknowns of the published mesh; None if unknown.
+    ours     : largest relative error of dsfab's elements on regular meshes at least as fine as the published mesh; None
+               without a comparable mesh.
+    basis    : "unknowns" if `ours` is for the published number of unknowns; "cells" if it is for the published number
+               of cells, because all meshes of dsfab have more unknowns.
+    outcome  : "better" if dsfab's error is smaller than the published error, "alike", "worse", or "unknown"."""
 
     published: Published
     unknowns: int | None
@@ -283,7 +282,7 @@ class Standing:
 
 
 def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> list[Standing]:
-    """Compare each published value with those results in `rows` that come from dsfab's elements for displacements."""
+    """Compare each published value with the results in `rows` of dsfab's elements for displacements."""
     compared = []
     for published in PUBLISHED:
         test_rows = [row for row in rows if row.test == published.test and row.mesh != "jittered"]
@@ -294,7 +293,8 @@ def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> lis
 
 
 def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, float]]:
-    """Return, for each cell count with results of all mesh patterns, the most unknowns and the largest error."""
+    """Return, by number of cells, the largest number of unknowns and the largest relative error over all patterns.
+    Cell counts with a missing result are left out."""
     worst: dict[int, tuple[int, float]] = {}
     for cells in sorted({row.cells for row in rows}):
         cell_rows = [row for row in rows if row.cells == cells]
@@ -305,7 +305,8 @@ def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, floa
 
 
 def shortfalls(rows: Sequence[VerificationRow]) -> dict[str, str]:
-    """Return a line for each test that elements `PAPER` fail. It adds published values of constant-strain elements."""
+    """Return, by test, a sentence for each test in which the error of the elements `PAPER` is too large.
+    The sentence also has published values of elements with constant strain."""
     lines = {}
     for name in dict.fromkeys(row.test for row in rows):
         ours = [row for row in rows if row.test == name and row.elements == str(PAPER) and row.ratio is not None]

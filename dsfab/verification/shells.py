@@ -25,7 +25,8 @@ from dsfab.verification.problems import (
 
 
 def scordelis_lo(cells: int, mesh: Mesh) -> Problem:
-    """Return the whole roof: radius 25, length 50, 80 degrees, 0.25 thick, load 90 per area, diaphragms at its ends."""
+    """Return the Scordelis-Lo roof: a barrel vault of 80 degrees, radius 25, length 50, 0.25 thick, under a load of 90
+    per area, on diaphragms at its ends. Value: sag of the middle of a free edge."""
     uv, F = square(cells, cells, mesh)
     turn = np.radians(80) * (uv[:, 0] - 0.5)
     surface = Surface(np.stack([25 * np.sin(turn), 50 * uv[:, 1], 25 * np.cos(turn)], axis=1), F)
@@ -37,8 +38,8 @@ def scordelis_lo(cells: int, mesh: Mesh) -> Problem:
 
 
 def holed_hemisphere(cells: int, mesh: Mesh) -> Problem:
-    """Return a quarter of a hemisphere with a hole of 18 degrees: radius 10, 0.04 thick.
-    Four forces of 2, inward and outward, act at the rim. Two act at the quarter's corners; it bears half of each."""
+    """Return a quarter of a hemisphere with a hole of 18 degrees at its pole: radius 10, 0.04 thick.
+    Four forces of 2 act on the hemisphere's rim, inward and outward in turn. The quarter bears halves of two forces."""
     uv, F = square(cells, cells, mesh)
     turn, polar = np.pi / 2 * uv[:, 0], np.radians(18 + 72 * uv[:, 1])
     V = 10 * np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=1)
@@ -51,7 +52,8 @@ def holed_hemisphere(cells: int, mesh: Mesh) -> Problem:
 
 
 def pinched_cylinder(cells: int, mesh: Mesh) -> Problem:
-    """Return an eighth of a cylinder between diaphragms, R 300, L 600, 3 thick, under a quarter of a unit force."""
+    """Return an eighth of a cylinder between diaphragms, pinched by two unit forces, with a quarter of a force.
+    Radius 300, length 600, thickness 3."""
     uv, F = square(cells, cells, mesh)
     turn = np.pi / 2 * uv[:, 0]
     surface = Surface(np.stack([300 * np.cos(turn), 300 * uv[:, 1], 300 * np.sin(turn)], axis=1), F)
@@ -63,8 +65,8 @@ def pinched_cylinder(cells: int, mesh: Mesh) -> Problem:
 
 
 def closed_hemisphere(cells: int, mesh: Mesh) -> Problem:
-    """Return NAFEMS LE3: an octant of a sphere, radius 10 m, 40 mm thick, with 2 kN outwards and 2 kN inwards.
-    The octant represents a closed hemisphere, fixed at its pole. The only mesh pattern is a grid of triangles."""
+    """Return the NAFEMS test LE3: a quarter of a closed hemisphere, radius 10 m, 40 mm thick, fixed at its pole.
+    A force of 2 kN outwards and a force of 2 kN inwards act on its rim."""
     V, F = octant(cells)
     surface = Surface(10 * V, F)
     x0, y0, z0 = (np.abs(V[:, axis]) < 1e-9 for axis in range(3))
@@ -78,7 +80,7 @@ VESSEL, WALL, PRESSURE = Material(210e9, 0.3), 0.01, 1e5  # Vessels of radius 1 
 
 
 def pressurised_sphere(cells: int, mesh: Mesh) -> Problem:
-    """Return a closed sphere. Supports at its poles on the three axes stop sideways motion, but have no reactions."""
+    """Return a closed sphere under inner pressure. Value: mean radial displacement."""
     V, F = octasphere(cells)
     surface = Surface(V, F)
     poles = [(np.abs(V[:, axis]) > 1 - 1e-12, "xyz".replace("xyz"[axis], "")) for axis in range(3)]
@@ -87,7 +89,7 @@ def pressurised_sphere(cells: int, mesh: Mesh) -> Problem:
 
 
 def pressurised_cylinder(cells: int, mesh: Mesh) -> Problem:
-    """Return a tube 2 m long with free ends; supports at four vertices of one end prevent only rigid motions."""
+    """Return a tube with free ends, 2 m long, under inner pressure. Value: mean radial displacement."""
     uv, F = square(cells, cells // 2, mesh)
     # the last line of vertices is the first line of the closed tube
     F = np.where(cells * (cells // 2 + 1) <= F, F - cells * (cells // 2 + 1), F)

@@ -24,7 +24,8 @@ MEMBRANE_HERTZ = (44.623, 130.03, 162.70, 246.05, 379.90, 391.44)
 
 
 def cantilevered_plate(cells: int, mesh: Mesh, mode: int) -> Problem:
-    """Return FV16: a plate 10 m square, 50 mm thick, clamped along x = 0; value: frequency of a bending mode, hertz."""
+    """Return the NAFEMS test FV16: a plate 10 m square, 50 mm thick, clamped along x = 0.
+    The problem's value is the frequency of a bending mode, hertz. mode : number of the mode, from 1 on."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(10 * uv, ((0, 0), (0, 1))), F)
     root = is_at(uv[:, 0], 0.0)
@@ -62,7 +63,7 @@ Longer tubes have modes with few waves around the circumference. For these, shal
 
 
 def axial_cylinder(cells: int, mesh: Mesh) -> Problem:
-    """Return a quarter of a tube pressed along its axis, simply supported at its ends; value: buckling N R / (E t^2).
+    """Return a quarter of a tube pressed along its axis. Value: load N R / (E t^2) at buckling; N: force per length.
     Before buckling, the ends can widen, so that the stress is uniform. In buckling modes, the ends cannot widen."""
     uv, F = square(cells, 2 * max(1, round(cells * WAVE / np.pi)), mesh)
     turn = np.pi / 2 * uv[:, 0]

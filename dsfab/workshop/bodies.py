@@ -20,11 +20,11 @@ from dsfab.workshop.planks import PlankPlan, plank_courses, upright_course
 
 @dataclass(frozen=True, eq=False)
 class RefoldedStrip:
-    """Part of a member, bent back into space, at k stations.
-    edges   : (k, 2, 3) right and left edge, metres.
-    normals : (k, 3) unit normals of the part's face.
-    holes   : (h, 3) middles of holes, or of slot bottoms, metres.
-    bolts   : (h,) names of bolts or nodes."""
+    """Strip or plank in its built shape in space, at k stations along its length.
+    edges   : (k, 2, 3) points of the right and of the left edge, metres.
+    normals : (k, 3) unit normals of the face.
+    holes   : (h, 3) middles of the holes of a strip, or of the slot bottoms of a plank, metres.
+    bolts   : (h,) names of the bolts in the holes, or of the nodes of the slots."""
 
     id: str
     member: str
@@ -36,8 +36,8 @@ class RefoldedStrip:
 
 @dataclass(frozen=True, eq=False)
 class RefoldedPlan:
-    """Strips or planks of a plan in space, and the deviations (h,) of their joints (m).
-    A deviation is the distance of a hole from the line of its bolt, or the distance between the two slots at a node."""
+    """Strips or planks of a plan in their built shape, and errors `deviations` (h,) of their joints (m).
+    An error is the distance of a hole from the line of its bolt, or the distance between the two slots at a node."""
 
     strips: tuple[RefoldedStrip, ...]
     deviations: Floats
@@ -45,7 +45,7 @@ class RefoldedPlan:
 
 @lru_cache(maxsize=2)
 def refolded_plan(plan: WorkshopPlan) -> RefoldedPlan:
-    """Return the strips or planks of a plan, bent to their shape in space; none for a scale model or a flat sheet."""
+    """Return the strips or planks of a plan in their built shape; empty for a scale model or a flat sheet."""
     graph, layering = plan.graph, plan.layering
     if plan.planks and graph:
         return _refolded_planks(plan.planks, graph)
@@ -131,7 +131,6 @@ def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
 
 
 def _with_ends(edge: tuple[Floats, Floats], opposite: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return a plank's edge (arc lengths, distances left of axis) with points of edge `opposite` at oblique ends."""
     (places, y), (opposite_places, z) = edge, opposite
     before, after = int(opposite_places[0] < places[0]), len(z) - int(opposite_places[-1] > places[-1])
     lengths = np.concatenate([opposite_places[:before], places, opposite_places[after:]])
@@ -154,10 +153,10 @@ def _line_coordinates(axis: Floats, along: Floats, places: Floats, beyond: bool 
 
 
 def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) -> tuple[MemberShape, ...]:
-    """Return the built members of a plan, in the order of the design's shapes (m).
-    shapes : shapes of members as in `dsfab.design.output`: vertices of the upper skin, then of the lower skin.
+    """Return the members of a plan as they are built, with the stock's thickness; coordinates in metres.
+    shapes : members of the design; vertices of the upper skin come first, then vertices of the lower skin.
     shift  : distance of the sheet's middle above the surface, divided by half of the sheet's thickness.
-    Flat parts are bent to strips, planks and cover plates. Plates have the stock's thickness. Bars have no mitres."""
+    The oblique cuts of bars are left out."""
     if plan.bars:
         return _bar_shapes(plan.bars, shapes, shift)
     built = {part.member for part in plan.parts}

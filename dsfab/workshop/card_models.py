@@ -87,7 +87,7 @@ def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: flo
 
 
 def packing_parts(graph: MemberGraph, layering: Layering) -> list[FlatPart]:
-    """Return squares of card with a hole, which fill the empty layers between the two members of a node."""
+    """Return squares of card with a hole, as spacers: they fill empty layers between the two members of a node."""
     families = {member.id: member.family for member in graph.members}
     squares = []
     for node in graph.nodes:
@@ -115,9 +115,9 @@ SHARP_SINE = float(np.sin(np.radians(25.0)))  # members that cross at sharper an
 
 @dataclass
 class PanelParts:
-    """Panels, and counts of their details.
+    """Panels (pieces of members) of a card model, with counts for notes.
     sharp   : names of nodes at which the angle between members is too sharp for a cut.
-    covered : number of bays that are too short for a panel.
+    covered : number of pieces between two crossing members that are too short for a panel.
     feet    : name of each panel that stands on the base plate, with the end of the panel that stands there."""
 
     parts: list[FlatPart] = field(default_factory=list)
@@ -143,9 +143,9 @@ class PanelParts:
 
 @dataclass(frozen=True, eq=False)
 class _CrossingEdge:
-    """Member that crosses another member at the node `name`, at arc length `s` of the crossed member's axis, metres.
+    """Member that crosses a panel's member at the node `name`, at the arc length `s` of the crossed member, metres.
     way  : (2,) unit direction of the crossing member, along and to the left of the crossed member.
-    half : its half width, metres.    over : True if this member is continuous, so that the crossed one is cut."""
+    half : half its width, metres.    over : True if this member is continuous and the crossed member is cut."""
 
     name: str
     s: float
@@ -157,7 +157,8 @@ class _CrossingEdge:
         lock(self, "way", np.float64, (2,))
 
     def stations(self, side: int, away: float, y: Floats) -> Floats:
-        """Return arc lengths (q,) of points y metres left of an axis, `away` metres from the crossing member's axis."""
+        """Return arc lengths (q,) of points y (q,) metres left of the crossed axis, `away` metres from this member's.
+        side : 1 for points after the crossing, -1 for points before it."""
         nx, ny = np.array([-self.way[1], self.way[0]]) * np.sign(-self.way[1]) * side
         return np.asarray(self.s + (away - y * ny) / nx)
 
@@ -260,7 +261,6 @@ class _MemberPanels:
         return _PanelEnd(float(shoulders[0]), float(shoulders[1]), (tab, y))
 
     def _ends_with_foot(self, begin: _PanelEnd, end: _PanelEnd) -> tuple[_PanelEnd, _PanelEnd]:
-        """Return both panel ends. A tab opposite a foot is shortened, if needed, to leave material in between."""
         least = 0.1 * self.member.mean_width  # least length of the panel between its two tabs
         if begin.foot and len(end.tab[0]):
             low = max(begin.right, begin.left) + least

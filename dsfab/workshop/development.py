@@ -22,10 +22,10 @@ EXTENSION_STATIONS = 16  # number of stations beyond each end of an axis
 
 @dataclass(frozen=True, eq=False)
 class StripCourse:
-    """Stations along an axis and a little beyond its ends, in metres and 1/m as in `MemberAxis`.
+    """Stations along a member's axis, and a little beyond its ends; metres and 1/m.
     s           : (k,) arc length; a closed axis has stations for more than one round.
-    P, T, N     : (k, 3) points, tangents, normals.
-    kg, kn, tg  : (k,) curvatures and torsion.
+    P, T, N     : (k, 3) points, unit tangents, unit normals of the surface.
+    kg, kn, tg  : (k,) geodesic curvature, normal curvature, geodesic torsion.
     left, right : (k,) distances from the axis to the edges of the member.
     begin, end  : arc lengths of the built part.
     closed      : True if both ends are at the same place."""
@@ -50,8 +50,7 @@ class StripCourse:
             lock(self, name, np.float64, (len(self.s), 3))
 
     def frame_at(self, s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return points, unit tangents and unit normals (q, 3) at arc lengths (q,), by cubic interpolation [Hermite].
-        Chords would be too far from the arcs on a narrow ring."""
+        """Return points, unit tangents and unit normals, (q, 3) each, at arc lengths (q,), by cubic interpolation."""
         i = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
         h = (self.s[i + 1] - self.s[i])[:, None]
         t = (np.asarray(s) - self.s[i])[:, None] / h
@@ -65,12 +64,12 @@ class StripCourse:
         return place, T / np.linalg.norm(T, axis=1)[:, None], N
 
     def repeated_stations(self, s: Floats) -> Floats:
-        """Return arc lengths s (q,). For a closed axis of length L, return s - L, s and s + L (3 q,)."""
+        """Return the arc lengths s (q,); for a closed axis of length L, return s - L, s and s + L in a row (3 q,)."""
         around = self.end - self.begin
         return np.concatenate([s - around, s, s + around]) if self.closed else s
 
     def width(self, s: Floats) -> Floats:
-        """Return widths (q,) at arc lengths (q,) (m)."""
+        """Return the widths of the member (q,) at arc lengths (q,) (m)."""
         return np.asarray(np.interp(s, self.s, self.left + self.right))
 
     def wrapped_station(self, s: float) -> float:
@@ -84,7 +83,8 @@ def member_course(graph: MemberGraph, member: Member, overhang: float, extra_len
     """Return the course of a member: stations along its axis, and distances to its edges.
     overhang     : least length beyond the first node and beyond the last node, metres.
     extra_length : length of stations beyond the built part, metres.
-    A closed course begins in the middle of its longest bay. An open course stops before a sharp bend at an end."""
+    A closed course begins halfway between the neighbouring nodes with the largest distance. An open course stops before
+    a sharp bend at an end."""
     axis = member.curve
     left_edge, right_edge = smooth_edge_distances(axis, member.sides)
     node_places = np.array([node.at[node.members.index(member.id)] for node in graph.nodes_along[member.id]])
@@ -109,7 +109,7 @@ def turns_within_its_width(member: Member) -> Bools:
 
 
 def uncurled_span(member: Member) -> tuple[float, float]:
-    """Return a member's span (arc lengths) without its sharply turning ends, which come from dividing a sharp bend."""
+    """Return the first and the last arc length of a member without its sharply turning ends."""
     axis = member.curve
     reach = OBLIQUE_WIDTHS * float(np.median(member.width))
     if axis.closed or axis.length < 4 * reach:
@@ -121,8 +121,8 @@ def uncurled_span(member: Member) -> tuple[float, float]:
 
 
 def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
-    """Return smooth distances (k,) to the left and to the right edge (m).
-    sides : (k, 2) distances to the two edges as cut on a mesh, metres.
+    """Return the smoothed distances (k,) from a member's axis to its left edge and to its right edge (m).
+    sides : (k, 2) distances before smoothing, metres.
     Edges that are nearly parallel to the axis become exactly parallel. Other edges are smoothed."""
     if not axis.closed:
         sides = _square_ends(axis.s, sides)
@@ -163,7 +163,6 @@ def _course_of_ring(
 
 
 def _extension(axis: MemberAxis, end_index: int, distance: float) -> MemberAxis:
-    """Return ascending stations on a parabola that continues an axis beyond an end, with the curvatures of this end."""
     u = distance * np.arange(1, EXTENSION_STATIONS + 1) / EXTENSION_STATIONS
     u = u[::-1] if distance < 0 else u
     P, T, N, B = axis.P[end_index], axis.T[end_index], axis.N[end_index], axis.B[end_index]
@@ -193,7 +192,7 @@ class Development:
 
     @cached_property
     def length_ratio(self) -> Floats:
-        """Length ds_h of the strip's middle line at height h, per length ds of the member's axis (k,)."""
+        """Length of the strip's middle line divided by the length of the member's axis, at each station (k,)."""
         c, h = self.course, self.height
         return np.asarray(np.hypot(1 - h * c.kn, h * c.tg))
 
@@ -205,13 +204,13 @@ class Development:
 
     @cached_property
     def length(self) -> Floats:
-        """Arc length (k,) of the layer's middle line at each station (m)."""
+        """Arc length (k,) of the strip's middle line from the first station to each station (m)."""
         steps = (self.length_ratio[1:] + self.length_ratio[:-1]) / 2 * np.diff(self.course.s)
         return np.concatenate([[0.0], np.cumsum(steps)])
 
     @cached_property
     def angle(self) -> Floats:
-        """Tangent angle (k,) of the developed middle line (radians): integral of the axis's `kg` + change of `turn`."""
+        """Direction (k,) of the flat middle line at the stations: angle from the x axis (radians)."""
         kg = self.course.kg
         bent = np.concatenate([[0.0], np.cumsum((kg[1:] + kg[:-1]) / 2 * np.diff(self.course.s))])
         return np.asarray(bent + self.turn - self.turn[0])
@@ -243,8 +242,8 @@ class Development:
         return P + self.height * N, np.cos(turn) * T + np.sin(turn) * B, np.cos(turn) * B - np.sin(turn) * T, N
 
     def piercing_point(self, point: Floats, normal: Floats, s: float) -> tuple[float, float]:
-        """Return the point where the strip's layer meets the line through a point (3,) along a unit normal (3,).
-        The result is an arc length of the member's axis near `s`, and a distance left of the strip's middle (m)."""
+        """Return where the line through a point (3,) along a unit normal (3,) meets the strip, near the arc length `s`:
+        the arc length on the member's axis, and the distance left of the strip's middle line (m)."""
         y = 0.0
         for _ in range(4):  # Newton steps
             P, T, B, N = (row[0] for row in self.frame(np.array([s])))
@@ -257,7 +256,7 @@ class Development:
         return s, y
 
     def outline(self, begin: float, end: float) -> Floats:
-        """Return the outline (k, 2) between two arc lengths, counter-clockwise from the right edge at the beginning."""
+        """Return the flat outline (k, 2) between two arc lengths, counter-clockwise from the right edge at `begin`."""
         s = self.stations(begin, end)
         left_edge, right_edge = (np.interp(s, self.course.s, side) for side in (self.course.left, self.course.right))
         x, angle = self.middle_line_at(s)  # computed once for both edges, to save time
@@ -265,7 +264,7 @@ class Development:
         return np.concatenate([x - right_edge[:, None] * across, (x + left_edge[:, None] * across)[::-1]])
 
     def stations(self, begin: float, end: float) -> Floats:
-        """Return arc lengths (k,) between two values, so close that chords can replace arcs."""
+        """Return arc lengths (k,) from `begin` to `end`, in steps so small that a polyline can replace the curve."""
         longest_step = float(np.diff(self.course.s).max())
         count = int(np.ceil((end - begin) / min(longest_step, np.sqrt(8 * CHORD_TOLERANCE / self._largest_bend)))) + 1
         return np.linspace(begin, end, max(count, 2))
@@ -275,7 +274,6 @@ class Development:
         return float(np.abs(np.gradient(self.angle, self.length)).max(initial=1e-9))
 
     def _bend(self, s: float) -> float:
-        """Return how much the flat middle line turns per length of the member's axis, at an arc length (1/m)."""
         i = int(np.clip(np.searchsorted(self.course.s, s, side="right") - 1, 0, len(self.course.s) - 2))
         return float((self.angle[i + 1] - self.angle[i]) / (self.course.s[i + 1] - self.course.s[i]))
 

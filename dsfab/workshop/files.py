@@ -31,7 +31,7 @@ TITLE, SMALL_TITLE = 0.06, 0.06  # largest height of a sheet's title: in metres,
 
 
 def part_drawing(part: FlatPart) -> FlatDrawing:
-    """Return the drawing of a part. Its middle line is on the layer AXIS, which the machine does not cut."""
+    """Return the drawing of a part. Its middle line is on the layer AXIS, which is not cut."""
     axis = [FlatLine("AXIS", part.axis)] if len(part.axis) else []
     return FlatDrawing(part.id, (*part_lines(part), *axis), part_circles(part))
 
@@ -51,7 +51,7 @@ def drawing_files(plan: WorkshopPlan) -> dict[str, list[str]]:
 
 
 def part_lines(part: FlatPart) -> Iterator[FlatLine]:
-    """Yield outline, openings, engraved lines and folds of a part."""
+    """Yield the outline, openings, engraved lines and folds of a part as lines of a drawing."""
     outline, *slots = part.contours
     yield FlatLine("CUT", outline, closed=True)
     yield from (FlatLine("SLOTS", slot, closed=True) for slot in slots)
@@ -60,7 +60,7 @@ def part_lines(part: FlatPart) -> Iterator[FlatLine]:
 
 
 def part_circles(part: FlatPart) -> tuple[FlatCircle, ...]:
-    """Return the circles of a part's holes."""
+    """Return the holes of a part as circles of a drawing."""
     return tuple(FlatCircle("HOLES", (float(h.at[0]), float(h.at[1])), h.diameter) for h in part.holes)
 
 
@@ -101,7 +101,7 @@ FIXED_DATE = datetime(1980, 1, 1)  # date in every workbook, so that equal plans
 
 @dataclass(frozen=True)
 class PlanTable:
-    """Named table with the names of its columns, and its rows."""
+    """Table with a name, column names (`head`) and rows."""
 
     name: str
     head: tuple[str, ...]
@@ -109,7 +109,7 @@ class PlanTable:
 
 
 def part_table(plan: WorkshopPlan) -> PlanTable:
-    """Return a row for each different part: its count, and the names of equal parts."""
+    """Return the table of parts: a row for each group of equal parts, with their number, names and sizes."""
     costs = part_costs(plan)
     head = (
         *("part", "count", "same_as_it", "member", "length_mm", "width_mm", "thickness_mm", "area_m2", "holes"),
@@ -140,7 +140,7 @@ def part_costs(plan: WorkshopPlan) -> dict[str, float]:
 
 
 def stock_table(plan: WorkshopPlan) -> PlanTable:
-    """Return a row for each sheet size and thickness: number of sheets, used share, and price."""
+    """Return the table of the stock: a row for each sheet size, thickness and price, with the number of sheets."""
     kinds: dict[tuple[float, ...], list[NestedSheet]] = {}
     for sheet in plan.sheets:
         thickness = plan.part_thickness(sheet.parts[0].part)
@@ -155,7 +155,7 @@ def stock_table(plan: WorkshopPlan) -> PlanTable:
 
 
 def nest_table(plan: WorkshopPlan) -> PlanTable:
-    """Return a row for each part on its sheet: the lower left corner of the part's box, and its rotation."""
+    """Return the table of places: a row for each part, with its sheet, its box's lower left corner, and rotation."""
     head = ("sheet", "sheet_length_mm", "sheet_width_mm", "sheet_used", "part", "x_mm", "y_mm", "turned_deg")
     rows = []
     for k, s in enumerate(plan.sheets, 1):
@@ -167,7 +167,7 @@ def nest_table(plan: WorkshopPlan) -> PlanTable:
 
 
 def node_table(plan: WorkshopPlan) -> PlanTable:
-    """Return a row for each node with a bolt: its members and position; empty for a flat sheet."""
+    """Return the table of nodes: a row for each node with a bolt; empty for a flat sheet."""
     head = ("node", "kind", "member_a", "member_b", "along_a_mm", "along_b_mm", "angle_deg", "x_mm", "y_mm", "z_mm")
     nodes = [node for node in plan.graph.nodes if node.kind != "grazing"] if plan.graph else []
     rows = []
@@ -193,9 +193,8 @@ BAR_HEAD = (
 
 
 def bar_rows(plan: BarPlan, files: Mapping[str, str]) -> PlanTable:
-    """Return a row for each bar: its nodes, sizes and angles.
-    files : name of the drawing, without suffix, by bar; equal bars share a drawing.
-    Columns of angles and sizes:
+    """Return the table of bars: a row for each bar, with its nodes, sizes and angles.
+    files : name of the drawing, without suffix, by bar; equal bars share a drawing. Some columns:
     along : degrees from the node's first bar to this bar, counter-clockwise as seen from outside.
     dip   : degrees below the node plate.
     twist : degrees from the normal at the first node to the normal at the second node, right-handed about the bar.
@@ -212,12 +211,12 @@ def bar_rows(plan: BarPlan, files: Mapping[str, str]) -> PlanTable:
 
 
 def cut_list(plan: WorkshopPlan) -> str:
-    """Return the parts as CSV."""
+    """Return the table of parts as CSV text."""
     return table_csv(part_table(plan))
 
 
 def table_csv(table: PlanTable) -> str:
-    """Return a table as CSV."""
+    """Return a table as CSV text."""
     text = io.StringIO()
     writer = csv.writer(text)
     writer.writerow(table.head)

@@ -21,10 +21,10 @@ STEEP_SINE = np.sin(np.radians(25.0))  # smallest slope (sine) of a strip with a
 
 @dataclass(frozen=True, eq=False)
 class StripFoot:
-    """Foot of a strip: an end with a tab, on the base plate. Arc lengths are those of the strip's axis.
-    shoulders : (4,) arc lengths on the plate: strip's right edge, tab's right and left side, strip's left edge.
+    """Foot of a strip: an end that stands on the base plate, with a tab. Arc lengths are measured on the strip's axis.
+    shoulders : (4,) arc lengths of the points on the plate: strip's right edge, tab's two sides, strip's left edge.
     sides     : (4,) distances of these points from the axis, positive to the left, metres.
-    tips      : (2,) arc lengths of the tab's end, right and left.
+    tips      : (2,) arc lengths of the right and left corner of the tab's end.
     slot      : (4, 2) corners of the foot's slot in the plate, metres.
     at_end    : True if the foot is at the end of the axis, False if at its beginning."""
 
@@ -35,7 +35,7 @@ class StripFoot:
     at_end: bool
 
     def cap(self, layer: Development) -> Floats:
-        """Return the developed outline (6, 2) of the strip's end with the foot, counter-clockwise around the strip."""
+        """Return the corners (6, 2) of the foot in the flat strip `layer`, counter-clockwise around the strip."""
         s = np.concatenate([self.shoulders[:2], self.tips, self.shoulders[2:]])
         cap = layer.to_plane(s, np.concatenate([self.sides[:2], self.sides[1:3], self.sides[2:]]))
         return cap if self.at_end else cap[::-1]
@@ -75,19 +75,19 @@ class BasePlane:
         return np.asarray((points - self.point) @ self.up)
 
     def plan_view(self, points: Floats) -> Floats:
-        """Return points (q, 3) as seen from above, (q, 2) metres. x points to the right; `up` is the y or z axis."""
+        """Return points (q, 3) as seen from above, (q, 2) metres, with x to the right. `up` must be normal to x."""
         right = np.array([1.0, 0.0, 0.0])
         return np.asarray(points @ np.stack([right, np.cross(self.up, right)], axis=1))
 
     def support_height(self, point: Floats, width: float) -> float | None:
-        """Return the height above the plate (m) of the support nearest to a strip's end (3,); None without such a
-        support."""
+        """Return the height (m) above the plate of the support nearest to a point (3,); None if it is too far away."""
         distance, k = cKDTree(self.supports).query(point)
         is_near = float(distance) < self.reach + width
         return float(self.heights(self.supports[int(k)][None])[0]) if is_near else None
 
     def cut_course(self, course: StripCourse, height: float) -> tuple[StripCourse, tuple[StripFoot, ...]]:
-        """Cut a strip's course (built part of its axis) at the base plate. Return it and its feet (ends with tabs)."""
+        """Cut a strip at the base plate. Return its course (built part of the axis) and its feet (ends with tabs).
+        height : height of the strip above the surface, metres."""
         if course.closed:
             return self._trim_course(course, height), ()
         layer, feet = Development(course, height), list[StripFoot]()
@@ -119,8 +119,8 @@ class BasePlane:
         return StripFoot(shoulders, sides, tips, self._slot(layer, shoulders[1:3], sides[1:3], (down, N, B)), at_end)
 
     def stations_at_height(self, layer: Development, sides: Floats, station: float, height: float) -> Floats | None:
-        """Return arc lengths (q,), near `station`, where lines along the axis reach a height above the plate (m).
-        sides : (q,) distances of the lines to the left of the axis, metres.
+        """Return arc lengths (q,), near `station`, where lines along a strip reach a height above the plate (m).
+        sides : (q,) distances of the lines from the axis, positive to the left, metres.
         Returns None if a line does not reach the height."""
         s, course = np.full(len(sides), station), layer.course
         for _ in range(20):  # these are Newton steps
@@ -192,7 +192,7 @@ NO_FEET_NOTE = "no strip ends on the base plate steeply enough for a tab: glue t
 def base_parts(
     ground: BasePlane, surface: Surface, feet: list[tuple[str, StripFoot]], room: list[tuple[float, float]]
 ) -> list[FlatPart]:
-    """Return the base plate as equal rectangles, as few as possible, each in its place under the model.
+    """Return the base plate of a model in as few equal rectangles as possible, each in its place under the model.
     surface : surface at model size, with the supports of `ground`.
     feet    : pairs of a part's name and its foot.
     room    : lengths and widths of the stock, metres; each rectangle fits into one of them."""
@@ -218,7 +218,7 @@ def base_parts(
 
 
 def clipped_polygon(P: Floats, box: Floats) -> Floats:
-    """Return the part (k, 2) of a convex polygon (q, 2) in a box with its low and its high corner, (2, 2)."""
+    """Return the part (k, 2) of a convex polygon (q, 2) inside a box. box : (2, 2) lowest and highest corner."""
     for axis, side in product((0, 1), (0, 1)):
         sign = -1 if side == 0 else 1
         P = half_plane_clip(P, sign * np.eye(2)[axis], sign * box[side, axis])

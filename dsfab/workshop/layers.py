@@ -16,20 +16,22 @@ from dsfab.workshop.development import StripCourse
 from dsfab.workshop.parts import NODE_LETTERS, PART_LETTERS
 
 FAMILIES_BELOW = ("rim", "keep")
-"""Families that cross both families of stripes and have layers of their own, below all layers of stripes."""
+"""Families (edge strips, kept regions) that cross all stripes; their layers are below all layers of stripes."""
 END_DISTANCE = 3.0  # distance from a bolt to the end of a part, in bolt diameters
 BOLT_PITCH = 4.0  # distance between bolts of a splice, in bolt diameters
 
 
 @dataclass(frozen=True)
 class Layering:
-    """Layers of strips of one thickness (m), bolts of one diameter (m). Layer 0 is the outermost along the normals.
+    """Layers in which strips of equal thickness lie above each other. Layer 0 is outermost, on the normals' side.
 
     major  ═══════════════     0      numbers for two layers; with four layers both families alternate
     minor  ─┤ ├─── ┤ ├────     1
     rim    ═══════════════     2, 3   strips along edges (2); strips of kept regions (3)
                                4      plates (members that are not strips), below all strips
-    families_below : the names in `FAMILIES_BELOW` whose families exist in this structure.
+    count          : number of layers of stripes (families "major" and "minor").
+    bolt           : diameter of the bolts, metres.
+    families_below : families of `FAMILIES_BELOW` that exist in this structure.
     letters        : largest heights of part names and of node names, metres.
     alike          : parts whose outlines differ by up to this distance may become equal, metres; 0 changes no part."""
 
@@ -41,19 +43,19 @@ class Layering:
     alike: float = 0.0
 
     def family_layers(self, family: str) -> tuple[int, ...]:
-        """Return the layers of a family, counted from the top."""
+        """Return the numbers of the layers that a family has, from the top."""
         if family in self.families_below:
             return (self.count + self.families_below.index(family),)
         return tuple(range(0 if family == "major" else 1, self.count, 2))
 
     @property
     def skips_crowded_names(self) -> bool:
-        """True if node names that do not fit are omitted. This is so on models."""
+        """True on models: node names that do not fit are omitted."""
         return self.letters[0] < PART_LETTERS
 
     @property
     def plate_layer(self) -> int:
-        """Layer of plates, below all strips."""
+        """Number of the layer of plates, below all strips."""
         return self.count + len(self.families_below)
 
     def layer_height(self, number: int) -> float:
@@ -61,11 +63,11 @@ class Layering:
         return ((self.count - 1) / 2 - number) * self.thickness
 
     def cover_height(self, family: str, number: int) -> float:
-        """Return the height of a splice's cover plate (m), which lies on the side without crossing members."""
+        """Return the height over the surface (m) of the cover plate of a splice in the layer `number` of a family."""
         return self.layer_height(number - 1 if family == "major" else number + 1)
 
     def packing_layers(self, node: Node, families: dict[str, str]) -> int:
-        """Return how many packing layers (spacers) lie between the members of a node. families : family by member."""
+        """Return the number of spacers between the two members of a node. families : family of each member, by name."""
         layers_a, layers_b = (self.family_layers(families[name]) for name in node.members)
         upper, lower = (layers_a, layers_b) if layers_a[0] < layers_b[0] else (layers_b, layers_a)
         return max(lower[0] - upper[-1] - 1, 0)
@@ -76,7 +78,7 @@ class Layering:
         return (END_DISTANCE + BOLT_PITCH + END_DISTANCE) * self.bolt
 
     def splice_bolts(self, width: float) -> tuple[tuple[float, float], ...]:
-        """Return places of bolts (m) in one or two rows: along the strip from the splice, and left of its axis."""
+        """Return the places of a splice's bolts (m): distance along the strip from the splice, and left of the axis."""
         row = round(width / 4 / self.alike) * self.alike if self.alike else width / 4
         rows = (-row, row) if width / 4 >= 3 * self.bolt else (0.0,)  # only wide parts have two rows of bolts
         along = (END_DISTANCE * self.bolt, (END_DISTANCE + BOLT_PITCH) * self.bolt)
@@ -85,7 +87,7 @@ class Layering:
 
 @dataclass(frozen=True, eq=False)
 class _StripEnd:
-    """End of a strip: points (k, 3) of the strip's axis from this end inwards, with arc lengths (k,)."""
+    """End of a strip: points (k, 3) of the strip's axis from this end to the opposite end, with arc lengths (k,)."""
 
     name: str
     at_end: bool
@@ -121,9 +123,10 @@ def shortened_courses(
     joined: set[frozenset[str]],
     overhang: float,
 ) -> dict[str, StripCourse]:
-    """Return courses (built parts of axes) of one layer that stop before they run into another course.
-    A course ends `overhang` metres beyond its last node before the collision; if it has none there, at the collision.
-    nodes : arc lengths of nodes on each course, metres. joined : pairs of members that are notched at a common node."""
+    """Return shorter courses (built parts of axes) for strips that would run into another strip of their layer.
+    A shorter course ends `overhang` metres beyond its last node before the collision, or at the collision.
+    courses : courses of a layer, by member.    nodes : arc lengths of the nodes of each member, metres.
+    joined  : pairs of members with a common node; these strips may overlap."""
     open_courses = {name: course for name, course in courses.items() if not course.closed}
     ends = [_StripEnd.from_course(name, c, at_end) for name, c in open_courses.items() for at_end in (False, True)]
     accepted, stopped = list[_StripEnd](), dict[str, StripCourse]()
@@ -139,13 +142,13 @@ def shortened_courses(
 
 
 def courses_without_curls(courses: Mapping[str, StripCourse], members: Sequence[Member]) -> dict[str, StripCourse]:
-    """Return, by member, the courses (built parts of axes) that stop before a sharply turning end (`uncurled_span`)."""
+    """Return, by member, the courses (built parts of axes) that omit a sharply turning end of their member."""
     lengths = {member.id: member.length for member in members}
     return {name: c for name, c in courses.items() if not c.closed and (c.begin > 0 or c.end < lengths[name])}
 
 
 def vanished_courses(stopped: Mapping[str, StripCourse], widths: Mapping[str, float]) -> set[str]:
-    """Return the names of members that are not built, because their shortened courses are shorter than `widths` (m)."""
+    """Return the names of members that are not built, because their courses in `stopped` are shorter than `widths`."""
     return {name for name, course in stopped.items() if course.end - course.begin < widths[name]}
 
 

@@ -133,13 +133,13 @@ class FlatPart:
 
     @cached_property
     def radii(self) -> Floats:
-        """Distances (k,) of the outline's corners from the origin (m), ascending; equal parts have equal distances."""
+        """Distances (k,) of the outline's corners from the origin (m), sorted, to compare parts."""
         return np.sort(np.linalg.norm(self.outline, axis=1))
 
     @cached_property
     def features(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Corners, hole middles, slot corners and fold middles, (k, 2) each, by which parts are compared.
-        Fold middles are multiplied by 1 + the fold's angle, so that parts with different angles are different."""
+        """Points by which parts are compared: corners, hole middles, slot corners and fold middles, (k, 2) each.
+        Fold middles are multiplied by 1 + the fold's angle, so that different angles give different points."""
         slots = np.concatenate(self.slots) if self.slots else np.zeros((0, 2))
         folds = np.array([fold.line.mean(axis=0) * (1 + fold.angle) for fold in self.folds]).reshape(-1, 2)
         return self.outline, np.array([hole.at for hole in self.holes]).reshape(-1, 2), slots, folds
@@ -199,7 +199,7 @@ def polygon_area(P: Floats) -> float:
 
 
 def longest_direction(P: Floats) -> Floats:
-    """Return two points (2, 2) on the principal axis of points (k, 2), the axis along which they spread most."""
+    """Return two points (2, 2) on the line along which points (k, 2) spread most (principal axis)."""
     middle = P.mean(axis=0)
     direction = np.linalg.svd(P - middle, full_matrices=False)[2][0]
     direction = direction if direction[np.abs(direction).argmax()] > 0 else -direction
@@ -207,12 +207,13 @@ def longest_direction(P: Floats) -> Floats:
 
 
 def shape_key(part: FlatPart) -> tuple[int, int]:
-    """Return the numbers of corners and holes; parts with different keys differ."""
+    """Return the numbers of corners and holes of a part, for a fast comparison: equal parts have equal keys."""
     return len(part.outline), len(part.holes)
 
 
 def congruent(part_a: FlatPart, part_b: FlatPart) -> bool:
-    """Return whether two parts along x have the same shape, directly or after half a turn; engravings do not matter."""
+    """Return whether two parts have equal shapes, directly or after half a turn; engraved lines are ignored.
+    The parts must be in the position that `FlatPart.along_x` gives."""
     keys = [(shape_key(part), part.thickness, len(part.slots)) for part in (part_a, part_b)]
     if keys[0] != keys[1] or (np.abs(part_a.size - part_b.size) > 2 * SAME_DISTANCE).any():
         return False
@@ -230,10 +231,11 @@ def _same_points(points_a: Floats, points_b: Floats) -> bool:
 
 
 def alike_parts(parts: Sequence[FlatPart], distance: float, fit: float) -> list[FlatPart]:
-    """Return parts along x. A part that is nearly equal to an earlier part takes its shape, but keeps its own names.
-    distance : largest distance between two outlines, metres.
-    fit      : largest distance between matching holes, metres.
-    Parts may be rotated by 180 degrees, but not mirrored: the engraved face must stay on the outside."""
+    """Return the parts with fewer different shapes: a part that is nearly equal to an earlier part takes its shape.
+    parts    : parts in the position that `FlatPart.along_x` gives. Names and engraved lines stay.
+    distance : largest distance between the outlines of nearly equal parts, metres.
+    fit      : largest distance between their holes, metres.
+    Nearly equal parts may be rotated by 180 degrees, but not mirrored."""
     first_parts = dict[tuple[int, float], list[FlatPart]]()
     result = list[FlatPart]()
     for part in parts:
@@ -267,7 +269,6 @@ def _in_place_of(model: FlatPart, part: FlatPart, turn: int, distance: float, fi
 
 
 def _outline_distance(P: Floats, Q: Floats) -> float:
-    """Return the largest distance (m) from a corner of closed outline P (k, 2) or Q (l, 2) to the other outline."""
     return max(float(distances_from_outline(*pair).max()) for pair in ((P, Q), (Q, P)))
 
 
@@ -277,7 +278,7 @@ def distances_from_outline(points: Floats, outline: Floats) -> Floats:
 
 
 def inside_outline(points: Floats, outline: Floats) -> Bools:
-    """Return a mask (q,) of points (q, 2) in a closed polygon (k, 2): rays from them cross an odd number of sides."""
+    """Return a mask (q,) of the points (q, 2) inside a closed polygon (k, 2)."""
     a, b = outline, np.roll(outline, -1, axis=0)
     x, y = points[:, :1], points[:, 1:]
     spans = (a[:, 1] > y) != (b[:, 1] > y)
@@ -300,7 +301,7 @@ def half_plane_clip(P: Floats, a: Floats, b: float) -> Floats:
 
 
 def label(text: str, middle: Floats, angle: float, height: float) -> tuple[Floats, ...]:
-    """Return strokes (k, 2) of a text along an angle (radians). middle : (2,) place of the text's middle, metres."""
+    """Return a text as polylines (k, 2), rotated by an angle (radians). middle : (2,) place of its middle, metres."""
     lines = strokes(text, height)
     width = max(float(line[:, 0].max()) for line in lines)
     return tuple((line - [width / 2, height / 2]) @ rotation_matrix(angle) + middle for line in lines)

@@ -51,7 +51,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class ConstructionRoute:
-    """Route by which a design is built; `reason` is empty if the preset names the route."""
+    """Way to build a design ("strips", "bars", ...). reason : why dsfab chose it; "" if the preset names the route."""
 
     name: str
     reason: str = ""
@@ -62,9 +62,9 @@ class ConstructionRoute:
 def construction_route(
     design: Design, graph: MemberGraph | None, layering: Layering | None, up: Floats = UP
 ) -> ConstructionRoute:
-    """Return the route by which a design is built, from section [workshop] of its preset.
-    graph, layering : members and layers at built size; None for a flat sheet.
-    up : (3,) unit vector.
+    """Return the way to build a design (route), from section [workshop] of its preset.
+    graph, layering : members, and layers of strips, at built size; None for a flat sheet.
+    up              : (3,) upward unit vector.
     Raises PatternError if the design cannot be built by the requested route."""
     options = design.preset.workshop
     if options.route == "sheet" or graph is None or layering is None:
@@ -88,7 +88,7 @@ def construction_route(
 
 
 def design_footing(design: Design, up: Floats) -> Footing | None:
-    """Return the anchored supports of a design; None for a scale model, or if the preset has no anchors."""
+    """Return the supports of a design with anchors; None for a scale model, or if the preset has no anchors."""
     options = design.preset.workshop
     if options.model or not options.anchor:
         return None
@@ -133,7 +133,6 @@ def usable_sizes(options: Workshop) -> list[tuple[float, float]]:
 
 
 def _route_by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up: Floats) -> ConstructionRoute:
-    """Choose the first possible route: strips bent within limits, bars near the surface, planks, bars farther off."""
     worst, layers_text = max(limits.bending, limits.shape), f"layers of {length(limits.thickness)} of strips"
     if not limits.limit:
         reason = f"{layers_text} would be bent to {worst:.2%}, and the limit of the material is not known"
@@ -182,7 +181,7 @@ def _planks_or_reason(design: Design, graph: MemberGraph, up: Floats) -> tuple[P
 
 
 def longest_oversize_part(parts: Sequence[FlatPart], options: Workshop) -> FlatPart | None:
-    """Return the longest part that fits on no stock sheet, or None. Without grain, a part may lie across a sheet."""
+    """Return the longest of the parts that fit on no stock sheet, or None if all parts fit."""
     room = [(a - 2 * options.gap, b - 2 * options.gap) for a, b in options.stock]
     if not options.grain:
         room += [(b, a) for a, b in room]
@@ -191,7 +190,7 @@ def longest_oversize_part(parts: Sequence[FlatPart], options: Workshop) -> FlatP
 
 
 def node_normals(design: Design, graph: MemberGraph) -> Floats:
-    """Return the directions (n, 3) of the surface normals at the vertices of a graph's sheet."""
+    """Return vectors (n, 3) along the surface normals at the vertices of a graph's sheet; their lengths vary."""
     return graph.sheet.carry(spherical_normals(design.surface))
 
 
@@ -248,8 +247,8 @@ class WorkshopPlan:
 
 def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
     """Return the workshop plan of a design, from section [workshop] of its preset.
-    up : (3,) unit vector, for the base plate of a model.
-    If the stock has prices, dsfab plans with all sheet sizes, and without the longer sheets. The cheapest plan wins.
+    up : (3,) upward unit vector.
+    If the stock has prices, dsfab also tries plans without the longer sheets, and returns the cheapest plan.
     Raises PatternError if the route is impossible, a part fits on no sheet, or a library is missing."""
     if design.preset.workshop.nesting == "spyrrow":
         require_spyrrow()
@@ -317,9 +316,9 @@ MOST_FACES = 250_000  # largest number of faces of a cut sheet refined for drill
 
 
 def drilling_members(design: Design) -> tuple[MemberGraph, float]:
-    """Return the members of a design on a mesh that is fine enough for drilling, and that mesh's edge length (m).
-    If the design's edges exceed `drilling_edge`, triangles are divided into four, and points move to the smooth
-    surface. The pattern and the names of members stay."""
+    """Return the members of a design on a mesh fine enough for exact holes, and the edge length (m) of this mesh.
+    If the design's mesh is too coarse, its triangles are divided, and points move to the smooth surface. The pattern
+    and the names of members stay."""
 
     def members() -> tuple[MemberGraph, float]:
         graph, sheet, edge = design.members, design.sheet, design.surface.mean_edge

@@ -33,12 +33,12 @@ from dsfab.workshop.strips import HOLE_EDGE_DISTANCE, is_strip
 
 
 def is_plate(member: Member) -> bool:
-    """Return True for a member that is built as a plate: not a strip, and not a fill, which is never built."""
+    """Return True if a member is built as a plate: it is not a strip, and not the filling of a corner."""
     return member.kind != "fill" and not is_strip(member)
 
 
 def layer_numbers(layering: Layering, member: Member) -> tuple[int, ...]:
-    """Return the layers of a member, counted from the top; empty for a member that is not built."""
+    """Return the numbers of the layers in which a member lies, from the top; empty for a member that is not built."""
     if member.kind == "fill":
         return ()
     return layering.family_layers(member.family) if is_strip(member) else (layering.plate_layer,)
@@ -52,9 +52,10 @@ def plate_parts(
     bolt: float,
     missed_nodes: Container[str] = (),
 ) -> list[FlatPart]:
-    """Return members of a graph as plates at a height (m) over the surface, with holes at their nodes.
-    normals : (n, 3) normals at the vertices of the graph's sheet.
-    bolt    : diameter of the holes, metres. missed_nodes : names of nodes without a hole."""
+    """Return some members as flat plates with holes at their nodes.
+    normals      : (n, 3) normals at the vertices of the graph's sheet.
+    height       : height of the plates over the surface, metres.    bolt : diameter of the holes, metres.
+    missed_nodes : names of nodes without a hole."""
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]
     return [_flat_plate(graph, member, normals, (height, bolt), missed_nodes) for member in members]
 
@@ -90,7 +91,7 @@ class FlattenedMesh:
 
     @classmethod
     def from_mesh(cls, V: Floats, F: Ints) -> "FlattenedMesh":
-        """Flatten a mesh with as little strain as possible, beginning with a projection along the mean normal."""
+        """Flatten a mesh V (n, 3), F (m, 3) with as little strain as possible."""
         n = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]).sum(axis=0)
         n /= np.linalg.norm(n)
         x = np.eye(3)[np.abs(n).argmin()]
@@ -104,7 +105,7 @@ class FlattenedMesh:
 
     @property
     def strain(self) -> float:
-        """Largest strain of all triangles, from the singular values of their flattening."""
+        """Largest strain of a triangle by the flattening."""
         e1, e2 = (self.V[self.F[:, k]] - self.V[self.F[:, 0]] for k in (1, 2))
         x = e1 / np.linalg.norm(e1, axis=1)[:, None]
         n = np.cross(e1, e2)
@@ -133,7 +134,7 @@ LINE_TOLERANCE = 1e-9  # largest distance of a mesh edge from the line that divi
 
 @dataclass(frozen=True)
 class SheetJoint:
-    """Joint of the pieces of a sheet: "fingers", "scarf", or "butt" for straight cuts. thickness : of the sheet (m)."""
+    """Joint of the pieces of a sheet: "fingers", "scarf" or "butt" (straight cuts). thickness : of the sheet (m)."""
 
     kind: str = "butt"
     thickness: float = 0.0
@@ -144,8 +145,8 @@ class SheetJoint:
         return {"fingers": FINGER_LENGTH, "scarf": SCARF_SLOPE}.get(self.kind, 0.0) * self.thickness
 
     def count(self, size: float, room: float) -> int:
-        """Return the number of pieces into which a length `size` is cut, for stock of the length `room` (m).
-        Raises PatternError if the joints are too long."""
+        """Return the number of pieces into which to cut a length `size`, if the stock has the length `room` (m).
+        Raises PatternError if the joints are too long for the stock."""
         if size <= room:
             return 1
         if room <= 2 * self.reach:
@@ -158,16 +159,16 @@ class SheetJoint:
 
 @dataclass(frozen=True)
 class SheetParts:
-    """Pieces of a sheet, and the counts of rectangles along and across the sheet."""
+    """Pieces of a flat sheet, and the numbers of rectangles along and across the sheet."""
 
     pieces: tuple[FlatPart, ...]
     counts: tuple[int, int]
 
 
 def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJoint = SheetJoint()) -> SheetParts:
-    """Cut a flat sheet into as few rectangles as possible; each rectangle fits into a stock size in `room` (m).
-    Disconnected pieces of a rectangle become separate parts; openings become slots. With fingers, the pieces do not
-    overlap; with a scarf, they overlap at the joints. Raises PatternError if joints or jointed pieces are too long."""
+    """Cut a flat sheet into as few equal rectangles as possible, with joints between neighbouring rectangles.
+    room : lengths and widths that parts may have on the stock, metres.
+    Disconnected pieces of a rectangle become separate parts. Raises PatternError if parts with joints are too long."""
     x = plane_coordinates(surface)
     level = Surface(np.pad(x - x.min(axis=0), ((0, 0), (0, 1))), surface.F)
     reduction = 0.0
@@ -212,7 +213,6 @@ class _SheetGrid:
         return np.asarray(self.size[axis] * np.arange(1, self.counts[axis]) / self.counts[axis])
 
     def fingers(self, axis: int) -> int:
-        """Return the number of fingers along the whole sheet: odd, so that both ends are alike."""
         return 2 * round(float(self.size[axis]) / (2 * FINGER_WIDTH * self.joint.thickness)) + 1
 
     def lines(self, axis: int) -> Floats:
@@ -241,7 +241,7 @@ class _SheetGrid:
         return is_inside
 
     def bevels(self, which: tuple[int, int]) -> list[tuple[int, float]]:
-        """Axis (0: along the sheet, 1: across) and position (m) of lines where scarf bevels of piece `which` begin."""
+        """Return where scarf bevels of piece `which` begin: axis (0: along the sheet, 1: across) and place (m)."""
         if self.joint.kind != "scarf":
             return []
         half = self.joint.reach / 2

@@ -24,7 +24,7 @@ class Cuts:
 
 
 def box_fits(outline: Floats, along: Floats, room: Sequence[tuple[float, float]]) -> bool:
-    """Return whether the box around points (k, 2) along a direction (2,) fits into one of the rectangles of `room`."""
+    """Return whether points (k, 2) fit into a rectangle of `room` with a side parallel to `along` (2,)."""
     direction = along / np.linalg.norm(along)
     a, b = float(np.ptp(outline @ direction)), float(np.ptp(outline @ [-direction[1], direction[0]]))
     return any((a <= x and b <= y) or (b <= x and a <= y) for x, y in room)
@@ -95,7 +95,8 @@ def _middle_of_bay(nodes: Floats, least: float, limit: float) -> float:
 def lapped_span(
     span: tuple[float, float], strip_span: tuple[float, float], lap: float, closed: bool
 ) -> tuple[float, float]:
-    """Return the span of a piece, longer by `lap` metres at each end that is not an end of an open `strip_span`."""
+    """Return the `span` of a piece (two arc lengths), made longer by `lap` metres at each splice.
+    Ends of the strip are not splices, unless the strip is closed."""
     begin = span[0] - lap if closed or span[0] > strip_span[0] else span[0]
     return begin, span[1] + lap if closed or span[1] < strip_span[1] else span[1]
 
@@ -111,7 +112,9 @@ def scarf_line(splices: int, lap: float) -> str:
 def lap_marks(
     layer: Development, span: tuple[float, float], full_span: tuple[float, float], lap: float, height: float
 ) -> tuple[Floats, ...]:
-    """Return lines and texts that mark bevels. lap : half overlap (m). full_span : `span` longer by `lap` at joints."""
+    """Return lines and texts that mark the bevels of a piece at its splices, as polylines (k, 2).
+    span, full_span : arc lengths of the piece's ends, without and with its overlaps.    lap : half of an overlap (m).
+    height          : largest height of the letters, metres."""
     lines = list[Floats]()
     for k, (s, end) in enumerate(zip(span, full_span, strict=True)):
         if s != end:
@@ -126,7 +129,8 @@ def lap_marks(
 
 
 def strip_fits(development: Development, room: Sequence[tuple[float, float]]) -> Callable[[float, float], bool]:
-    """Return a function that tests if a strip, developed between two arc lengths, fits into a stock size in `room`."""
+    """Return a function that tests whether the flat piece of a strip between two arc lengths fits on the stock.
+    room : lengths and widths that parts may have on the stock, metres."""
     longest = max(np.hypot(x, y) for x, y in room) + 1e-6
 
     def fits(begin: float, end: float) -> bool:

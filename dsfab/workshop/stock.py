@@ -15,7 +15,7 @@ from dsfab.workshop.parts import FlatPart
 
 
 def stock_choices(options: Workshop) -> list[Workshop]:
-    """Return `options`; if the stock has prices, also variants without the longer sheets, which few parts may need."""
+    """Return the options and, if the stock has prices, variants of the options without the longer sheets."""
     lengths = sorted({size[0] for size in options.stock}, reverse=True) if options.prices else []
     choices = [options]
     for longest in lengths[1:]:
@@ -31,7 +31,7 @@ def stock_cost(sheets: Sequence[NestedSheet]) -> float:
 
 
 def stock_words(sheets: Sequence[NestedSheet]) -> str:
-    """Return the number, size and price per sheet: "12 of 2.5 x 1.25 m at 45"; leave out the price if it is 0."""
+    """Return numbers, sizes and prices of sheets in words: "12 of 2.5 x 1.25 m at 45"."""
     count = Counter((sheet.size, sheet.price) for sheet in sheets)
     return ", ".join(
         f"{many} of {size_words(size)}" + (f" at {money(price)}" if price else "")
@@ -40,7 +40,8 @@ def stock_words(sheets: Sequence[NestedSheet]) -> str:
 
 
 def price_notes(sheets: Sequence[NestedSheet], alternatives: Sequence[tuple[Workshop, float]]) -> list[str]:
-    """Return notes on the cost of the sheets and of alternative stock; empty without prices."""
+    """Return notes on the cost of the sheets and of other stock; empty without prices.
+    alternatives : pairs of options with other stock sizes, and the cost with them."""
     cost = stock_cost(sheets)
     if not cost:
         return []
@@ -69,11 +70,8 @@ StockSizes = Sequence[tuple[float, float]]
 def sheet_hints(
     parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: StockSizes, gap: float, grain: bool = False
 ) -> list[str]:
-    """Return sentences on narrower strips or larger stock that would need fewer sheets.
-    stock : lengths and widths of the sheets, metres.
-    gap   : distance between parts, metres.
-    grain : as for `nest_parts`.
-    Large plans have no hints, because each hint needs a trial nesting, which would be slow."""
+    """Return sentences on narrower strips or larger stock that would need fewer sheets; empty for large plans.
+    stock, gap, grain : as for `nest_parts`."""
     if len(parts) * len(sheets) > 20_000:
         return []
     return [*_narrower_hint(parts, sheets, stock, gap, grain), *_larger_hint(parts, sheets, stock, gap, grain)]
@@ -124,7 +122,6 @@ def _narrower_hint(
 def _larger_hint(
     parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: StockSizes, gap: float, grain: bool
 ) -> Iterator[str]:
-    """Yield a hint if the stock has a single size, and longer or wider stock would need less area in total."""
     if len(stock) != 1:
         return
     ((long, wide),), larger = stock, 1.1

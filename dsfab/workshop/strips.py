@@ -23,7 +23,7 @@ LEGIBLE_HEIGHT, TALL_LETTER_SHARE = 0.002, 0.6  # letters on narrow parts: heigh
 
 @dataclass(frozen=True)
 class StripBolt:
-    """Bolt near arc length s of the member's axis, through a surface point (3,) along the unit normal (3,) there."""
+    """Bolt of a member: surface point (3,), unit normal (3,) along the bolt, and arc length s on the member's axis."""
 
     name: str
     point: Floats
@@ -53,7 +53,7 @@ class StripParts:
 
 
 def is_strip(member: Member) -> bool:
-    """Return whether a member is a strip: it bends in the surface with a radius over half its width, except at ends."""
+    """Return whether a member can be built as a strip: except at its ends, it has no sharp turn within the surface."""
     if member.axis is None or member.kind not in STRIP_KINDS:
         return False
     begin, end = uncurled_span(member)
@@ -107,7 +107,7 @@ def _shortened_courses(
 
 
 def node_bolts(graph: MemberGraph, member: Member, course: StripCourse) -> list[StripBolt]:
-    """Return the bolts of a member's nodes in the order of arc length. course : stations on the member's axis."""
+    """Return the bolts at the nodes of a member, sorted by arc length."""
     bolts = []
     for node in graph.nodes_along[member.id]:
         s = course.wrapped_station(node.at[node.members.index(member.id)])
@@ -258,7 +258,7 @@ LEAST_STRAIN = 5e-6  # smallest strain that a sentence reports
 
 @dataclass(frozen=True)
 class StripLimits:
-    """Limits of all strips of a design for one layer thickness (m).
+    """Largest strains of all strips of a design, and their limits, for one thickness of the layers (m).
     bending     : largest bending strain, which occurs in the strip `member`.
     shape       : largest strain |K| w^2 / 12 from the Gauss curvature K of the surface, in a strip of width w.
     limit       : strain at the material's strength; 0 if the preset has none.
@@ -306,8 +306,8 @@ class StripLimits:
 
 
 def drilling_edge(graph: MemberGraph) -> float:
-    """Return the largest mesh edge (m) for which typical bays (parts between nodes) are exact to `HOLE_FIT`; infinite
-    if no strip bends. Edges of length e change a bay of length L and curvature k by at most about L (e k)^2 / 8."""
+    """Return the longest mesh edge (m) for which distances between neighbouring holes are exact to `HOLE_FIT`.
+    Edges of length e change a length L of curvature k by at most about L (e k)^2 / 8. Infinite if no strip bends."""
     strips = [member for member in graph.members if is_strip(member)]
     bends = [np.abs(member.axis.kn[calm_stations(member)]) for member in strips if member.axis is not None]
     bend = float(np.quantile(np.concatenate(bends), 0.95)) if bends else 0.0  # ignores rare peaks

@@ -30,7 +30,7 @@ WITH_FACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}  # Types of objects th
 
 
 class BuildError(Exception):
-    """A message to the user in Blender's status bar."""
+    """Error of a build; Blender shows its message to the user."""
 
 
 class Preferences(bpy.types.AddonPreferences):
@@ -59,7 +59,8 @@ class Wishes(bpy.types.PropertyGroup):
 
 
 def mesh_file(source: bpy.types.Object, metres: float, path: Path) -> None:
-    """Write an object with its modifiers as OBJ, in metres and world coordinates. Raises BuildError without faces."""
+    """Write an object with its modifiers to an OBJ file, in metres and world coordinates.
+    metres : length of a unit of the scene. Raises BuildError if the object has no faces, or is a result of dsfab."""
     if source.get(MADE_OF):
         raise BuildError(f"{source.name} is a result of dsfab; select the object {source[MADE_OF]} instead")
     if source.type not in WITH_FACES:
@@ -93,7 +94,7 @@ def command(python: str, mesh: Path, settings: Wishes, output: Path) -> list[str
 
 
 def failure_sentence(code: int, output: str) -> str:
-    """Return dsfab's last message without the prefix `dsfab: `."""
+    """Return a message about a failed build: dsfab's last message in `output`, or the exit code."""
     lines = [line for line in output.strip().splitlines() if line]
     messages = [line.removeprefix("dsfab: ") for line in lines if line.startswith("dsfab: ")]
     if "No module named dsfab" in output or "No module named 'dsfab'" in output:
@@ -102,7 +103,8 @@ def failure_sentence(code: int, output: str) -> str:
 
 
 def import_meshes(path: Path, source: str, collection: bpy.types.Collection, metres: float) -> list[bpy.types.Object]:
-    """Import a GLB file; return its meshes as objects of a collection, in the unit of the scene."""
+    """Import the meshes of a GLB file into a collection, in the unit of the scene; return the new objects.
+    source : name of the object that was built.    metres : length of a unit of the scene."""
     before = set(bpy.data.objects)
     unit = bpy.context.scene.unit_settings
     unit.scale_length = 1.0  # with 1.0 the importer does not scale; the loop below scales
@@ -128,7 +130,7 @@ def import_meshes(path: Path, source: str, collection: bpy.types.Collection, met
 
 
 def new_collection(name: str, under: bpy.types.Collection) -> bpy.types.Collection:
-    """Return a new collection for the build of an object, and remove the collection of its last build."""
+    """Return a new collection inside `under` for the build of object `name`; remove the object's earlier collection."""
     for earlier in [item for item in bpy.data.collections if item.get(MADE_OF) == name]:
         for part in (*earlier.children_recursive, earlier):
             for item in list(part.objects):
@@ -155,7 +157,8 @@ def view_layer_of(collection: bpy.types.Collection) -> bpy.types.LayerCollection
 
 
 def show_result(folder: Path, source: bpy.types.Object, metres: float) -> int:
-    """Show a folder's solid, hide its members and `source`; return the number of members. metres : per scene unit."""
+    """Import the solid and the members of a built folder; hide the members and the object `source`.
+    metres : length of a unit of the scene. Return the number of members."""
     collection = new_collection(source.name, bpy.context.scene.collection)
     solid_file = next(path for path in folder.glob("*.glb") if not path.stem.endswith(".members"))
     for solid in import_meshes(solid_file, source.name, collection, metres):

@@ -1,7 +1,8 @@
 """Program of the process that builds and reads meshes for the editor. The editor may kill the process at any time.
 
-standard input : 8 bytes n | n bytes of a pickled request; it stays open while the editor waits
-standard output: JSON lines of the progress, then a line with the key done, preset, refused or mistaken"""
+standard input : the length n of the request (8 bytes), then the pickled request (n bytes). If the editor closes this
+input, the process ends.
+standard output: lines of JSON with the progress, then a line with the key done, preset, refused or mistaken"""
 
 import json
 import os

@@ -32,7 +32,7 @@ from dsfab.report.design.save import save
 
 @dataclass(frozen=True)
 class EditorBuild:
-    """Files of a build, with files in the preset's formats first, and facts that the editor's page shows."""
+    """Result of a build: its files, first in the preset's formats, and facts that the editor's page shows."""
 
     files: list[Path]
     facts: dict[str, Any]
@@ -41,7 +41,7 @@ class EditorBuild:
 @dataclass(frozen=True)
 class BuildRequest:
     """A request to build a preset.
-    old     : design whose unchanged stages are used again.    picture : True for a picture, too.
+    old     : design whose unchanged stages are used again.    picture : True to draw a picture, too.
     mesh    : mesh file that is open in the editor. The build copies this file, and the written preset names the copy.
     only    : a single format as in `dsfab export --to`; '' for all files of a build.
     before  : folder of an earlier build; its design is used again if its preset equals this preset."""
@@ -55,7 +55,8 @@ class BuildRequest:
 
 
 def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
-    """Write the files of `dsfab build`; `facts["refused"]` is the reason for a missing STEP file. Raises DsfabError."""
+    """Build a preset and write all its files into `folder`, like `dsfab build`. Raises DsfabError.
+    `facts["refused"]` of the result is the reason why no STEP file was written, or ''."""
     preset = request.preset
     design = _design_of_request(request, progress)
     if request.mesh:
@@ -78,7 +79,8 @@ def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -
 
 
 def export_file(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
-    """Write one file like `dsfab export`, from the build `request.before` if it has this preset. Raises DsfabError."""
+    """Write one file in the format `request.only`, like `dsfab export`. Raises DsfabError.
+    The design in the folder `request.before` is used if its preset is the requested preset."""
     from dsfab.app.export import CALCULIX, CALCULIX_SUFFIX, ExportRequest, write_file
     from dsfab.design.output.archive import read_archive
 
@@ -103,7 +105,8 @@ def _mesh_copy_path(mesh: Path, folder: Path) -> Path:
 def draw_png(
     preset: Preset, earlier: Design | None, view: str, show: str, size: tuple[int, int], progress: ReportProgress
 ) -> bytes:
-    """Return a picture (PNG) of a preset; reuse stages of the design `earlier`. Raises DsfabError if drawing fails."""
+    """Return a picture of a preset, as bytes of a PNG file. Raises DsfabError if drawing fails.
+    earlier : design whose unchanged stages are used again.    size : pixels.    view, show : as in `dsfab preview`."""
     from PIL import Image
 
     from dsfab.render import light
@@ -143,7 +146,8 @@ def build_in_process(request: BuildRequest, folder: Path, progress: JobProgress)
 
 
 def open_mesh_in_process(request: MeshRequest, progress: JobProgress) -> OpenedPreset:
-    """Run `opened_mesh` in another process. Raises DsfabError, and Cancelled a moment after a cancellation."""
+    """Read a mesh in another process, and return the preset that dsfab proposes for this mesh.
+    Raises DsfabError, and Cancelled a moment after a cancellation."""
     progress("surface", f"reading {request.name}")
     message = pickle.dumps((request, ""), protocol=5)
     with (
@@ -228,14 +232,14 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
 
 
 class Builds:
-    """Files of all builds by number; files of unfinished builds are in the folder `aside`."""
+    """Builds of a session, by number, with their files. Files of unfinished builds are in the folder `aside`."""
 
     def __init__(self, outputs: Outputs, aside: Path) -> None:
         self.outputs, self._aside = outputs, aside
         self._files: dict[int, list[Path]] = {}
 
     def file(self, build: int, index: int) -> Path | None:
-        """Return a file by the numbers of its build and of the file, because the page must not choose paths."""
+        """Return the path of file `index` (from 0) of a build; None if the build has no file with this index."""
         files = self._files.get(build, [])
         return files[index] if 0 <= index < len(files) else None
 
@@ -245,7 +249,7 @@ class Builds:
         return list(self._files[max(self._files)]) if self._files else []
 
     def replacement_question(self, name: str) -> dict[str, Any]:
-        """Return a question for the user if a build would replace files in the folder of this name; else {}."""
+        """Return {}; or, if a build would replace files in folder `name`, a question (`taken`) and a `free` name."""
         count = self.outputs.foreign_files(name)
         if not count:
             return {}
@@ -254,7 +258,7 @@ class Builds:
         return {"taken": text, "free": self.outputs.free_name(name)}
 
     def make(self, request: BuildRequest, progress: JobProgress) -> dict[str, Any]:
-        """Build, move the files to their folder, and return facts for the page. Raises DsfabError and Cancelled."""
+        """Build a preset, move the files to the folder of its name; return facts. Raises DsfabError and Cancelled."""
         name = request.preset.name
         request = replace(request, before=self.outputs.folder(name))
         folder = Path(tempfile.mkdtemp(prefix="build-", dir=self._aside))

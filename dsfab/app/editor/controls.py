@@ -1,4 +1,4 @@
-"""Controls of the page: each changes a key of the preset and has a unit and a range."""
+"""Controls of the editor's page, such as sliders: each changes a key of the preset."""
 
 from dataclasses import asdict, dataclass, replace
 from typing import Any, get_args
@@ -15,7 +15,7 @@ from dsfab.surface import Surface
 
 @dataclass(frozen=True)
 class Control:
-    """A control for a single key of a preset.
+    """A control on the editor's page, for a single key of a preset.
     kind    : number, whole (a whole number), choice, switch, length (metres), words (a list of words), size (three
               lengths) or material (a choice that sets further keys).
     low, high, step : range of the slider; the number field beside it accepts every valid value of the key.
@@ -51,7 +51,7 @@ def rounded_to_one_digit(value: float) -> float:
 
 
 def surface_controls(surface: Surface) -> list[Control]:
-    """Return the controls whose ranges scale with the size of the surface."""
+    """Return the controls for stripe directions, sheet, mesh and workshop, with ranges for this surface."""
     return [*_direction_controls(), *_sheet_controls(surface), *_mesh_controls(surface), *_workshop_controls(surface)]
 
 
@@ -134,7 +134,7 @@ def _limit_control(control: Control) -> Control:
 
 
 def controls(preset: Preset, surface: Surface) -> list[dict[str, Any]]:
-    """Return all controls for JSON; the ranges of lengths scale with the size of the surface."""
+    """Return all controls of the page as values for JSON; ranges of lengths scale with the size of the surface."""
     reach = rounded_to_one_digit(EXACT_REACH_SHARE * surface.size)
     families = [control for name in ("major", "minor") for control in _family_controls(name, preset, surface, reach)]
     pattern_controls = [*_method_controls(), *families, *_width_controls(reach), *_kept_controls(reach)]

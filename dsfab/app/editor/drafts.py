@@ -1,4 +1,4 @@
-"""Drafts for the page: the mesh of the stripes and the cut sheet as bytes, and their measures."""
+"""Drafts (designs before the cut) for the editor's page: meshes as bytes, and measures."""
 
 import json
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ TYPES = {"f": "float32", "i": "uint32", "u": "uint32", "b": "uint8"}
 
 
 def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """Pack facts (JSON values) and arrays (...) into a message: floats with 32 bits, integers as unsigned 32 bits."""
+    """Pack facts (JSON values) and arrays (...) into a binary message for the page; masks take a byte per value."""
     table, blocks, place = {}, [], 0
     for name, array in arrays.items():
         kind = TYPES[array.dtype.kind]
@@ -44,9 +44,9 @@ def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
 
 
 def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return facts and arrays of a draft: surface, stripes, statics, marks of loads and supports, and boundary loops.
-    V (n, 3), metres, F (m, 3) and their fields belong to the mesh of the stripes (`StripedMesh`). If this mesh is not
-    the surface itself, the boundary loops refer to the vertices `uncut` (k, 3) of the surface."""
+    """Return facts and arrays with which the page draws a draft (a design before the cut): surface, stripes, statics,
+    marks of loads and supports, and boundary loops. V (n, 3), metres, and F (m, 3) are the mesh of the stripes
+    (`StripedMesh`). If this mesh is not the surface, the loops refer to the surface's vertices `uncut` (k, 3)."""
     surface, statics, modes = draft.surface, draft.statics, draft.diffusion
     mesh = StripedMesh.from_design(draft)
     up = up_axis(surface.V, surface, draft.load)
@@ -91,8 +91,8 @@ def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 
 def pattern_widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return facts about the pattern, and arrays (n, 2), a column for each family of stripes.
-    half   : half the width of a stripe, in periods of its wave.
+    """Return facts about a draft's pattern, and arrays (n, 2) on the mesh of the stripes: columns major and minor.
+    half   : half the width of a stripe, in periods (1 is the distance from one stripe to the next).
     slope  : stripes per metre; for a pattern of modes, stripes per metre at the frequency 1.
     shares : half-width at a vertex, divided by the mean half-width; for evenly spaced stripes."""
     pattern, options, surface = draft.pattern, draft.preset.pattern, draft.surface
@@ -122,7 +122,7 @@ def colour_scales() -> dict[str, list[list[int]]]:
 
 
 def has_creases(surface: Surface) -> bool:
-    """Return True if a face's normal differs so much from those at its corners that the page must shade each pixel."""
+    """Return True if the surface has sharp folds, so that the page must compute the shading at each pixel."""
     normals = surface.normals[:, None, :] * surface.vertex_normals[surface.F]
     return bool(normals.sum(axis=2).min() < 0.8)  # shader.js uses the same cosine
 
@@ -166,7 +166,6 @@ def _lines_per_metre(surface: Surface, x: Floats) -> float:
 
 
 def _mark_arrays(surface: Surface, load: LoadCase, reaction: Floats, middle: Floats) -> dict[str, Floats]:
-    """Return places (m) and sums (N) of nearby forces (k, 6), and places (m) of supports (k, 3). Origin: `middle`."""
     acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
     V = surface.V - middle
     loads = [_gathered_forces(V, load.force, acts & load.loaded, POINT_LOAD_SPACING, surface.size)]
@@ -192,11 +191,12 @@ TINTS = ("major", "minor")  # Families with colours of their own; all other mate
 
 
 def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
-    """Return the arrays of a cut sheet with k vertices and m faces; families share no vertices.
+    """Return the mesh of a cut sheet for the page: k vertices and m faces. Faces with different `tint` share no vertex.
     V : (k, 3) metres from the middle of the surface.    F : (m, 3).    E : (e, 2) edges of the outlines.
     tint    : (k,) 0 major family, 1 minor family, 2 other material.
     normals : (k, 3) unit normals of the uncut surface.
-    corners : (k, 3) corners of the nearest face of `StripedMesh`.    shares : (k, 3) barycentric weights of corners."""
+    corners : (k, 3) vertices of the nearest face in the mesh of the stripes.
+    shares  : (k, 3) barycentric weights of `corners`."""
     surface, striped_surface = sheet.surface, StripedMesh.from_design(draft).surface
     tints = np.array([TINTS.index(name) if name in TINTS else len(TINTS) for name in draft.pattern.names])
     tint = np.repeat(tints[sheet.family], 3)
@@ -220,16 +220,17 @@ def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
 
 
 def tidied_cut(draft: Design, progress: ReportProgress | None = None) -> tuple[SlicingResult, list[str]]:
-    """Return the cut and tidied sheet of a draft, and notes. Raises DsfabError if the pattern leaves no material."""
+    """Cut a draft (a design before the cut) and remove loose ends; return the result, and notes for the user.
+    Raises DsfabError if the pattern leaves no material."""
     log = Log(progress)
     cut = slicing_step(draft.preset, draft.surface, draft.statics, draft.pattern, log)
     return cut, [f"{note.stage}: {note.text}" for note in log.notes]
 
 
 def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any]:
-    """Return measures of a cut sheet for JSON: square metres, kilograms, pieces, and widths in metres.
-    under      : True if the narrowest member is narrower than the least width.
-    bars_under : True for each bar of the histogram of widths that is below the least width."""
+    """Return measures of a cut sheet as values for JSON: area (m2), mass (kg), pieces, and widths (m).
+    under      : True if the narrowest member is narrower than `min_member`, the least width.
+    bars_under : for each bar of the histogram of widths, True if its widths are below `min_member`."""
     preset, sheet = draft.preset, cut.sheet.surface
     solved = draft.statics.answers.equilibrium
     member_features = features(cut.cells, kept_cells(cut.cells, cut.sheet), draft.pattern.names)

@@ -94,7 +94,7 @@ class Jobs:
             worker.join(timeout=5)
 
     def submit(self, kind: str, work: Work) -> int:
-        """Run `work` in the worker for jobs of this kind, in place of an older such job; return the job's number."""
+        """Run `work` in the worker for jobs of this kind; cancel an older job of this kind. Return the job's number."""
         with self._wake:
             job = EditorJob(next(self._numbers), kind, work)
             self._known[job.number] = job
@@ -111,7 +111,7 @@ class Jobs:
         return job.number
 
     def cancel(self, number: int) -> bool:
-        """Cancel a job; return False if it is neither waiting nor running."""
+        """Cancel a job; return False if the job is neither waiting nor running."""
         with self._wake:
             job = self._known.get(number)
             if job is None or job.state not in ("waiting", "running"):
@@ -127,7 +127,7 @@ class Jobs:
             return True
 
     def job(self, number: int) -> EditorJob | None:
-        """Return a recent job by its number."""
+        """Return the job with this number; None if it is not among the last 64 jobs."""
         return self._known.get(number)
 
     def pending(self, number: int) -> bool:
@@ -137,7 +137,7 @@ class Jobs:
             return job is not None and job.state in ("waiting", "running") and not job.stop.is_set()
 
     def add_listener(self) -> "queue.Queue[dict[str, Any] | None]":
-        """Return a queue with records of all further changes of jobs, then None when the editor closes."""
+        """Return a queue that receives a record of each job that changes, and None when the editor closes."""
         listener: queue.Queue[dict[str, Any] | None] = queue.Queue(maxsize=1000)
         with self._wake:
             self._listeners.append(listener)

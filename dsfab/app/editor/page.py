@@ -24,7 +24,7 @@ _FROM = re.compile(r"""(\b(?:from|import)\s*['"])\./((?:vendor/)?[\w.]+['"])""")
 
 
 def static_files() -> dict[str, bytes]:
-    """Return the content of every file of the page, by its path below `/static/`."""
+    """Return the content of each file of the editor's page, by its path below `/static/`."""
     contents, folders = {}, [("", files("dsfab.app.editor").joinpath("static"))]
     while folders:
         prefix, folder = folders.pop()
@@ -38,7 +38,7 @@ def static_files() -> dict[str, bytes]:
 
 def index_page(static: Mapping[str, bytes], token: str) -> tuple[bytes, str]:
     """Return index.html with the token of this run, and a security policy (CSP) that allows only files of this server.
-    Links to all modules save time, because the page then requests all of them at once."""
+    static : files of the page, see `static_files`.    token : secret that every request of the page must contain."""
     nonce = secrets.token_urlsafe(12)
     policy = (
         f"default-src 'none'; script-src 'self' 'nonce-{nonce}'; style-src 'self'; connect-src 'self'; "

@@ -45,7 +45,8 @@ Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 @dataclass(frozen=True, eq=False)
 class SessionView:
-    """A draft that the page shows. `version` stays the same if only widths of stripes or the choice of modes change."""
+    """A draft (a design before the cut) that the page shows, by number. opening : number of the opened preset.
+    version : stays the same if only widths or the choice of modes change."""
 
     draft: Design
     number: int
@@ -90,7 +91,7 @@ class Session:
             return self._opened
 
     def start(self) -> dict[str, Any]:
-        """Return the values that the editor's page needs before the first draft is solved."""
+        """Return the values that the editor's page needs at its start: preset, names, units, materials, colours."""
         with self._lock:
             opened, number = self._opened, self._opening
         return {
@@ -113,7 +114,7 @@ class Session:
         return self._set_opened(opened_shipped(name))
 
     def open_toml(self, text: str) -> dict[str, Any]:
-        """Open the text of a preset file from the page."""
+        """Open a preset from the text of a TOML file."""
         return self._set_opened(self.current_preset.open_toml(text))
 
     def open_variant(self, number: int) -> dict[str, Any]:
@@ -124,7 +125,8 @@ class Session:
             return {**(self.start() if is_open else self._set_opened(variant.opened)), "changes": dict(variant.changes)}
 
     def ask_mesh(self, name: str, unit: str | None, data: str) -> dict[str, Any]:
-        """Start a job that opens a mesh file (base64) from the page, in another process. Raises DsfabError."""
+        """Start a job that opens a mesh file from the page; return its number as `job`. Raises DsfabError.
+        data : content of the file in base64.    unit : unit of the file's numbers, or None if unknown."""
         suffix = Path(name).suffix.lower()
         if suffix not in MESH_SUFFIXES:
             raise DsfabError(
@@ -159,8 +161,9 @@ class Session:
         return {"name": f"{opened.preset_with(changes).name}.toml", "toml": opened.toml(changes)}
 
     def command(self, changes: Changes) -> dict[str, Any]:
-        """Return a dict. `command` builds the preset. `saved` is the preset file that the session wrote, or ''.
-        `save` is True if the editor's page must offer the preset file to the user."""
+        """Return a command line that builds the changed preset, as the key `command`.
+        saved : preset file that the session wrote for this command, or ''.
+        save  : True if the user must first save the preset file."""
         opened, outputs = self.current_preset, self.builds.outputs
         command, save = opened.command(changes)
         if not (save and outputs.label):
@@ -170,7 +173,7 @@ class Session:
         return {"command": shlex.join(["dsfab", "build", place]), "save": False, "saved": place}
 
     def ask_solve(self, changes: Changes) -> int:
-        """Start a job that solves and measures the changed preset, or keep a running job with the same changes."""
+        """Start a job that solves the changed preset, or keep an unfinished job with this preset; return its number."""
         with self._lock:
             preset, number = self._opened.preset_with(changes), self._opening
             pending_request = self._asked
@@ -193,7 +196,8 @@ class Session:
         return {"job": self.jobs.submit("export" if only else "build", lambda progress: self._build(request, progress))}
 
     def ask_members(self, judged: bool) -> int:
-        """Start a job that measures members, with utilisation if `judged`. Raises DsfabError if no draft exists yet."""
+        """Start a job that measures the members of the design; return the job's number.
+        judged : True for the utilisation of members, too. Raises DsfabError if no draft exists yet."""
         with self._lock:
             shown = self._shown
         if shown is None:
@@ -201,12 +205,13 @@ class Session:
         return self.jobs.submit("members", lambda progress: self._members(shown, judged))
 
     def ask_picture(self, changes: Changes, view: str, show: str, size: tuple[int, int]) -> int:
-        """Start a job that draws the structure on this machine, for browsers without WebGL."""
+        """Start a job that draws the structure on this machine, for browsers without WebGL; return the job's number.
+        size : pixels.    view, show : as in `dsfab preview`."""
         preset = self.current_preset.preset_with(changes)
         return self.jobs.submit("picture", lambda progress: self._picture(preset, view, show, size, progress))
 
     def first_model(self) -> bytes:
-        """Return the last draft for a new page, or wait for a first draft or sketch; b'' if no job makes a draft."""
+        """Return the last draft, packed for a new page; wait while a job makes the first draft. b'' if no job does."""
         shown = self._shown
         while shown is None and self._asked and self.jobs.pending(self._asked[0]):
             time.sleep(0.01)
@@ -215,7 +220,8 @@ class Session:
         return self._model(shown, 0) if shown else b""
 
     def model(self, have: int) -> bytes:
-        """Return the last draft; only widths if the page has it (version `have`). Raises DsfabError without a draft."""
+        """Return the last draft, packed for the page. Raises DsfabError if there is no draft yet.
+        have : version that the page has already. If the draft has this version, only its widths are returned."""
         with self._lock:
             shown = self._shown
         if shown is None:
@@ -223,7 +229,7 @@ class Session:
         return self._model(shown, have)
 
     def cut_sheet(self, draft: int) -> bytes:
-        """Return the latest cut sheet (`drafts.cut_sheet_arrays`); empty if it belongs to another draft."""
+        """Return the cut sheet of the draft with this number, packed for the page; b'' if it is not the latest cut."""
         with self._lock:
             latest_cut = self._cut
         if not latest_cut or latest_cut[0].number != draft:
@@ -241,7 +247,6 @@ class Session:
         return pack_message(facts, arrays)
 
     def _model_of_version(self, shown: SessionView) -> Packed:
-        """Return the arrays of a version; the session keeps the last result, because several pages may load it."""
         with self._lock:
             if self._kept is None or self._kept[0] != shown.version:
                 self._kept = shown.version, draft_model(shown.draft)

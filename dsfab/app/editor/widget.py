@@ -47,7 +47,7 @@ class Editor(anywidget.AnyWidget):
 
     @property
     def files(self) -> list[Path]:
-        """Files of the last build, with the preset's formats first. They exist until the widget or Python closes."""
+        """Files of the last build, first in the preset's formats. The files exist until the widget or Python closes."""
         return self._session.builds.latest
 
     def close(self) -> None:
@@ -56,7 +56,7 @@ class Editor(anywidget.AnyWidget):
         self._session.__exit__()
 
     def set_state(self, sync_data: Mapping[str, Any]) -> None:
-        """Accept changes from the page without a check, because the page itself shows errors."""
+        """Accept changes from the page without a check: the page shows errors to the user."""
         self._heard = True
         try:
             super().set_state(sync_data)

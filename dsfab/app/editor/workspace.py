@@ -41,18 +41,18 @@ class Outputs:
         return folder
 
     def foreign_files(self, name: str) -> int:
-        """Return how many files in the folder `name` come from an earlier session or another program."""
+        """Return the number of files in the folder `name` that this session did not write."""
         folder = self.folder(name)
         if folder in self._ours or not folder.exists():
             return 0
         return sum(1 for _ in folder.iterdir()) if folder.is_dir() else 1
 
     def free_name(self, name: str) -> str:
-        """Return the first of `name`, name-2, name-3 ... whose folder has no foreign files."""
+        """Return the first of NAME, NAME-2, NAME-3 ... whose folder has no files of earlier sessions or programs."""
         return next(word for word in _numbered_names(name) if not self.foreign_files(word))
 
     def publish(self, files: Path, name: str) -> Path:
-        """Move all files in `files` to the folder of the build; return the build's folder. Raises DsfabError."""
+        """Move all files in the folder `files` to the folder of `name`; return this folder. Raises DsfabError."""
         folder = self.folder(name)
         with atomic_folder(folder) as partial:
             for path in files.iterdir():
@@ -61,7 +61,8 @@ class Outputs:
         return folder
 
     def write_file(self, name: str, suffix: str, content: bytes) -> Path:
-        """Write NAME.toml or, if it exists, NAME-2.toml into `home`; return the path. Raises DsfabError."""
+        """Write a file with this name into `home`, and return its path. Raises DsfabError if this fails.
+        If an older file with other content has the name, the name is NAME-2, NAME-3 ..."""
         self.folder(name)
         paths = (self.home / f"{word}{suffix}" for word in _numbered_names(name))
         path = next(path for path in paths if path in self._ours or _may_write(path, content))
@@ -123,7 +124,7 @@ class OpenedPreset:
         return _mesh_file(self.preset) if self.mesh else None
 
     def command(self, changes: Mapping[str, Any]) -> tuple[str, bool]:
-        """Return the command that builds the changed preset, and whether the user must save the preset first."""
+        """Return a command line that builds the changed preset, and True if the user must save the preset first."""
         preset = self.preset_with(changes)
         if self.words and self.decided and MATERIAL in changes:  # `dsfab build` must not propose another thickness
             changes = {"statics.thickness": preset.statics.thickness, **changes}
@@ -190,7 +191,8 @@ def opened_shipped(name: str) -> OpenedPreset:
 
 @dataclass(frozen=True)
 class MeshRequest:
-    """A request to open a mesh in the editor: its file on this machine, the user's name for the file, and its unit."""
+    """A request to open a mesh in the editor. path : file on this machine.    name : the user's name for the file.
+    unit : unit of the file's numbers; None if unknown."""
 
     path: Path
     name: str
@@ -255,7 +257,7 @@ class KeptVariant:
 
 
 class VariantTray:
-    """Variants by number, oldest first; they exist until the session ends."""
+    """The variants that the user keeps in a session, by number, oldest first."""
 
     def __init__(self) -> None:
         self._all: dict[int, KeptVariant] = {}
@@ -267,7 +269,7 @@ class VariantTray:
         return self._all[number]
 
     def records(self) -> list[dict[str, Any]]:
-        """Return all variants for the page."""
+        """Return number, name, picture and measures of each variant, for the page."""
         return [
             {"number": number, "name": variant.name, "picture": variant.picture, "figures": dict(variant.figures)}
             for number, variant in self._all.items()
@@ -296,7 +298,7 @@ class VariantTray:
 
 
 def differences(before: Preset, after: Preset) -> list[tuple[str, Any, Any]]:
-    """Return dotted keys with different values, and both values; the preset's name and description are ignored."""
+    """Return (dotted key, value before, value after) for each key whose value differs, except name and description."""
     hidden = {"name", "description"}
     a, b = (dict(_leaves(preset.model_dump(mode="json", exclude=hidden))) for preset in (before, after))
     return [(key, a.get(key), b.get(key)) for key in {**a, **b} if a.get(key) != b.get(key)]

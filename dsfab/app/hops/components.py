@@ -80,7 +80,7 @@ def _dotted_items(table: Mapping[str, Any], key: str) -> Iterator[tuple[str, Any
 
 
 def design_of_request(request: HopsRequest) -> Design:
-    """Return the design of a request. The last four designs are kept, because several components share their inputs."""
+    """Return the design of a request. The last four designs are kept for requests with equal inputs."""
     design = _DESIGNS.pop(request.key, None) or Design.from_preset(preset_of_request(request))
     _DESIGNS[request.key] = design
     while len(_DESIGNS) > 4:
@@ -89,7 +89,6 @@ def design_of_request(request: HopsRequest) -> Design:
 
 
 def _note_texts(design: Design, request: HopsRequest) -> list[str]:
-    """Return a description of the mesh, and the notes on the design."""
     mesh = request.values["mesh"]
     taken = [f"taken: {', '.join(thing.text for thing in mesh.content)}"]
     if request.origin.any():
@@ -103,7 +102,7 @@ def _curves_and_names(design: Design, kind: str, request: HopsRequest) -> tuple[
 
 
 def solve_structure(request: HopsRequest) -> Sequence[Any]:
-    """Return the solid, its lines and their names, its compliance, its mass, and notes."""
+    """Return the outputs of the component `structure`: solid, centre lines, edges, names, compliance, mass, notes."""
     design = design_of_request(request).until("thickening")
     lines, names = _curves_and_names(design, "centre", request)
     edges, _ = _curves_and_names(design, "edge", request)
@@ -113,14 +112,14 @@ def solve_structure(request: HopsRequest) -> Sequence[Any]:
 
 
 def solve_preview(request: HopsRequest) -> Sequence[Any]:
-    """Return the cut sheet, its centre lines, and notes. The solid is not computed, which saves time."""
+    """Return the outputs of the component `preview`: the cut sheet, its centre lines, and notes."""
     design = design_of_request(request).until("slicing")
     sheet, lines = design.sheet.surface, _curves_and_names(design, "centre", request)[0]
     return mesh_json(request.in_model(sheet.V), sheet.F), lines, _note_texts(design, request)
 
 
 def solve_members(request: HopsRequest) -> Sequence[Any]:
-    """Return the axes of all members, with names, lengths and mean widths."""
+    """Return the outputs of the component `members`: axes of all members, with names, lengths and mean widths."""
     graph = design_of_request(request).until("slicing").members
     with_axis = [member for member in graph.members if member.axis is not None]
     axes = [polyline_json(request.in_model(member.axis.P)) for member in with_axis if member.axis is not None]
@@ -130,7 +129,7 @@ def solve_members(request: HopsRequest) -> Sequence[Any]:
 
 
 def solve_parts(request: HopsRequest) -> Sequence[Any]:
-    """Return the curves of the flat parts on their sheets; the sheets lie below each other in the plane."""
+    """Return the outputs of the component `parts`: curves of flat parts on sheets below each other, names, notes."""
     plan = workshop_plan(design_of_request(request).until("slicing"))
     curves: dict[str, list[Floats]] = {"stock": [], "cut": [], "holes": [], "marks": []}
     names, depth = list[str](), 0.0

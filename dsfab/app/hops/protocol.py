@@ -66,7 +66,7 @@ class HopsParameter:
 
 @dataclass(frozen=True)
 class HopsComponent:
-    """A component; `solve` returns the values of all outputs for a request."""
+    """A component for Grasshopper. solve : function that returns the values of all outputs for a request."""
 
     name: str
     about: str
@@ -95,8 +95,9 @@ class HopsComponent:
 
 @dataclass(frozen=True)
 class HopsRequest:
-    """Values by parameter name; None for a missing value. A mesh is a `TriangleFile`, a point is three numbers.
-    unit : unit of all lengths, such as 'mm'.    key : text that identifies the request; equal requests share it."""
+    """Inputs of a component in one request.
+    values : value by parameter name; None if missing. A mesh is a `TriangleFile`, a point is three numbers.
+    unit   : unit of all lengths, such as 'mm'.    key : text that is equal for requests with equal inputs."""
 
     values: Mapping[str, Any]
     unit: str
@@ -115,16 +116,16 @@ class HopsRequest:
 
     @cached_property
     def origin(self) -> Floats:
-        """Origin (3,) of the design in the model, metres; 0 unless the mesh has survey coordinates."""
+        """Point (3,) of the model that is the design's origin, metres; 0 if the mesh is near the model's origin."""
         return np.array(origin_near(self.surface))
 
     def in_model(self, points: Floats) -> Floats:
-        """Return points (k, 3) of the design, metres, in the coordinates and the unit of the model."""
+        """Convert points (k, 3) of the design, metres, to the coordinates and the unit of the model."""
         return np.asarray((points + self.origin) / self.metre)
 
 
 def read_request(component: HopsComponent, body: Mapping[str, Any]) -> HopsRequest:
-    """Return the request in a JSON body. Raises HopsError, with the parameter's name, for missing or wrong values."""
+    """Return the request in the JSON object `body`. Raises HopsError, with the input's name, for invalid values."""
     items_by_name: dict[str, list[tuple[str, str]]] = {}
     try:
         for entry in body["values"]:

@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 
 
 class Solver:
-    """A process that solves one request at a time; it ends with the `with` block."""
+    """A process that solves one request at a time; it ends with the `with` block. seconds : time limit of a request."""
 
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
@@ -33,7 +33,7 @@ class Solver:
         self._end()
 
     def solve(self, name: str, body: Mapping[str, Any]) -> str:
-        """Return the answer to a request as JSON. Raises HopsError with the reason of a refusal."""
+        """Return the component's answer to a request, as JSON. Raises HopsError if the request fails or is too slow."""
         with self._turn:
             if self._pool is None:
                 self._pool = multiprocessing.get_context("spawn").Pool(1)
@@ -57,7 +57,7 @@ class Solver:
 
 
 def solve_request(name: str, body: Mapping[str, Any]) -> tuple[bool, str]:
-    """Return whether a request succeeded, and the answer as JSON or the reason of a refusal."""
+    """Return True and the component's answer as JSON; or False and the reason why the request failed."""
     component = COMPONENTS[name]
     try:
         return True, json.dumps(component.answer(read_request(component, body)))
@@ -110,7 +110,7 @@ class HopsHandler(BaseHTTPRequestHandler):
         self._answer(HTTPStatus.OK, "", body=False)
 
     def do_GET(self) -> None:
-        """Describe all components, or the component that the path names."""
+        """Answer with a description of the component that the path names, or of all components."""
         name = urlsplit(self.path).path.strip("/")
         if refusal := self._refusal():
             self._refuse(HTTPStatus.FORBIDDEN, refusal)

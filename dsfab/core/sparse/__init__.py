@@ -35,7 +35,7 @@ __all__ = [
 ]  # fmt: skip
 
 Factor = Pardiso | Multifrontal | SuperLU | Multigrid
-"""Factor of K. A call with b, (N,) or (N, k), returns K^-1 b. `refactor(K)` takes new values with the same pattern."""
+"""Factor of a matrix K (N, N): a call with b, (N,) or (N, k), returns K^-1 b; `refactor(K)` takes another matrix."""
 
 
 def solver_name() -> str:
@@ -46,11 +46,9 @@ def solver_name() -> str:
 def factorise(
     K: Matrix, points: Floats, node: Ints | None = None, solver: str | None = None, rigid: Floats | None = None
 ) -> Factor:
-    """Return a function b -> K^-1 b for a positive definite K (N, N) whose diagonal has no missing entry.
+    """Return a function b -> K^-1 b for a positive definite matrix K (N, N), with all diagonal entries stored.
 
-    K is symmetric, or Hermitian for PARDISO and the multifrontal factor.
-
-    K      : the matrix, or a function that builds it. A function saves memory with PARDISO.
+    K      : the matrix, or a function that builds it: symmetric, or Hermitian for PARDISO and the multifrontal factor.
     points : (n, 3) positions, which only determine the order of elimination.
     node   : (N,) the point of each unknown; default: unknown i is on point i.
     solver : "PARDISO", "multifrontal", "SuperLU" or "multigrid"; default: PARDISO if installed, else multifrontal.
@@ -69,7 +67,7 @@ def factorise(
 
 
 class SamePatternFactors:
-    """Factors of several matrices with one pattern, which is analysed only once.
+    """Factors of several matrices, all real or all Hermitian, with the same places of entries.
     points, node : see `factorise`.
     many_solves  : True for many solves with each factor. Solves with PARDISO are then faster, factorisations slower."""
 
@@ -78,8 +76,8 @@ class SamePatternFactors:
         self._factor: Factor | None = None
 
     def factor(self, K: csr_array) -> Factor:
-        """Return b -> K^-1 b for a positive definite K (N, N), valid until `factor` is called again. All K of an object
-        must be real, or all Hermitian. Raises the errors of `factorise`, and ValueError if the pattern of K changes."""
+        """Return a function b -> K^-1 b for a positive definite K (N, N), valid until `factor` is called again.
+        Raises the errors of `factorise`, and ValueError if K has another pattern than the first matrix."""
         if self._factor is None and self._many_solves and solver_name() == "PARDISO":
             self._factor = Pardiso(K, blocks=False)
         elif self._factor is None:

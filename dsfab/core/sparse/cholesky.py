@@ -71,8 +71,7 @@ def require_memory(needed: int) -> None:
         raise FactorMemoryError.from_bytes(needed, free)
 
 
-LITTLE = 20e6
-"""Largest number of freed bytes for which `release_freed_memory` does nothing, because a call takes up to 20 ms."""
+LITTLE = 20e6  # Largest number of freed bytes that `release_freed_memory` ignores, because a call takes up to 20 ms.
 
 
 def release_freed_memory(freed: float) -> None:
@@ -106,7 +105,7 @@ def one_blas_thread() -> Iterator[None]:
 
 
 def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, leaf: int = 192) -> Ints:
-    """Return the sort keys (n,) of a nested dissection of n points. All points of a part or separator have equal keys.
+    """Return keys (n,) that sort n points for elimination, by nested dissection. Points of one part have equal keys.
 
     graph    : pairs of different points that the matrix couples, each pair in both directions.
     unknowns : number of unknowns of all points together.
@@ -179,13 +178,13 @@ class NotPositiveDefinite(ArithmeticError):  # noqa: N818  (named like LinAlgErr
 
 @dataclass(frozen=True, eq=False)
 class Fronts:
-    """Symbolic factorisation of a sparse matrix. It depends on the pattern of the matrix, not on its values.
+    """Plan for the Cholesky factorisation of a sparse matrix: it depends on the places of entries, not on values.
     order    : (N,) unknowns in the order of elimination. All other fields number unknowns in this order.
     start    : (fronts + 1,) front s eliminates the unknowns start[s], ..., start[s + 1] - 1.
     rows     : for each front, the later unknowns that it changes, ascending.
-    children : for each front, the earlier fronts that add to it.
+    children : for each front, the earlier fronts whose updates are added to this front.
     entry    : positions of the lower triangle's values in K.data, column by column.
-    row, column : indices of each of these entries.    pointer : (N + 1,) first entry of each column."""
+    row, column : row and column of each value.    pointer : (N + 1,) first value of each column."""
 
     order: Ints
     start: Ints
@@ -198,7 +197,7 @@ class Fronts:
 
     @classmethod
     def from_matrix(cls, K: csr_array, points: Floats, node: Ints) -> Self:
-        """Analyse the sparsity pattern of K (N, N), point by point. Unknown i belongs to point node[i]."""
+        """Return the plan for matrices with the pattern of K (N, N). node : (N,) index of each unknown's point."""
         used, node = np.unique(node, return_inverse=True)
         points, n, N = points[used], len(used), K.shape[0]
         keys = dissection_keys(point_graph(K, node, n), points, N)
@@ -266,7 +265,7 @@ class Multifrontal:
         self.refactor(K)
 
     def refactor(self, K: csr_array) -> None:
-        """Factorise K (n, n), whose pattern must be that of the analysed matrix."""
+        """Factorise another matrix K (N, N) with the same pattern. Raises ValueError if its pattern differs."""
         f = self._fronts
         if len(K.data) != 0 and (K.shape[0] != len(f.order) or K.nnz < len(f.entry)):
             raise ValueError("the pattern of the matrix has changed")
@@ -319,7 +318,7 @@ def _add_update(pivot_rows: Numbers, rest: Numbers, update: Numbers, positions: 
 
 
 def _partial_factorisation(pivot_rows: Numbers, rest: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-    """Return L, P and the update (upper triangle) of a front. Arguments: the front's transposed lower triangle."""
+    """Factorise a front; return the factor's diagonal block L, the block P below, and the update (upper triangle)."""
     k, is_complex = len(pivot_rows), np.iscomplexobj(pivot_rows)
     potrf, trsm, rank_k = (zpotrf, ztrsm, zherk) if is_complex else (dpotrf, dtrsm, dsyrk)
     if not k:

@@ -45,7 +45,7 @@ class SuperLU:
         self.refactor(K)
 
     def refactor(self, K: csr_array) -> None:
-        """Factorise the values of K (n, n) in the same order of elimination."""
+        """Factorise another matrix K (N, N) in the same order of elimination."""
         permuted = csc_array(K[self.order][:, self.order])
         try:
             # panels of 4 columns are 10 % faster than the default
@@ -62,8 +62,7 @@ class SuperLU:
 
 
 def elimination_order(K: csr_array, points: Floats, node: Ints) -> Ints:
-    """Return the order (N,) for the elimination of the unknowns of K (N, N), by nested dissection of their points.
-    The points of a part follow a space-filling curve. Small parts suffice: SuperLU itself joins columns to blocks."""
+    """Return the order (N,) for the elimination of the unknowns of K (N, N), by nested dissection of their points."""
     used, node = np.unique(node, return_inverse=True)
     points = points[used]
     keys = dissection_keys(point_graph(K, node, len(used)), points, K.shape[0], leaf=24)
@@ -78,12 +77,8 @@ PARDISO_OPTIONS = {0: 1, 1: 2, 9: 8, 17: -1, 23: 1}
 """Entries of PARDISO's `iparm`, counted from 0. All other entries are 0.
 In this order, the entries select: values from the user; nested dissection by METIS; pivots for symmetric matrices; a
 count of the factor's entries; the two-level factorisation, which makes solves faster."""
-BLOCKS = {36: -100}
-"""Additional entry of `iparm` for points with several unknowns: PARDISO analyses rows with equal columns as one row.
-The analysis then takes a third of the memory and the time."""
-ALONE = 12_000
-"""Largest number of unknowns for which PARDISO uses one thread.
-More threads are slower for such matrices. One thread also gives equal results on any number of cores."""
+BLOCKS = {36: -100}  # Entry of `iparm` for points with several unknowns: the analysis joins rows with equal columns.
+ALONE = 12_000  # Largest number of unknowns for which PARDISO uses one thread; more threads would be slower.
 OUT_OF_MEMORY = (-2, -9)  # PARDISO's codes for lack of memory. Other codes mean a pivot that is not positive.
 Matrix = csr_array | Callable[[], csr_array]  # A matrix, or a function that builds a matrix.
 
@@ -95,8 +90,8 @@ def pardiso_matrix(K: Matrix) -> csr_array:
 
 @dataclass(frozen=True, eq=False)
 class _Pattern:
-    """Positions of the entries of a symmetric matrix (CSR: `indptr`, `indices`), and of those in its upper triangle
-    (CSR: `pointer`, `column`).    place : positions of the upper triangle's entries among all entries."""
+    """Places of a symmetric matrix's entries (CSR: `indptr`, `indices`), and of its upper triangle (CSR: `pointer`,
+    `column`).    place : indices of the upper triangle's entries among all entries."""
 
     indptr: NDArray[np.int32]
     indices: NDArray[np.int32]
@@ -153,7 +148,7 @@ class Pardiso:
         self._call(FACTORISE, nothing)
 
     def refactor(self, K: csr_array) -> None:
-        """Factorise K (n, n), whose pattern must be that of the analysed matrix."""
+        """Factorise another matrix K (N, N) with the same pattern. Raises ValueError if its pattern differs."""
         if self._known is None or not self._known.fits(K):
             self._known = _Pattern.from_matrix(K)
         upper = self._known.upper(K)
@@ -206,7 +201,7 @@ ITERATIONS = 1000  # Maximum number of steps of the multigrid solver.
 
 
 class ConvergenceError(DsfabError, ArithmeticError):
-    """Error for an iteration that stopped with a residual above the accepted one."""
+    """Error for an iteration that stopped before its residual was small enough."""
 
 
 def has_pyamg() -> bool:
@@ -217,9 +212,8 @@ def has_pyamg() -> bool:
 class Multigrid:
     """Solver for the stiffness of thin sheets with up to three unknowns per point; a call with b returns K^-1 b.
 
-    The method is smoothed aggregation [Vanek, Mandel and Brezina 1996]. It uses blocks of three unknowns per point, the
-    rigid motions, strength 0, energy-smoothed prolongation and symmetric block Gauss-Seidel. With other choices, the
-    iteration diverges on some irregular sheets. So each solve checks the true residual.
+    The method is smoothed aggregation [Vanek, Mandel and Brezina 1996], with blocks of three unknowns per point,
+    strength 0, energy-smoothed prolongation and symmetric block Gauss-Seidel. Other choices diverge on some sheets.
 
     rigid : (N, 6) rigid motions in the unknowns of K. K times these motions is nearly zero away from supports.
 

@@ -29,7 +29,7 @@ from dsfab.thickening import Repairs, Solid
 
 def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine, ...]:
     """Return the edges of the sheet by family, then the centre lines of its members, in metres on the middle surface.
-    tolerance : largest distance (m) between a full line and its simplified line. Lengths are those of full lines.
+    tolerance : largest distance (m) between a full line and its simplified points. `length` is not simplified.
     A family has no centre lines if it has no stripes, or if its stripes touch everywhere."""
     pattern, sheet, surface = design.pattern, design.sheet, design.surface
     phases = [stripe_phase(design, k) for k in range(len(pattern.names))]
@@ -48,8 +48,8 @@ def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine,
 
 
 def stripe_phase(design: Design, k: int) -> Phase:
-    """Return the phase of field k, which is a whole number on centre lines; None for a field without stripes.
-    It has values at the vertices (n,), or at corners of faces if a vertex has several values."""
+    """Return the stripe phase of field k of the pattern; None for a field without stripes.
+    The phase is a whole number on centre lines. It has values at vertices (n,), or at the corners of faces."""
     pattern = design.pattern
     field = pattern.fields[k]
     if pattern.names[k] not in STRIPES:
@@ -102,7 +102,6 @@ def design_fields(design: Design) -> dict[str, Floats]:
 
 
 def _distances(design: Design) -> dict[str, Floats]:
-    """Return the distance (n,), m, of each vertex from supports and loads ("keep") and from the boundary ("rim")."""
     options, surface = design.preset.pattern, design.surface
     distances = {}
     if options.keep and "keep" in design.pattern.names:
@@ -148,7 +147,7 @@ def field_arrays(key: str, field: Field) -> Arrays:
 
 
 def division_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> DividedSurface | None:
-    """Return the surface with its division into smaller faces, from arrays such as part_V (p, 3), metres; else None."""
+    """Return the surface divided into smaller faces, from arrays such as part_V (p, 3), metres; None without them."""
     if "part_V" not in arrays:
         return None
     parts = Surface(arrays["part_V"], arrays["part_F"])
@@ -157,7 +156,7 @@ def division_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> Divid
 
 
 def field_from(key: str, divided: DividedSurface | None, arrays: Mapping[str, NDArray[Any]]) -> Field:
-    """Return the field `key`: values (n,) or (n, 2) at vertices of the surface or of `divided`, or at corners."""
+    """Return the field that `field_arrays` stored under `key`. divided : division of the surface into smaller faces."""
     if f"{key}_sign" not in arrays:
         x = arrays[key]
         return DividedField(divided, x) if divided and len(x) == divided.surface.n else x
@@ -212,7 +211,7 @@ def tidy_arrays(tidy: Tidy) -> Arrays:
 
 
 def tidy_from(arrays: Mapping[str, NDArray[Any]]) -> Tidy | None:
-    """Return the rules by which loose stripes are removed; None if the archive's arrays have no such rules."""
+    """Return the options to remove loose ends of stripes, from arrays such as tidy_striped; None without them."""
     if "tidy_striped" not in arrays:
         return None
     striped = tuple(arrays["tidy_striped"].tolist())
@@ -234,9 +233,9 @@ _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFil
 
 
 def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
-    """Return the preset as it is written into `folder`. It names a mesh file there without a path, and contains curves
-    instead of names of drawings. A mesh from Python is written into `folder`. home : path of `folder` after the build.
-    Raises SurfaceError for a missing drawing."""
+    """Return the preset as a build writes it into `folder`: with curves in place of names of drawings, and without the
+    path of a mesh file in this folder. A mesh from Python is written as a file.
+    home : path of `folder` after the build. Raises SurfaceError for a missing drawing."""
     preset = preset.self_contained()
     section = preset.surface
     if isinstance(section, MeshSurface):
@@ -251,7 +250,7 @@ def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
 
 
 def write_archive(design: Design, folder: Path, preset: Preset | None = None) -> Path:
-    """Write the archive of a design into a folder; return its path. preset : default: that of the design."""
+    """Write the archive of a design into a folder; return its path. preset : default: the design's resolved preset."""
     pattern, sheet, solid, values = design.pattern, design.sheet, design.solid, design_fields(design)
     about = {
         "layout": LAYOUT,

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 class OpenedSurface(NamedTuple):
     """A one-sided surface, such as a Moebius strip, after a cut along a seam.
-    given   : surface before the cut, with n vertices and m faces.    turned : (m,) mask of reversed faces.
+    turned  : (m,) mask of faces whose orientation was reversed.    given : surface before the cut, n vertices, m faces.
     surface : surface after the cut, with more vertices (n') and the same faces in the same order.
     twins   : (k, 2) pairs of vertices of `surface` at one place, on the two sides of the seam."""
 
@@ -46,13 +46,13 @@ class OpenedSurface(NamedTuple):
     twins: Ints
 
     def offsets(self, corners: Floats) -> Floats:
-        """Return half-thickness vectors (n', 3) at vertices of the cut surface. corners : (m, 3, 3) at face corners."""
+        """Return half-thickness vectors (n', 3) at vertices, from those at face corners before the cut (m, 3, 3)."""
         vectors = np.zeros((self.surface.n, 3))
         vectors[self.surface.F] = np.where(self.turned[:, None, None], -corners[:, [0, 2, 1]], corners)
         return vectors
 
     def sheet(self, sheet: Sheet) -> tuple[Sheet, Ints]:
-        """Return `sheet` cut along the seam, cells in the same order, and pairs (k, 2) of half-edges on the seam."""
+        """Return a sheet after a cut along the seam, and the pairs (k, 2) of half-edges that meet at the seam."""
         oriented = _with_turned(sheet.surface, self.turned[sheet.parent])
         seam = _seam(oriented)
         F = corner_fans(oriented.F, oriented.edges, apart=seam)
@@ -75,7 +75,7 @@ class OpenedSurface(NamedTuple):
 
 
 def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
-    """Return a surface cut along a seam that prefers openings to material; None if no piece is one-sided."""
+    """Cut a one-sided surface along a seam, if possible through openings of its sheet; None if it is two-sided."""
     if not one_sided_pieces(surface.F, surface.edges).any():
         return None
     kept_share = np.bincount(sheet.parent, sheet.surface.areas, surface.m) / surface.areas
@@ -95,8 +95,8 @@ def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
 
 
 def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
-    """Return faces to reverse, so that normals disagree only at the shortest seam between boundaries; None without it.
-    A loop that reverses the normal crosses this seam an odd number of times. counts : (m,) cost of a metre of seam."""
+    """Return a mask (m,) of faces to reverse, so that normals disagree only across the cheapest seam.
+    The seam joins two places of the boundary. None if there is no seam.    counts : (m,) cost of a metre of seam."""
     n, m, edges = surface.n, surface.m, surface.edges
     h0, h1 = edges.pairs.T
     f, g, ends = h0 // 3, h1 // 3, edges.ends[edges.count == 2]
@@ -127,7 +127,8 @@ def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
 def _shortest_path(
     count: int, starts: Ints, ends: Ints, turns: Ints, lengths: Floats, source: int, target: int
 ) -> Ints:
-    """Return a path's edges in order; (0,): no path. Nodes i, i + count / 2 are copies; `turns` 1 leads to the copy."""
+    """Return numbers of edges on a shortest path; empty without a path. The copy of node i is node i + count / 2.
+    An edge with `turns` 1 leads from a node to the copy of the edge's other end."""
     half = count // 2
     tails = np.concatenate([starts, starts + half])
     heads = np.concatenate([ends + half * turns, ends + half * (1 - turns)])
@@ -143,7 +144,7 @@ def _shortest_path(
 
 
 def _turned_for_smooth_seam(surface: Surface, rounds: int = 1000) -> Bools:
-    """Return faces (m,) to reverse. Then at most half of each face's outline touches faces with opposite normals."""
+    """Return a mask (m,) of faces to reverse, so that at least half of a face's outline meets like normals."""
     h0, h1 = surface.edges.pairs.T
     f, g, (a, b) = h0 // 3, h1 // 3, half_edges(surface.F)
     lengths = np.linalg.norm(surface.V[a[h0]] - surface.V[b[h0]], axis=1)
@@ -220,7 +221,7 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
 
 
 def body_details(design: Design) -> Details:
-    """Return the members as bodies, with their measures and material."""
+    """Return the members as separate bodies, with the thickness and the material of the sheet."""
     return Details(
         tolerance=design.preset.export.step_tolerance or OUTLINE * design.preset.statics.thickness,
         measures=_measures(design),
@@ -235,7 +236,7 @@ PLATES = ("disc", "plate", "fill")  # Kinds of members that are not bars.
 
 
 def member_shapes(design: Design) -> tuple[MemberShape, ...]:
-    """Return the members as separate bodies, metres, in the order of their names.
+    """Return the members as separate bodies, metres, in the order of `design.members`.
     Bodies overlap at crossings, so the sum of their volumes exceeds the volume of the solid."""
     sheet, options = design.members.sheet, design.preset.thickening
     offset = offsets(design.surface, design.preset.statics.thickness, options.side)
@@ -267,7 +268,7 @@ _MEMBER_DETAILS: dict[MemberContent, Callable[[Design], Details]] = {
     "utilisation": lambda design: Details(utilisation=design.member_utilisation),
     "frame": frame_details,
 }
-"""Functions that return the content of a file about members, by kind of content."""
+"""For each kind of content: the function that returns what a file about members contains."""
 
 
 def step_options(options: Export) -> StepOptions:
@@ -297,7 +298,7 @@ def _facts(design: Design) -> tuple[str, ...]:
 
 
 def curved_design(design: Design) -> Curved:
-    """Return the smooth sheet of a design. Raises ExportError for `thickening.extra` or a sheet crossing itself."""
+    """Return a design's smooth sheet. Raises ExportError for `thickening.extra`, or if the sheet crosses itself."""
     options = design.preset.thickening
     if options.extra:
         raise ExportError("a smooth sheet cannot have the parts of thickening.extra; remove thickening.extra")
@@ -327,7 +328,8 @@ def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side
 
 
 def divided_sheet(sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) -> DividedSheet:
-    """Return the sheet, divided into parts. In each part, one of the fields (n, c) is the largest. snap : see `cut`."""
+    """Return the sheet, divided into parts: in each part, another of the c fields (n, c) is the largest.
+    D : (n, 3) half-thickness vectors at vertices of the uncut surface.    snap : see `cut`."""
     count = fields.shape[1]
     chart = np.zeros(sheet.surface.m, dtype=np.int64)
     if count > 1:
@@ -344,8 +346,8 @@ def divided_sheet(sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) ->
 
 
 def largest_fields(fields: Floats, F: Ints, chart: Ints) -> Ints:
-    """Return the number (m,) of a field for each face. A face keeps its number in `chart` if this field is the largest
-    at one of its corners. Otherwise the face gets the field that is the largest at its centre."""
+    """Return the number (m,) of the largest field on each face. A face keeps its number in `chart` if that field is the
+    largest at a corner of the face. Otherwise the largest field at the face's centre counts."""
     corners = fields[F]
     own_field = np.take_along_axis(corners, chart[:, None, None], axis=2)[:, :, 0]
     is_hidden = (own_field < corners.max(axis=2)).all(axis=1)

@@ -198,7 +198,7 @@ PIECES = 4  # number of elements per beam; with four elements, joints are up to 
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the file; equal parts give equal bytes."""
+    """Yield the bytes of the file with the beam model; equal models give equal bytes."""
     for text in _cards(part.name, part.details.beam_model):
         yield text.encode("ascii", "replace")
 

@@ -27,8 +27,7 @@ Cell = str | int | float
 KILO, MEGA = 1e3, 1e6
 FINE, COARSE = 0.1, 1.0  # widths below and above 100 mm are rounded to these steps (mm); similar beams share a section
 SMALL = {0: 1e-6, 3: 1e-2}
-"""Smallest forces (key 0) and moments (key 3) in the workbook, as fractions of the largest in their load case.
-Smaller forces are rounding errors. Smaller moments arise from loads that act slightly off the axis of a beam."""
+"""Smallest forces (key 0) and moments (key 3) in the workbook, as fractions of the largest in their load case."""
 TYPES = {
     "S": "Steel",
     "GL": "Timber",
@@ -312,8 +311,7 @@ def _coordinates(rows: Sequence[Sequence[Cell | None]]) -> "np.ndarray[tuple[int
 
 
 def workbook_cells(path: Path) -> dict[str, list[list[Cell | None]]]:
-    """Return the rows of each sheet by name; empty cells are None.
-    XlsxWriter writes only numbers and shared strings of Office Open XML (ECMA-376), so only these are read."""
+    """Return the rows of each sheet of a workbook by XlsxWriter (ECMA-376), by sheet name; empty cells are None."""
     with zipfile.ZipFile(path) as archive:
         shared = [
             "".join(text.text or "" for text in item.iter(f"{MAIN}t"))

@@ -57,7 +57,7 @@ def file_header(name: str, version: str) -> str:
 
 
 def building(entities: StepEntities, name: str, details: Details, naming: Naming) -> Place:
-    """Add units, project, site, building and the other entities that all elements refer to; return their numbers."""
+    """Add units, project, site, building and other entities that all parts of the roof need; return their numbers."""
     title, measures = step_string(one_line(name)), details.measures
     units = references(_units(entities))
     origin = entities.add("IFCCARTESIANPOINT((0.,0.,0.))")
@@ -80,7 +80,7 @@ def building(entities: StepEntities, name: str, details: Details, naming: Naming
 
 
 def roof(entities: StepEntities, place: Place, name: str, elements: list[int], naming: Naming) -> None:
-    """Add the structure as an IFC roof with its placement, and the material and properties of its elements."""
+    """Add an IFC roof that consists of `elements` (entity numbers of plates or members), with their material."""
     title, listed = step_string(one_line(name)), references(elements)
     roof_entity = entities.add(
         f"IFCROOF('{naming('roof')}',$,'{title}',$,'diffusion structure',#{place.placement},$,$,.FREEFORM.)"
@@ -158,7 +158,7 @@ def element(
     naming: Naming,
 ) -> int:
     """Add a plate with its colour and quantities; return its number.
-    which : name and number of the plate.
+    which : name and number of the plate.    amounts : quantities by name.
     mesh  : vertices (n, 3), mm, and triangles (m, 3) of vertex numbers from 1."""
     (name, i), (V, corners) = which, mesh
     faces = face_set(entities, V, corners, place.style)

@@ -211,7 +211,8 @@ def check(part: Part, path: Path) -> ReadBack:
 
 
 def _valid_items(part: Part, path: Path, instead: str) -> list[tuple[str, Any]]:
-    """Return name and geometry of a file's objects. Raises ExportError for invalid objects, and units other than mm."""
+    """Return name and geometry of a file's objects. Raises ExportError for invalid objects, and units other than mm.
+    instead : formats that the error message recommends."""
     import rhino3dm
 
     model = rhino3dm.File3dm.Read(str(path))

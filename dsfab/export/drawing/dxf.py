@@ -37,7 +37,7 @@ WEIGHTS = {"boundary": 50, "edge": 25, "centre": 13}  # widths of lines, in hund
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the drawing as text without dates and random identifiers."""
+    """Yield the bytes of a DXF drawing of a part's lines, without dates and random identifiers."""
     with reproducible_output():
         document = new_document(part)
         space = document.modelspace()
@@ -67,7 +67,7 @@ def new_document(part: Part) -> Any:
 
 
 def dxf_bytes(document: Any) -> bytes:
-    """Return the file of an ezdxf document; equal documents give equal bytes in each process."""
+    """Return the bytes of an ezdxf document as a file; equal documents give equal bytes in each process."""
     document.classes.add_required_classes(document.dxfversion)
     document.classes.classes = dict(sorted(document.classes.classes.items()))  # ezdxf adds them in no fixed order
     text = io.StringIO()
@@ -137,7 +137,7 @@ def reproducible_output() -> Iterator[None]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back with ezdxf, audit it, and compare unit and lines with those of the part."""
+    """Read the file back with ezdxf, audit it, and compare its unit and its lines with the part."""
     document = _sound_document(part, path, ".svg or .csv")
     points_by_line = defaultdict[str, list[Floats]](list)
     for entity in document.modelspace():
@@ -170,7 +170,7 @@ def points_along(entity: Any) -> Floats:
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Yield the drawing as text without dates and random identifiers."""
+    """Yield the bytes of a DXF drawing with a group for each member, without dates and random identifiers."""
     with reproducible_output():
         document = new_document(part)
         space = document.modelspace()
@@ -211,7 +211,7 @@ def _members_layer(document: Any, family: str, what: str) -> str:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back with ezdxf and audit it; compare the unit, and the lines of each member, with the part."""
+    """Read the file back with ezdxf and audit it, and compare its unit and the lines of each member with the part."""
     document = _sound_document(part, path, ".members.json")
     groups, shapes = {name: list(group) for name, group in document.groups}, part.details.shapes
     require_equal(part, "members", sorted(shape.id for shape in shapes), sorted(groups))

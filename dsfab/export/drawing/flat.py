@@ -70,8 +70,7 @@ class FlatDrawing:
 
 
 def flat_dxf(drawing: FlatDrawing) -> bytes:
-    """Return a drawing as a DXF file without dates and random identifiers.
-    ezdxf is slow, so it writes only the frame of the file, and only once for all drawings with equal layers."""
+    """Return a drawing as a DXF file without dates and random identifiers."""
     frame = _frame(tuple(drawing.layers))
     count = len(drawing.lines) + len(drawing.circles)
     seed = "  9\n$HANDSEED\n  5\n{:X}\n"

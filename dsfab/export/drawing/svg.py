@@ -32,7 +32,7 @@ svg { fill: none; stroke: #000; stroke-linecap: round; stroke-linejoin: round }
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the drawing, view by view."""
+    """Yield the SVG text of the drawing, view by view."""
     return (text.encode() for text in _texts(part))
 
 

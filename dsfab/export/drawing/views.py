@@ -22,7 +22,7 @@ AXES = {
 @dataclass(frozen=True, eq=False)
 class DrawingView:
     """A view of a sheet.
-    runs  : visible parts of lines, points (k, 2), mm.    low, high : corners of the view.
+    runs  : visible parts of lines, points (k, 2), mm.    low, high : corners of the view, mm.
     loops : outline of the region to fill, by the even-odd rule; empty if the sheet hides a part of itself."""
 
     title: str
@@ -80,7 +80,7 @@ class _DepthPicture:
 
     @classmethod
     def from_mesh(cls, X: Floats, F: Ints, low: Floats, high: Floats, cell: float) -> "_DepthPicture":
-        """Find the depth in cells from points, at most 0.7 cells apart, on triangles F (m, 3) of a mesh X (n, 3)."""
+        """Return the depth of a mesh X (n, 3), F (m, 3) in cells between the corners `low` and `high` of a view."""
         shape = np.ceil((high - low) / cell).astype(np.int64) + 3
         depth = np.full(int(shape.prod()), -np.inf)
         corners = X[F]
@@ -158,7 +158,7 @@ def views_on_paper(part: Part, title: tuple[float, float]) -> tuple[float, list[
 
 
 def _scale(rows: list[list[DrawingView]], title: tuple[float, float]) -> float:
-    """Return the largest standard scale at which all rows fit above the title block (or the last row beside it)."""
+    """Return the largest standard scale at which all rows fit on the paper, above or beside the title block."""
     extents = np.concatenate([view.extent for row in rows for view in row])
     power = 10.0 ** np.floor(np.log10(extents.max() / max(PAPER)) - 1)
     while True:

@@ -19,7 +19,7 @@ FLOAT, UINT, VERTICES, INDICES = 5126, 5125, 34962, 34963  # numbers of the glTF
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the file with one mesh."""
+    """Yield the bytes of a GLB file with one mesh."""
     name, matte = one_line(part.name), {"metallicFactor": 0.0, "roughnessFactor": 0.8}
     materials = [{"doubleSided": not part.is_solid, "pbrMetallicRoughness": matte}]
     yield from _chunks([{"mesh": 0, "name": name}], [_mesh(name, 0, 0)], materials, _arrays(part.V, part.F))
@@ -69,7 +69,7 @@ def millimetres(V: Floats) -> Floats:
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Yield the file with a mesh for each member, and a node for each layer."""
+    """Yield the bytes of a GLB file with a mesh for each member, and a node for each layer."""
     shapes, facts = part.details.shapes, facts_of_members(part)
     layers = list(dict.fromkeys(shape.layer for shape in shapes))
     count = len(shapes)
@@ -85,7 +85,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back with trimesh as a scene and compare the members with those of the part."""
+    """Read the file back with trimesh as a scene and compare the members with the part."""
     import trimesh
 
     scene, meshes = trimesh.load_scene(path, process=False), {}

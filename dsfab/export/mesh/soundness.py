@@ -136,7 +136,7 @@ def soundness(V: Floats, F: Ints) -> Soundness:
 
 
 def fault_at(kind: str, places: Floats) -> Fault | None:
-    """Return the fault `kind` with its number of places (k, 3), metres, and the first place; None without places."""
+    """Return a fault of this kind, with the number of `places` (k, 3), m, and the first place; None without places."""
     if not len(places):
         return None
     x, y, z = places[0].tolist()

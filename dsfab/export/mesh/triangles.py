@@ -28,8 +28,7 @@ def prepare_stl(part: Part) -> Part:
 
 
 def encode_stl(part: Part) -> Iterator[bytes]:
-    """Yield the header, the number of triangles, then 50 bytes for each triangle.
-    The header must not begin with "solid", the mark of text files. It ends with a zero for programs that print it."""
+    """Yield the bytes of a binary STL file: header, number of triangles, then 50 bytes for each triangle."""
     records = np.zeros(len(part.F), dtype=_RECORD)
     corners = part.V[part.F]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -47,7 +46,7 @@ def check_stl(part: Part, path: Path) -> ReadBack:
 
 
 def encode_obj(part: Part) -> Iterator[bytes]:
-    """Yield one line per vertex and per face, with the 17 digits that a double needs."""
+    """Yield the bytes of an OBJ file: a line for each vertex and each face, numbers with 17 digits."""
     yield f"# written by dsfab {__version__}\n# unit: millimetre\no {one_line(part.name)}\n".encode()
     yield from (text.encode("ascii") for text in rows("v %.17g %.17g %.17g\n", *part.V.T))
     yield from (text.encode("ascii") for text in rows("f %d %d %d\n", *(part.F + 1).T))
@@ -59,8 +58,7 @@ def check_with_trimesh(part: Part, path: Path) -> ReadBack:
 
 
 def encode_off(part: Part) -> Iterator[bytes]:
-    """Yield the counts of vertices, faces and edges, then a line for each vertex and face.
-    The format allows 0 as the count of edges."""
+    """Yield the bytes of an OFF file: numbers of vertices, faces and edges (always 0), then vertices and faces."""
     yield f"OFF\n# {one_line(part.name)}, written by dsfab {__version__}\n# unit: millimetre\n".encode()
     yield f"{len(part.V)} {len(part.F)} 0\n".encode()
     yield from (text.encode("ascii") for text in rows("%.17g %.17g %.17g\n", *part.V.T))
@@ -68,7 +66,7 @@ def encode_off(part: Part) -> Iterator[bytes]:
 
 
 def encode_ply(part: Part) -> Iterator[bytes]:
-    """Yield header, vertices and faces in little-endian binary form."""
+    """Yield header, vertices and faces of a PLY file in little-endian binary form."""
     return ply_chunks(part.V, part.F, "millimetre")
 
 
@@ -96,7 +94,7 @@ _BEGINNING_OF_ZIP = (1980, 1, 1, 0, 0, 0)
 
 
 def encode_3mf(part: Part) -> Iterator[bytes]:
-    """Yield the zip archive in one piece, because the header of each entry contains the entry's size."""
+    """Yield the bytes of a 3MF file, a zip archive, in one piece."""
     package = io.BytesIO()
     with zipfile.ZipFile(package, "w") as archive:
         contents = {"[Content_Types].xml": _TYPES, "_rels/.rels": _RELATIONS, "3D/3dmodel.model": "".join(_model(part))}

@@ -30,7 +30,7 @@ READ = 1e-6  # largest error of numbers read back / largest number of the column
 
 
 def prepare_fields(part: Part) -> Part:
-    """Return the part with the fields of a VTU file, one value per face; each name begins with the load case."""
+    """Return the part with its section forces as fields, one value per face, by load case and name, for a VTU file."""
     details = part.details
     values = {name: column for name, column in _faces(part).items() if not name.startswith(("centre", "area"))}
     for case, forces in details.section_forces.items():
@@ -40,7 +40,7 @@ def prepare_fields(part: Part) -> Part:
 
 
 def encode_sheet(part: Part) -> Iterator[bytes]:
-    """Yield comment lines that begin with #, column names, then a row per face and case; faces are numbered from 1."""
+    """Yield a CSV file of section forces: comment lines (#), column names, a row per face (from 1) and load case."""
     yield "".join(f"# {x}\r\n" for x in (UNITS, *CONVENTION, "one row per face and case; " + Q_LESS)).encode()
     faces = _scalars(_faces(part))
     yield _line(["case", "face", *faces, *_names(part)]).encode()
@@ -131,7 +131,7 @@ MEMBER_NOTES = (
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Yield comment lines that begin with #, column names, then a row per member, station and case."""
+    """Yield a CSV file of member forces: comment lines (#), column names, a row per member, station and case."""
     text = io.StringIO()
     text.writelines(f"# {line}\r\n" for line in MEMBER_NOTES)
     writer = csv.writer(text)
@@ -158,7 +158,7 @@ NOT_IN_NAMES = str.maketrans(dict.fromkeys("[]:*?/\\'", "_"))
 
 
 def encode_workbook(part: Part) -> Iterator[bytes]:
-    """Yield the workbook; equal parts give equal bytes."""
+    """Yield a workbook of the forces of members, with a sheet for each member; equal parts give equal bytes."""
     import xlsxwriter
 
     file, members = io.BytesIO(), _forces(part)
@@ -247,7 +247,7 @@ HEAD = ("member", "bay", "utilisation", "check", "clause", "case", "along [m]", 
 
 
 def encode_utilisation(part: Part) -> Iterator[bytes]:
-    """Yield comment lines that begin with #, column names, then a row for each bay of a member."""
+    """Yield a CSV file of utilisations: comment lines (#), column names, then a row for each bay of a member."""
     utilisation = _utilisation(part)
     text, bays = io.StringIO(), utilisation.bays
     text.writelines(f"# {line}\r\n" for line in _lines(utilisation))

@@ -19,7 +19,7 @@ HEAD = ("id", "kind", "family", "number", "part", "closed", "length_mm", "point"
 
 
 def encode_csv(part: Part) -> Iterator[bytes]:
-    """Yield a row per point, numbered from 1; coordinates to 1e-6 mm. A closed line ends with its first point."""
+    """Yield lines as CSV: a row per point (from 1), rounded to 1e-6 mm. A closed line repeats its first point."""
     yield (",".join(HEAD) + "\r\n").encode()
     for line in part.details.lines:
         text = io.StringIO()
@@ -31,7 +31,7 @@ def encode_csv(part: Part) -> Iterator[bytes]:
 
 
 def check_csv(part: Part, path: Path) -> ReadBack:
-    """Read the rows of the file back and compare the lines with those of the part."""
+    """Read the rows of the file back and compare the lines with the lines of the part."""
     with open(path, encoding="utf-8", newline="") as file:
         table = list(csv.DictReader(file))
     lines = [
@@ -59,13 +59,13 @@ def encode_json(part: Part) -> Iterator[bytes]:
 
 
 def check_json(part: Part, path: Path) -> ReadBack:
-    """Read the JSON object back and compare the lines with those of the part."""
+    """Read the JSON object back and compare the lines with the lines of the part."""
     lines = json.loads(path.read_text(encoding="utf-8"))["lines"]
     return check_lines(part, [np.array(line["points"], dtype=np.float64) for line in lines])
 
 
 def encode_members_json(part: Part) -> Iterator[bytes]:
-    """Yield one object, with a line of text for each member and for each node."""
+    """Yield one JSON object, with a line of text for each member and for each node."""
     graph = graph_of(part)
     entries = {"members": member_entries(part), "nodes": [node_entry(node) for node in graph.nodes]}
     head = {"name": part.name, "program": f"dsfab {__version__}", "unit": "millimetre", "curvature": "1/m"}
@@ -79,7 +79,7 @@ def encode_members_json(part: Part) -> Iterator[bytes]:
 
 
 def check_members_json(part: Part, path: Path) -> ReadBack:
-    """Read the JSON object back and compare its members and nodes with those of the part."""
+    """Read the JSON object back and compare its members and nodes with the part."""
     content = json.loads(path.read_text(encoding="utf-8"))
     for key in ("members", "nodes"):
         check_ids(part, key, [entry["id"] for entry in content[key]])
@@ -100,12 +100,12 @@ def length_error(part: Part, length_read: float) -> ReadBack:
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Yield a row per member: lengths in millimetres, curvatures in 1/m. Cells are empty if the member has no axis."""
+    """Yield members as CSV rows: lengths in millimetres, curvatures in 1/m. Cells are empty if a member has no axis."""
     yield from _table([_member_row(entry) for entry in member_entries(part)])
 
 
 def encode_nodes(part: Part) -> Iterator[bytes]:
-    """Yield a row per node: lengths in millimetres, angles in degrees."""
+    """Yield nodes as CSV rows: lengths in millimetres, angles in degrees."""
     yield from _table([_node_row(node_entry(node)) for node in graph_of(part).nodes], list(_node_row(_NO_NODE)))
 
 
@@ -117,7 +117,7 @@ def check_members(part: Part, path: Path) -> ReadBack:
 
 
 def check_nodes(part: Part, path: Path) -> ReadBack:
-    """Read the rows of nodes back and compare them with those of the part."""
+    """Read the rows of nodes back and compare them with the nodes of the part."""
     rows = _rows(path)
     check_ids(part, "nodes", [row["id"] for row in rows])
     return ReadBack(len(rows), "nodes")

@@ -138,7 +138,7 @@ class Utilisation:
         return np.asarray(self.worst.max(axis=1))
 
     def governing(self, bay: int) -> tuple[CodeCheck, str, int]:
-        """Return the governing check, case and station (0 to 4) of a bay."""
+        """Return the check, case and station (0 to 4) with the largest utilisation of a bay."""
         k, c = np.unravel_index(int(self._all[bay].argmax()), self._all[bay].shape)
         case = self.cases[int(k)]
         return self.checks[int(c)], case, int(self.station[case][bay, int(c)])
@@ -213,7 +213,7 @@ class Rectangle:
 
     @cached_property
     def weak(self) -> Floats:
-        """Second moments about the weak axis (b, k), m4."""
+        """Second moments of area about the weak axis (b, k), m4."""
         a, t = np.maximum(self.width, self.thickness), np.minimum(self.width, self.thickness)
         return np.asarray(a * t**3 / 12)
 

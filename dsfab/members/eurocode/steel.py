@@ -51,7 +51,7 @@ def steel_checks(
 
 
 def section_checks(section: Rectangle, forces: Floats, fd: float) -> CheckRatios:
-    """Check sections (b, 5) under forces (b, 5, 6), with fd = f_y / gamma_M0, Pa.
+    """Return force / resistance of sections (b, 5) under forces (b, 5, 6), with fd = f_y / gamma_M0, Pa.
     The shear stress is elastic, 1.5 V / A, plus St. Venant's torsion. Torsion reduces the plastic shear resistance.
     V above half of this resistance reduces f_y for N and M by the factor 1 - rho [6.2.8, 6.2.10].
     N and bending combine as (N / N_Rd)^2 + My / My_pl,Rd + Mz / Mz_pl,Rd, as in (6.32), and (6.41) with exponents 1."""
@@ -72,7 +72,7 @@ def section_checks(section: Rectangle, forces: Floats, fd: float) -> CheckRatios
 
 
 def reduction(slenderness: Floats, curve: Curve) -> Floats:
-    """Return the factor chi of slendernesses (b, k) [EN 1993-1-1, (6.49)]; 1 up to a slenderness of 0.2."""
+    """Return the buckling factor chi for slendernesses (b, k) [EN 1993-1-1, (6.49)]; 1 up to a slenderness of 0.2."""
     phi = 0.5 * (1 + ALPHA[curve] * (slenderness - 0.2) + slenderness**2)
     chi = 1 / (phi + np.sqrt(np.maximum(phi**2 - slenderness**2, 0.0)))
     return np.asarray(np.where(slenderness <= 0.2, 1.0, np.minimum(chi, 1.0)))
@@ -81,7 +81,7 @@ def reduction(slenderness: Floats, curve: Curve) -> Floats:
 def member_checks(
     section: Rectangle, forces: Floats, length: Floats, material: tuple[float, float, float], factors: SteelFactors
 ) -> CheckRatios:
-    """Return the checks (b, 1) of whole bays with buckling lengths (b, 1), metres; material : f_y, E and G, Pa.
+    """Return force / resistance (b, 1) in buckling. length : (b, 1) buckling lengths, m. material : f_y, E, G, Pa.
     The largest compression and the largest moments of a bay act together on its narrowest section.
     Moment resistances are elastic. Interaction factors are from annex B, table B.2, for class 3."""
     fy, young, shear = material

@@ -77,7 +77,7 @@ class Stresses:
 
 
 def stresses(section: Rectangle, forces: Floats, bent: Floats, grade: TimberGrade) -> Stresses:
-    """Return `Stresses` from forces (b, 5, 6). bent : (b, 5) initial bending stress, Pa, added to |My| / Wy."""
+    """Return the stresses under forces (b, 5, 6). bent : (b, 5) initial bending stress, Pa, added to |My| / Wy."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     shear_area = K_CR[grade.product] * section.area
     return Stresses(
@@ -99,7 +99,8 @@ def _bending(section: Rectangle, stress: Stresses, grade: TimberGrade) -> tuple[
 def section_checks(
     section: Rectangle, stress: Stresses, over: float, lengthy: Floats, grade: TimberGrade
 ) -> CheckRatios:
-    """Check b bays at 5 sections each. over : gamma_M / k_mod. lengthy : (b, 1) factor on tension in long LVL [3.4]."""
+    """Return force / resistance at 5 sections of each of b bays. over : gamma_M / k_mod.
+    lengthy : (b, 1) factor on tension in long LVL [3.4]."""
     y, z = (over * ratio for ratio in _bending(section, stress, grade))
     bent = np.maximum(y + K_M * z, K_M * y + z)
     tension = over * lengthy * np.maximum(stress.axial, 0.0) / grade.ft
@@ -118,20 +119,21 @@ def section_checks(
 
 
 def column_factor(slenderness: Floats, grade: TimberGrade) -> Floats:
-    """Return the factor k_c [EN 1995-1-1, (6.25) to (6.29)]; 1 for relative slendernesses (b, k) up to 0.3."""
+    """Return the buckling factor k_c for relative slendernesses (b, k) [EN 1995-1-1, (6.25) to (6.29)]; 1 up to 0.3."""
     k = 0.5 * (1 + BETA[grade.product] * (slenderness - STRAIGHT) + slenderness**2)
     k_c = 1 / (k + np.sqrt(np.maximum(k**2 - slenderness**2, 0.0)))
     return np.asarray(np.where(slenderness <= STRAIGHT, 1.0, np.minimum(k_c, 1.0)))
 
 
 def beam_factor(slenderness: Floats) -> Floats:
-    """Return the factor k_crit of relative slendernesses in bending (b, k) [EN 1995-1-1, (6.34)]."""
+    """Return the lateral buckling factor k_crit for relative slendernesses (b, k) [EN 1995-1-1, (6.34)]."""
     line = 1.56 - 0.75 * slenderness
     return np.asarray(np.select([slenderness <= 0.75, slenderness <= 1.4], [1.0, line], 1 / slenderness**2))
 
 
 def stability_checks(slim: Rectangle, stress: Stresses, over: float, length: Floats, grade: TimberGrade) -> CheckRatios:
-    """Check buckling. slim : bays' narrowest sections. length : (b, 1) buckling length, m. over : gamma_M / k_mod."""
+    """Return force / resistance of b bays in buckling. slim : narrowest section of each bay. over : gamma_M / k_mod.
+    length : (b, 1) buckling lengths, metres."""
     pressed = over * np.maximum(-stress.axial, 0.0).max(axis=1, keepdims=True) / grade.fc
     largest = Stresses(*(np.max(value, axis=1, keepdims=True) for value in vars(stress).values()))
     y, z = (over * value for value in _bending(slim, largest, grade))

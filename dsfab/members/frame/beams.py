@@ -18,7 +18,8 @@ SHORT = 1e-3  # Least distance between two nodes of a member, as a fraction of i
 
 
 class BeamRow(NamedTuple):
-    """A beam: its end nodes, normal (local z), width, eccentricity (m), member number, and `stout`, see `Frame`."""
+    """A beam. ends : numbers of its nodes.    normal : local z.    shift : eccentricity, metres, positive to the left.
+    member : number of its member, -1 for a link.    stout : width of the member / length of its bay, at most 1."""
 
     ends: tuple[int, int]
     normal: Floats
@@ -65,7 +66,7 @@ class Beams:
 
 
 def beams_along(joints: AxisJoints) -> Beams:
-    """Return beams along all members' axes, and beams for `joints.links`. Nodes inside bays are added to `joints`."""
+    """Return the beams along all members' axes, and for `joints.links`. Nodes between beams are added to `joints`."""
     rows = list[BeamRow]()
     for number, member in enumerate(joints.members_with_axis):
         for begin, end in pairwise(_stations(joints, member)):
@@ -123,7 +124,7 @@ def _sides(member: Member) -> Floats:
 def _divide_bay(
     member: Member, span: tuple[float, float], joint_widths: tuple[float, float], least: int
 ) -> tuple[Floats, Floats]:
-    """Return arc lengths (k + 1,) that divide a bay into joints and beams, and extra widths (k,), 0 for beams."""
+    """Return arc lengths (k + 1,) that divide a bay into joints and beams, and widths (k,) to add; 0 for beams."""
     (s, t), axis = span, member.curve
     half = fitting(np.array(joint_widths) / 2, t - s)
     half[half < 0.05 * member.mean_width] = 0.0  # joints whose half length is smaller are left out
@@ -147,8 +148,8 @@ def _divide_bay(
 
 @dataclass(frozen=True, eq=False)
 class BeamPlaces:
-    """Places near beams.
-    beam : (q,) the nearest beam. along : (q,) position on the beam, 0 to 1. foot : (q, 3) nearest point on the beam."""
+    """For each of q places, the nearest beam.
+    beam : (q,) its number.    along : (q,) position on the beam, 0 to 1.    foot : (q, 3) nearest point on the beam."""
 
     beam: Ints
     along: Floats
@@ -156,7 +157,7 @@ class BeamPlaces:
 
 
 def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
-    """Return the nearest beam to each place (q, 3), and the nearest point on it. points : (n, 3) nodes of the beams."""
+    """Return the beam nearest to each place (q, 3), with the nearest point of the beam. points : (n, 3) nodes."""
     a, b = points[beams.ends[:, 0]], points[beams.ends[:, 1]]
     count = 9  # samples along each beam; candidates for the nearest beam contain one of the place's six nearest samples
     samples = (a[:, None] + np.linspace(0, 1, count)[:, None] * (b - a)[:, None]).reshape(-1, 3)
@@ -190,7 +191,7 @@ class NodeSupports:
     """Supports at nodes of a frame; h counts the supports.
     node   : (h,) nearest end node of the nearest beam.    place : (h, 3) centre of the supported vertices, metres.
     apart  : (h,) True if a link must join node and place.    width : (h,) width of this link, metres.
-    fixed  : (h, 6) as in `Frame`.    spring : (h, 6) N/m."""
+    fixed  : (h, 6) True for a fixed translation or rotation.    spring : (h, 6) N/m."""
 
     node: Ints
     place: Floats
@@ -256,7 +257,7 @@ def _reach(V: Floats, group: Ints) -> Floats:
 
 
 def fixed_in_plane(fixed: Bools, axis: int) -> Bools:
-    """Return `fixed` (n, 6) with more supports, which keep a plane frame in its plane. axis : normal of the plane."""
+    """Return supports `fixed` (n, 6) that also keep a plane frame in its plane. axis : 0 to 2, normal to the plane."""
     still = fixed.copy()
     still[:, axis] = True
     still[:, [3 + k for k in range(3) if k != axis]] = True

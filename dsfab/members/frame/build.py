@@ -84,7 +84,7 @@ def _merge_nodes(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats
 
 
 def _connect_parts(points: Floats, beams: Beams) -> Beams:
-    """Link separate parts of the frame at their nearest nodes, because in the sheet they are connected."""
+    """Return the beams with links that connect separate parts of the frame at their nearest nodes."""
     while True:
         n = len(points)
         joined = coo_array((np.ones(len(beams.ends)), beams.ends.T), shape=(n, n))

@@ -196,7 +196,7 @@ def _force_sums(
 
 
 def _edge_forces(cut: Sections, section_forces: SectionForces, graph: MemberGraph, normals: Floats) -> Floats:
-    """Return forces (e, 3), N, of the twisting moment on free edges, divided by `PLANES` (cuts of each station)."""
+    """Return forces (e, 3), N, of twisting moments on free edges, divided by the number of cuts at a station."""
     source = graph.source[cut.end_face]
     frame = section_forces.frame[source]
     v, s = (np.einsum("cai,ci->ca", frame, x) for x in (cut.end_across, cut.end_out))

@@ -101,8 +101,8 @@ def joints_at_nodes(graph: MemberGraph) -> AxisJoints:
 
 
 def link_members(joints: AxisJoints, members: list[Member], lengths: tuple[float, float], name: str) -> tuple[int, int]:
-    """Join two members at arc lengths of their axes, and return the nodes of both.
-    Axes may share a node there (`SAME`); otherwise a link joins them, as wide as the narrower member."""
+    """Join two members at arc lengths of their axes, and return the node of each member.
+    Axes may share a node there (`SAME`); otherwise a link joins two nodes, as wide as the narrower member."""
     node_a, node_b = (joints.place(member, s, name) for member, s in zip(members, lengths, strict=True))
     if node_a != node_b:
         joints.links.append((node_a, node_b, min(member.mean_width for member in members)))
@@ -140,8 +140,8 @@ def join_ends(joints: AxisJoints) -> None:
 
 
 def _join_touching(joints: AxisJoints, trees: Trees) -> None:
-    """Join member ends to members that touch them. Free ends join all of these; other ends join only members that also
-    end there, as in a star. Members with a common node there get no link, because it would be too stiff."""
+    """Join member ends to members that touch them. Free ends join all touching members; other ends join only
+    members that also end there, as in a star. Members with a common node there get no link."""
     surface = joints.graph.sheet.surface
     middle = surface.V[surface.edges.ends].mean(axis=1)
     borders = [np.unique(surface.edges.of[member.cells]) for member in joints.members_with_axis]

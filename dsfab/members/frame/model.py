@@ -262,7 +262,7 @@ STOUT = 0.35
 @dataclass(frozen=True, eq=False)
 class FrameAgreement:
     """Comparison of a frame with its sheet, for one case. Ribs of this sheet have the torsional stiffness of bars.
-    compliance, displacement : compliance and largest displacement of the frame, divided by those of the sheet.
+    compliance, displacement : compliance and largest displacement of the frame, divided by the sheet's.
     stout : the larger of two shares of elastic energy: the share of the frame's energy in links, and in bays with
             `Frame.stout` above `STOUT`; and the share of the sheet's energy outside of members with an axis.
     twist : largest displacement of this sheet / that of a thin sheet without the torsional stiffness of bars."""
@@ -305,9 +305,9 @@ def agreement(
     other_energy: Mapping[str, float],
     twist: Mapping[str, float],
 ) -> list[FrameAgreement]:
-    """Compare the solutions of the frame and the sheet for each case and combination that both have.
+    """Compare the frame with the sheet, for each case and combination with solutions of frame and sheet.
     other_energy : share of the sheet's elastic energy outside of members with an axis, by case.
-    twist        : see `FrameAgreement`, by case."""
+    twist        : largest displacement of the sheet / of a thin sheet without torsional stiffness of bars, by case."""
     stout = (frame.member < 0) | (frame.stout > STOUT)
     agreements = []
     for name in (name for name in answers if name in sheet):

@@ -30,7 +30,8 @@ LISTED = 4  # Largest number of supports that are listed by name in the decision
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A preset for a mesh, as text with comments, and the decisions that explain it."""
+    """A preset for the user's mesh, as text with comments, and the decisions of dsfab that explain the preset.
+    given : the mesh.    plan : values of the preset.    wishes : supports and loads that the user wants."""
 
     given: UserMesh
     plan: ProposedValues
@@ -173,7 +174,6 @@ def _stands(proposal: Proposal) -> Decision:
 
 
 def _questions(proposal: Proposal) -> Iterator[str]:
-    """Yield the questions about the unit, the vertical axis and the supports."""
     mesh, choice, winner = proposal.given, proposal.given.choice, proposal.given.choice.best
     if unit := choice.rival_unit:
         words = next(decision.choice for decision in mesh.decisions if decision.topic == "unit")

@@ -1,4 +1,4 @@
-"""Scores of readings (ways of support) by shape and statics, and the choice of unit, vertical axis and supports.
+"""Scores of ways to support a surface, called readings, and the choice of its unit, vertical axis and supports.
 
 Score of a reading = form x carries x steady x free. Pieces without a support and unusual axes reduce the score, too.
 
@@ -33,8 +33,7 @@ from dsfab.surface import LoadCase, Surface, Up, upright_vertices
 
 DEEP = {"roof": 50.0, "hung": 50.0, "floor": 25.0, "wall": 20.0}
 """Usual ratio of a surface's size (see `_depth`) to the depth of its ribs, by kind."""
-LOAD = {"roof": 750.0, "hung": 300.0, "floor": 5000.0, "wall": 800.0}
-"""Usual load by kind, Pa: snow, services, people, wind."""
+LOAD = {"roof": 750.0, "hung": 300.0, "floor": 5000.0, "wall": 800.0}  # Usual load by kind, Pa: snow, services ...
 TIMBER, STRENGTH = Material(11e9, 0.3, 420.0), 15e6  # GL24h: strength 24 MPa x 0.8 / 1.25.
 LIMIT = 1 / 300  # Largest usual movement, divided by the span.
 EDGE = 0.5  # Fraction by which the score of a reading is reduced if it supports all edges of the sheet.
@@ -63,7 +62,8 @@ class JudgedReading:
 
 
 def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float = 1.0) -> JudgedReading:
-    """Return a way of support with its score, 0 if the sheet could move freely. usual : score factor for `up`."""
+    """Return a way to support a shape with its score, 0 if the sheet could move freely.
+    up : axis of the user's mesh that points up.    usual : factor on the score, 1 for a usual axis, else less."""
     if reading.kind == "object":
         return JudgedReading(reading, DRAWN * usual, up)
     surface, supported = shape.surface, reading.vertices(shape.surface)
@@ -99,7 +99,7 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
 
 
 def _steadiness(shape: Shape, reading: SupportReading, supported: Bools, upward: Floats, is_line: bool) -> float:
-    """Return 1 for steady supports, less if the sheet may tip, swing or lift. is_line : True for one long support."""
+    """Return 1 for steady supports, less if the sheet may tip, swing or lift from them. is_line : one long support."""
     if reading.kind in ("wall", "floor"):
         return 1.0
     if reading.kind == "hung" and len(reading.places) == 1 and reading.places[0].name != "upper rim":
@@ -116,7 +116,6 @@ def _depth(shape: Shape, kind: str) -> float:
 
 
 def _forces(shape: Shape, kind: str, thick: float) -> Floats:
-    """Return the forces (n, 3), newtons, of the weight and of the usual load for a kind such as roof."""
     surface = shape.surface
     down = np.array([0.0, 0.0, -1.0])
     pressure = surface.normals if kind == "wall" else np.abs(surface.normals[:, 2:]) * down
@@ -127,7 +126,6 @@ def _forces(shape: Shape, kind: str, thick: float) -> Floats:
 
 
 def _upward(reading: SupportReading, surface: Surface, rows: Bools, reaction: Floats) -> Floats:
-    """Return the upward reaction at each support, newtons. Each vertex of `rows` belongs to the nearest support."""
     points = np.concatenate([place.points for place in reading.places])
     owner = np.repeat(np.arange(len(reading.places)), [len(place.points) for place in reading.places])
     nearest = owner[cKDTree(points).query(surface.V[rows])[1]]
@@ -145,7 +143,7 @@ def _inside(shape: Shape, supported: Bools) -> float:
 
 
 def usual_unit(unit: str, size: float) -> float:
-    """Return a measure of how probable a unit is, for a surface whose longest side is `size` in this unit."""
+    """Return a weight for a unit, larger for more probable units. size : longest side of the surface, in this unit."""
     return UNITS[unit] * float(np.exp(-0.5 * (np.log(metres_per(unit) * size / BUILDING) / SPREAD) ** 2))
 
 
@@ -191,7 +189,7 @@ class SupportChoice:
 
     @property
     def rivals(self) -> list[JudgedReading]:
-        """At most two ways of support with nearly the best score. Each axis other than the best has at most one."""
+        """At most two ways of support with nearly the best score; at most one for each other vertical axis."""
         rivals = [rival for rival in self.ranking[1:] if rival.score > CLOSE * self.best.score]
         best_on = {rival.up: rival for rival in reversed(rivals)}
         return [rival for rival in rivals if rival.up == self.best.up or rival is best_on[rival.up]][:2]
@@ -208,7 +206,7 @@ class SupportChoice:
 
 
 def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: str = "") -> SupportChoice:
-    """Return the readings (ways to support a surface with edges), with scores and vertical axes, and the unit.
+    """Return the ways to support a surface (readings) with scores, and the surface's unit and vertical axis.
     surface : surface in metres, or in the numbers of its file if the unit is unknown.
     axes    : possible vertical axes, each with a factor on the scores.
     unit    : unit, or "" if unknown.

@@ -63,7 +63,6 @@ def possible_axes(surface: Surface, suffix: str = "", usual: str | None = None) 
 
 
 def _standing(V: Floats, surface: Surface) -> float:
-    """Return the sum of `_stability` and the share of the free edge that is at the base. V : (n, 3) with z up."""
     edges = surface.edges
     low = (V[edges.ends, 2] <= V[:, 2].min() + 0.05 * np.ptp(V[:, 2])).all(axis=1)
     length = surface.edge_lengths * edges.boundary

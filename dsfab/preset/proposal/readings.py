@@ -30,7 +30,7 @@ class SupportPlace:
     """A supported part of a surface.
     name   : text for the user.    points : (k, 3) points along the free edge or on the surface, metres.
     length : length of free edge (m), 0 inside the sheet.    is_loop : True for a whole closed edge.
-    loop   : number of the closed edge, the longest first; None if another edge has nearly the same length.
+    loop   : number of the closed edge, 0 for the longest; None if another edge has nearly the same length.
     radius : radius of a disc inside the sheet, metres."""
 
     name: str
@@ -83,7 +83,7 @@ def readings(shape: Shape) -> list[SupportReading]:
 
 
 def distinct_readings(shape: Shape) -> list[SupportReading]:
-    """Return different ways to support a shape. Of ways with nearly equal supports, only the best is kept."""
+    """Return ways to support a shape, the best first. Of ways with nearly equal supports, only the best is kept."""
     distinct = list[tuple[SupportReading, Bools]]()
     for reading in readings(shape):
         supported = reading.vertices(shape.surface)
@@ -94,7 +94,7 @@ def distinct_readings(shape: Shape) -> list[SupportReading]:
 
 
 def _of_what_it_leaves(shape: Shape, reading: SupportReading) -> SupportReading:
-    """Return a way of support, with a lower score `form` if it leaves necks, or hollows of a roof, without support."""
+    """Return a way of support; its score `form` is lower if necks or hollows of the shape stay without support."""
     free = len(shape.heads) * (reading.word not in ("loops", "walls")) + len(shape.lugs) * (reading.word != "hung")
     ponds = len(shape.inner_hollows) > 0 and not shape.heads and reading.kind == "roof"
     ponds = ponds and reading.word not in ("hollows", "columns")
@@ -169,7 +169,6 @@ def _tent(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _tips(shape: Shape, name: str) -> tuple[SupportPlace, ...]:
-    """Return short parts of the longest edge as supports, one around each corner."""
     edge = shape.edges[0]
     n, half = len(edge.points), max(round(shape.width / 50 / edge.length * len(edge.points)), 1)
     return numbered_places(name, [_edge_place(edge.part((k - half) % n, (k + half) % n)) for k in shape.corners])
@@ -251,7 +250,6 @@ def _sides(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _corners(shape: Shape) -> Iterator[SupportReading]:
-    """Yield supports at the corners, at any height, as for a sail; none if every corner is near a foot (`_feet`)."""
     edge, corners = shape.edges[0], shape.corners
     if not 3 <= len(corners) <= 8:
         return
@@ -263,7 +261,6 @@ def _corners(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _columns(shape: Shape) -> Iterator[SupportReading]:
-    """Yield columns below low points of the sheet, and columns in a grid."""
     if len(shape.inner_hollows) and not shape.heads:
         V = shape.surface.V
         rises = min(float(edge.z.min()) for edge in shape.outer) > V[:, 2].min() + 0.1 * shape.rise
@@ -279,7 +276,6 @@ def _columns(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _base(shape: Shape) -> Iterator[SupportReading]:
-    """Yield the base of a wall or a tower: those parts of its outer and large inner edges that are near the ground."""
     if shape.wall:
         ground = shape.surface.V[:, 2].min() + LOWEST_SILL * shape.rise
         windows = [edge for edge in shape.large if edge.z.min() > ground]

@@ -49,7 +49,7 @@ def is_figure(surface: Surface) -> bool:
 
 
 def depth_within(points: Floats, middle: Floats) -> float | None:
-    """Return the distance (m) from a point (2,) to the convex outline of points (k, 2); negative outside of it.
+    """Return the distance (m) from the point `middle` (2,) to the convex outline of points (k, 2); negative outside.
     Return None if the points lie on a line."""
     try:
         sides = ConvexHull(points).equations  # negative for a point inside
@@ -124,8 +124,8 @@ class Edge:
             yield self.part((top - before) % n, (top + after - 1) % n), float(depth)
 
     def corners(self, arm: float) -> list[int]:
-        """Return the points of a closed edge where its direction changes most, by at least `CORNER`. There is no corner
-        where the edge is straight in plan, as on a folded roof.
+        """Return indices of the points of a closed edge where its direction changes most, by at least `CORNER`.
+        There is no corner where the edge is straight in plan, as on a folded roof.
         arm : length (m) of the edge before and after a point. The angle between these two parts is measured."""
         n, reach = len(self.points), max(round(arm / self.length * len(self.points)), 1)
         before, after = self.points - np.roll(self.points, reach, 0), np.roll(self.points, -reach, 0) - self.points
@@ -199,7 +199,7 @@ class Shape:
 
     @property
     def is_raised(self) -> bool:
-        """True for a raised surface: too low for people below (rise < `HEAD`), or lowest z at or above `HEAD`."""
+        """True if the surface is probably above the ground: its rise is below `HEAD`, or its lowest z above `HEAD`."""
         return self.rise < HEAD or HEAD <= self.surface.V[:, 2].min() <= 1.5 * self.surface.size
 
     @cached_property
@@ -244,13 +244,13 @@ class Shape:
         return float(middle[2] - np.median(around)) / radius if len(around) else 0.0
 
     def lowness(self, edge: Edge) -> float:
-        """Return 1 for an edge at or below the centre of mass, 0 at the surface's top. Almost flat sheets: always 1."""
+        """Return 1 for an edge at or below the centre of mass, 0 at the surface's top. An almost flat sheet gives 1."""
         rise = (edge.z.mean() - self.middle[2]) / max(self.surface.V[:, 2].max() - self.middle[2], 1e-9)
         return 1.0 if self.rise < 0.05 * self.width else float(np.clip(1 - rise, 0, 1))
 
     @cached_property
     def hollows(self) -> Ints:
-        """Vertices (k,) that are lower than all others around: places where water would stand."""
+        """Indices (k,) of vertices that are lower than all others around: places where water would stand."""
         V, z = self.surface.V, self.surface.V[:, 2]
         tree = cKDTree(V[:, :2])
         radius, lowest, hollows = self.width / 12, z.copy(), list[int]()
@@ -266,7 +266,7 @@ class Shape:
 
     @cached_property
     def inner_hollows(self) -> Ints:
-        """Vertices (k,) of `hollows` (places where water would stand) that are not on an edge."""
+        """Indices (k,) of vertices in `hollows` (places where water would stand) that are not on a free edge."""
         return np.setdiff1d(self.hollows, np.concatenate([*self.surface.loops, np.zeros(0, dtype=np.int64)]))
 
     def below(self, plan: Floats) -> Floats:

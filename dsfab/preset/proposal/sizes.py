@@ -49,10 +49,10 @@ class Sizes:
         return round(self.bridged / self.thickness) if self.bridged else slenderness(self.material)
 
     def with_feet(self, surface: Surface, feet: Sequence[Floats], roof: bool = False) -> "Sizes":
-        """Return the sizes for a surface on feet (k, 3). The span is twice the distance in plan from the feet to the
-        farthest vertex. If the span of a roof is far smaller than the plan's shorter side, as around a courtyard, all
-        lengths follow from the span. If the span is far longer than this side, spacing and thickness are larger. The
-        thickness then suits a span of 1.1 sqrt(span x side), because bending is largest at clamped ends."""
+        """Return the sizes for a surface on supports. feet : points (k, 3) of each support.
+        The span is twice the distance in plan from the supports to the farthest vertex. If the span of a roof is far
+        smaller than the plan's shorter side, all lengths follow from the span. If the span is far longer than this
+        side, spacing and thickness are larger: the thickness suits a span of 1.1 sqrt(span x side)."""
         if is_figure(surface) or not feet:
             return self
         distance, _ = cKDTree(np.concatenate(feet)[:, :2]).query(surface.V[:, :2])

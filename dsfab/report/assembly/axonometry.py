@@ -54,8 +54,8 @@ class MemberFaces:
 
 
 def drawn_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """Return the faces of all bars and plates; in a plan without bars, the faces of all members that have parts.
-    Strips: uppermost layer. Planks: two sides and upper edge. Plates: one side. Fills are drawn only with planks."""
+    """Return the faces of all bars and plates to draw; in a plan without bars, the faces of all members with parts.
+    Of strips, these are faces of the uppermost layer; of planks, both sides and the upper edge."""
     assert plan.graph is not None
     if plan.bars:
         return bar_faces(plan, palette)
@@ -147,7 +147,7 @@ class FaceList:
 def painted_faces(
     faces: list[MemberFaces], view: Axonometry, colours: dict[str, tuple[float, float, float]]
 ) -> FaceList:
-    """Return all faces in drawing order. colours : other colours of some members, by name."""
+    """Return all faces in drawing order, the farthest first. colours : colours for some members, by name."""
     quads = np.concatenate([face.quads for face in faces])
     tints = np.concatenate([np.tile(colours.get(face.id, face.colour), (len(face.quads), 1)) for face in faces])
     n = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])

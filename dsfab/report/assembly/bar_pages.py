@@ -70,14 +70,14 @@ BAR_TABLE_NOTE = (
 
 
 def bar_row(row: Sequence[str | int | float]) -> list[str]:
-    """Return a row of `bar_table` as words, without the columns for node distance, width and file."""
+    """Return a row of `bar_table` as texts, without distance of nodes, width and file name."""
     name, start_node, end_node, _, bar_length, _, *angles, bow, _ = row
     angle_words = [f"{angle:z.1f}°" for angle in angles]
     return [str(name), str(start_node), str(end_node), f"{bar_length:,.1f}", *angle_words, f"{bow:.1f}"]
 
 
 def bar_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Return steps of assembly with equal numbers of bars, in the order of `BAR_RULE`. up : (3,) unit vector."""
+    """Return steps of assembly, each with the same number of bars, lowest bars first. up : (3,) unit vector."""
     assert plan.bars is not None
     net = plan.bars.bar_lattice
     heights = np.array([float(bar.points.mean(axis=0) @ up) for bar in net.bars])
@@ -143,7 +143,8 @@ def _joint_page(plan: WorkshopPlan, name: str) -> Callable[[Paper], None]:
 
 
 def bar_on_plate(part: FlatPart, arm: PlateArm, from_end: bool) -> Floats:
-    """Return the outline (k, 2) of a bar's end that lies on a plate's arm, before folding; metres from the node."""
+    """Return the outline (k, 2) of a bar's end on the arm of a flat plate, before folding; metres from the node.
+    from_end : True for the second end of the bar, False for its first end."""
     hole = next(hole_here for hole_here in (reversed(part.holes) if from_end else part.holes))
     direction = part.axis[1] - part.axis[0]
     direction = direction / np.linalg.norm(direction) * (-1 if from_end else 1)

@@ -148,7 +148,7 @@ def table_pages(
     places: Sequence[float],
     note: str,
 ) -> list[PartsPage]:
-    """Return pages of a table, first column bold, in blocks side by side. size : rows per block, and blocks per page.
+    """Return pages of a table in blocks side by side. size : rows per block, and blocks per page.
     places : distances of the columns from the left edge of a block, mm. Columns from 50 mm on are flush right."""
     down, columns = size
 
@@ -194,7 +194,7 @@ PER_PAGE = int(PAGE.high // ROW)
 
 
 def family_pages(plan: WorkshopPlan) -> list[tuple[str, Callable[[Paper], None]]]:
-    """Return titles and drawings of pages with the members of each family in order; a family has a single scale."""
+    """Return titles and drawings of pages with the members of each family, all members of a family at one scale."""
     assert plan.graph is not None
     pages = []
     built = {part.member for part in plan.parts}

@@ -20,8 +20,9 @@ from dsfab.workshop import FlatPart, WorkshopPlan, bar_table, file_stem, refolde
 
 
 def colour_scales(plan: WorkshopPlan, names: list[str], judged_design: Design | None) -> list[dict[str, Any]]:
-    """Return the scales by which the page can colour members: name, unit, and a value or None for each of `names`.
-    judged_design : design for scales of utilisation and force, or None.
+    """Return the quantities by which the page can colour members: name, unit, and a value or None for each member.
+    names : the members.
+    judged_design : design whose utilisation and forces are added, or None.
     Raises StaticsError for a design without a strength, or if nothing carries the loads."""
     assert plan.graph is not None
     members = plan.graph.by_id

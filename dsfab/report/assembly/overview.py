@@ -51,7 +51,7 @@ def draw_structure(
     colours: dict[str, tuple[float, float, float]],
     extent: Floats | None = None,
 ) -> DrawingTransform:
-    """Draw members into a box of the page. colours : special colours of some members, by name.
+    """Draw members into a box of the page; return the map to paper. colours : colours of some members, by name.
     extent : (k, 2) points that the box must show, m; None shows all members."""
     faces_in_order = painted_faces(faces, view, colours)
     extent = faces_in_order.corners.reshape(-1, 2) if extent is None else extent
@@ -120,7 +120,8 @@ def piece_length(faces: list[MemberFaces]) -> float:
 
 
 def strip_quads(strip: RefoldedStrip, piece: float, slotted: bool = False) -> Floats:
-    """Return a strip as quads (q, 4, 3), each about `piece` metres long; a slotted strip is divided at its corners."""
+    """Return a strip as quads (q, 4, 3), each about `piece` metres long.
+    slotted : True to divide the strip at its corners instead."""
     if slotted:
         rows = simplified_line(strip.edges.reshape(-1, 6), 1e-3).reshape(-1, 2, 3)
     else:
@@ -162,14 +163,15 @@ LAYER_RULE = (
 
 @dataclass(frozen=True)
 class AssemblyStep:
-    """A step of assembly: names of its members, and the number of layers above these members."""
+    """A step of assembly: names of members to add. layer : number of layers above these members."""
 
     layer: int
     members: tuple[str, ...]
 
 
 def assembly_steps(graph: MemberGraph, layering: Layering, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Return steps in the order of `LAYER_RULE`; a member appears once in each of its layers. up : (3,) unit vector."""
+    """Return the steps of assembly of layered members, in the order of `LAYER_RULE`. up : (3,) unit vector.
+    A member appears once in each of its layers."""
     return _ordered_steps(graph, up, partial(layer_numbers, layering))
 
 
@@ -192,7 +194,7 @@ def plank_rule(plan: WorkshopPlan) -> str:
 
 
 def plank_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Return the steps of a plan of planks: lower families first, plates last. up : (3,) unit vector."""
+    """Return the steps of assembly: first planks with slots open above, last plates. up : (3,) unit vector."""
     assert plan.graph is not None
     assert plan.planks is not None
     built, order = {part.member for part in plan.parts}, plan.planks.planks.order

@@ -35,7 +35,7 @@ class PaperBox:
     high: float
 
     def cells(self, across: int, down: int, gap: float = 0.0) -> "list[PaperBox]":
-        """Divide the box into rows and columns of boxes with a gap between them, from the upper left."""
+        """Return boxes in rows and columns that fill this box, row by row from the upper left. gap : millimetres."""
         w, h = (self.wide - gap * (across - 1)) / across, (self.high - gap * (down - 1)) / down
         tops = [self.y + self.high - h - k * (h + gap) for k in range(down)]
         return [PaperBox(self.x + k * (w + gap), y, w, h) for y in tops for k in range(across)]
@@ -64,7 +64,7 @@ class DrawingTransform:
 
 
 def usual_scale(largest: float) -> tuple[float, str]:
-    """Return the largest of the usual scales that do not exceed `largest`, mm per metre, and its name, as "1:20"."""
+    """Return the largest usual scale (mm per metre) that does not exceed `largest`, and its name, such as "1:20"."""
     least = 1000 / largest
     power = 10.0 ** np.floor(np.log10(least) - 1)
     step = next(float(f"{k * power * 10**j:.6g}") for j in range(3) for k in SCALE_STEPS if k * power * 10**j >= least)
@@ -145,7 +145,7 @@ class Paper:
             self.canvas.circle(x, y, diameter / 2 * MM)
 
     def faces(self, faces: FaceList, fitted: DrawingTransform) -> None:
-        """Draw faces, placed by `fitted`, as one string of PDF operators. A call per face is ten times as slow."""
+        """Draw faces in one call, because a call per face is ten times as slow. fitted : map to paper."""
         P = (fitted.to_paper(faces.corners) * MM).reshape(-1, 8)
         dark = 0.55 * faces.colours
         rows = np.concatenate([faces.colours, P, dark, P[:, :4], P[:, 4:]], axis=1)

@@ -30,7 +30,7 @@ __all__ = ["FILES", "Findings", "compliance_document", "write_report"]
 
 
 def compliance_document(findings: Findings, rows: Sequence[Mapping[str, Any]], pictures: FindingsPictures) -> Document:
-    """Return the compliance report as a document. rows : rows of `results.json` for several shares of material."""
+    """Return the compliance report as a document. rows : rows of `results.json`, for a chart of several masses."""
     from dsfab.preset.file import preset_toml
 
     preset, library_versions = findings.task.preset, versions()
@@ -61,7 +61,8 @@ def write_report(findings: Findings, rows: Sequence[Mapping[str, Any]], folder: 
 def write_results(
     preset: "Preset", comparisons: "Sequence[tuple[float | None, Comparison]]", command: str, folder: Path
 ) -> str:
-    """Write results.csv and results.json; return the text of results.json. Key `verdict`: result of the full check."""
+    """Write results.csv and results.json; return the text of results.json.
+    comparisons : share of material, or None for the design itself, and its comparison with competitors."""
     from dsfab.preset.file import preset_toml
 
     rows = [{"volume": share, **row} for share, a in comparisons for row in a.record()["competitors"]]

@@ -192,7 +192,8 @@ TEXT = 174 / 25.4 * 72  # Width of the text of a report, points.
 
 
 class FindingsPictures:
-    """Pictures of findings. Each method returns a figure; if this machine cannot draw, the figure holds the reason."""
+    """Pictures of findings. Each method returns a figure; if this machine cannot draw, the figure holds the reason.
+    width in all methods : width of the picture, divided by the width of the report's text."""
 
     def __init__(self, findings: Findings) -> None:
         self.findings = findings
@@ -233,13 +234,14 @@ class FindingsPictures:
         return self._figure(caption, width, SMALL, surface.V, surface.F, surface, load, palette, letters=letters)
 
     def stress(self, answered: AnsweredLoad, caption: str) -> ReportFigure:
-        """Draw the von Mises stress on the cut sheet: the largest of its values at top, middle and bottom."""
+        """Draw the von Mises stress on the cut sheet, in each face the largest at top, middle or bottom."""
         sheet, value = self.findings.structure.sheet.surface, answered.stress.largest
         limit = quantile(value, sheet.areas, 0.98) or 1.0  # leaves out the peaks at corners: 2 % of the area
         return self.band_figure(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
 
     def displacement(self, answered: AnsweredLoad, limit: float, caption: str) -> ReportFigure:
-        """Draw the deformed sheet, coloured by displacement, 0 to `limit` (m). `{factor}` in `caption`: enlargement."""
+        """Draw the deformed sheet, coloured by displacement, 0 to `limit` (m).
+        caption : text in which `{factor}` is replaced by the enlargement of displacements."""
         sheet, u = self.findings.structure.sheet.surface, answered.equilibrium.u
         # the largest displacement is magnified to 7 % of the surface's size, or less
         factor = round_number_above(0.07 * self.findings.task.surface.size / float(np.linalg.norm(u, axis=1).max())) / 2
@@ -250,7 +252,7 @@ class FindingsPictures:
     def band_figure(
         self, caption: str, V: Floats, F: Ints, value: Floats, limit: float, unit: str, quantity_name: str
     ) -> ReportFigure:
-        """Return a picture of the mesh V (n, 3), F (m, 3) with values (m,) in bands of colour, 0 to about `limit`."""
+        """Return a picture of a mesh with values (m,) of its faces in bands of colour, 0 to about `limit`."""
         step = round_number_above(limit / BANDS)
         count = max(2, math.ceil(limit / step - 1e-9))
         bands = band_colours(count)

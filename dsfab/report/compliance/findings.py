@@ -25,7 +25,7 @@ PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "
 
 
 def prefixed_unit(size: float, unit: str) -> tuple[float, str]:
-    """Return the divisor for values of this size, and the unit with its SI prefix."""
+    """Return the divisor and the unit that shorten a value: 12e3 and 'N' give (1e3, 'kN')."""
     size = abs(size)
     factor, prefix = next(((f, p) for f, p in PREFIXES if size >= 0.9995 * f), (1.0, "") if not size else PREFIXES[-1])
     return factor, prefix + unit
@@ -49,7 +49,7 @@ def significant_digits(value: float, digits: int = 3) -> str:
 
 
 def within(value: float, bound: float | None, unit: str) -> str:
-    """Return a value with its error bound, for example '59.9 J ± 1.8 %'; a narrow bound gives more digits."""
+    """Return a value with its relative error bound: 59.9, 0.018 and 'J' give '59.9 J ± 1.8 %'."""
     if not math.isfinite(value):
         return "n/a"
     if bound is None or not math.isfinite(bound):
@@ -58,7 +58,7 @@ def within(value: float, bound: float | None, unit: str) -> str:
 
 
 def share_words(part: float) -> str:
-    """Return a share of the surface, for example '41.3 %'."""
+    """Return a share of the surface in percent: 0.413 gives '41.3 %'."""
     return f"{100 * part:.1f} %"
 
 
@@ -78,7 +78,7 @@ def point_words(place: Sequence[float]) -> str:
 
 
 def length_or_na(metres: float | None) -> str:
-    """Return a length, for example '0.31 mm' or '2.4 m'; 'n/a' for None."""
+    """Return a length as text, for example '0.31 mm' or '2.4 m'; 'n/a' for None."""
     return "n/a" if metres is None or not math.isfinite(metres) else length_words(metres)
 
 
@@ -110,7 +110,7 @@ LABELS = {
 
 @dataclass(frozen=True)
 class CheckLine:
-    """A line in the list of checks."""
+    """A row in the table of checks of a report."""
 
     name: str
     status: Mark
@@ -120,10 +120,10 @@ class CheckLine:
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """Comparison of a design with competitors of the same mass, and comparisons for other shares of material, if any.
-    A design without equilibrium (`carries` is False) has no `judgement` and no `fields`.
-    command : command line that repeats the comparison.
-    share   : share of material to which the widths of the design were scaled; None if they were not scaled."""
+    """Comparison of a design with other structures of the same mass (competitors).
+    A design that cannot carry its loads (`carries` is False) has no `judgement` and no `fields`.
+    volumes : further comparisons, as pairs of a share of material and the comparison at that share.
+    command : command line that repeats the comparison.    share : share of material if widths were scaled, or None."""
 
     compared: Comparison
     volumes: Sequence[tuple[float, Comparison]]
@@ -152,7 +152,7 @@ class Findings:
 
     @property
     def reference_compliance(self) -> float:
-        """Compliance (J) by which the report chooses the unit of all compliances."""
+        """Compliance, J, whose size sets the unit of all compliances in the report."""
         return self.design.compliance if self.carries else self.compared.full.compliance
 
     @property
@@ -163,18 +163,18 @@ class Findings:
 
     @property
     def structure(self) -> Structure:
-        """Cut sheet of the design, with all cells of the cut."""
+        """Cut sheet of the design, and all cells of the cut, material and void."""
         assert self.design.structure is not None
         return self.design.structure
 
     @property
     def fields(self) -> Mapping[str, AnsweredLoad]:
-        """Displacements and stresses of each load by name, for pictures."""
+        """Displacements and stresses under each load, by the name of the load."""
         return self.judgement.solved
 
     @cached_property
     def cut_load_sums(self) -> Mapping[str, Floats]:
-        """Sum of forces (3,) of each case and combination on the cut sheet, N; empty if a load meets no material."""
+        """Sum of forces (3,), N, on the cut sheet for each load; empty if a load acts on no material."""
         if not self.carries:
             return {}
         task, structure = self.task, self.structure
@@ -213,7 +213,7 @@ class Findings:
         )
 
     def cases_shown(self, names: Iterable[str]) -> list[str]:
-        """Return the cases and combinations to draw. Of a standard's combinations: only those that govern a result."""
+        """Return those of `names` to draw: all except a building standard's combinations that govern no result."""
         standard_names = {combination.name for combination in self.task.preset.surface.standard_sums}
         decisive_names = set[str]()
         if self.carries:
@@ -237,7 +237,7 @@ class Findings:
 
     @cached_property
     def checks(self) -> list[CheckLine]:
-        """Checks of supports, compliance, theory, balance, mesh and limits. Without equilibrium, there is only one."""
+        """Checks of the design. A design that cannot carry its loads has a single check, which fails."""
         if not self.carries:
             reason = f"no: {self.design.error}"
             return [CheckLine("Carries its loads", "fail", reason, "equilibrium with its supports")]

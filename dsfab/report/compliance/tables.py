@@ -63,7 +63,7 @@ def _full_sheet_ratio(findings: Findings) -> str:
 
 
 def structure_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return sizes, mass and material of the structure."""
+    """Return a table of sizes, mass and material of the structure."""
     preset, design, task = findings.task.preset, findings.design, findings.task
     statics, sheet = preset.statics, findings.structure.sheet.surface if findings.has_structure else None
     size = [length_or_na(float(x)) for x in np.ptp(task.surface.V, axis=0)]
@@ -88,7 +88,7 @@ def structure_table(findings: Findings, number: CaptionNumbers) -> Table:
 
 
 def pattern_table(quality: PatternQuality, number: CaptionNumbers) -> Table:
-    """Return spacing, dead ends and directions of both families of members. number : counter of captions."""
+    """Return a table of spacing, dead ends and directions of both families of members. number : counter of captions."""
     titled = zip(quality.titles, quality.families, strict=True)
     families = [(title, family) for title, (_, family) in titled if family.drawn]
     rows = [
@@ -123,7 +123,7 @@ def _kept_words(design: Competitor, sheet: Surface | None) -> str:
 
 
 def loads_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return the sums of forces of each case and combination: on the cut sheet if it carries every load, else uncut."""
+    """Return a table of forces by load case: sums on the cut sheet if it carries all loads, else on the uncut sheet."""
     task, rows = findings.task, []
     cases = task.statics.cases
     uncut = {name: case.load.force.sum(axis=0) for name, case in cases.items()}
@@ -168,7 +168,7 @@ def ordered_cases(findings: Findings) -> list[str]:
 
 
 def acting_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return the loads and supports of the preset. number : counter of captions."""
+    """Return a table of the loads and supports of the preset. number : counter of captions."""
     surface = findings.task.preset.surface
     rows = [(x.name or "Load", x.case, x.kind.replace("_", " "), _settings_words(x)) for x in surface.load]
     rows += [
@@ -228,7 +228,7 @@ def _value_words(value: Any) -> str:
 
 
 def levels_table(findings: Findings, number: CaptionNumbers) -> Table | None:
-    """Return a table of meshes of the full check, with results of the governing case; None after a quick check."""
+    """Return a table of the governing load case's results on each mesh of a full check; None after a quick check."""
     check, name = findings.judgement.check, findings.cases[0]
     if check is None:
         return None
@@ -265,7 +265,7 @@ def levels_table(findings: Findings, number: CaptionNumbers) -> Table | None:
 
 
 def cases_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return the cases with a judgement, the governing case first."""
+    """Return a table of compliance, displacement and stress by load case, the governing case first."""
     check, rows = findings.judgement.check, []
     for name in findings.cases:
         case = findings.judgement.cases[name]
@@ -289,7 +289,7 @@ def cases_table(findings: Findings, number: CaptionNumbers) -> Table:
 
 
 def stress_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return the largest stresses and their places, in the load case with the largest stress."""
+    """Return a table of the largest stresses and their places, in the load case with the largest stress."""
     name, case = findings.decisive_case("stress")
     rows = []
     for label, extreme in (
@@ -311,7 +311,7 @@ def stress_table(findings: Findings, number: CaptionNumbers) -> Table:
 
 
 def reactions_table(findings: Findings, name: str, number: CaptionNumbers) -> Table:
-    """Return the reactions of each support in one case, and their balance with the loads."""
+    """Return a table of reactions by support in the load case `name`, and their balance with the loads."""
     case = findings.judgement.cases[name]
     loads = findings.fields[name].load.force.sum(axis=0)
     reaction_sum = np.sum(case.reactions, axis=0)
@@ -336,7 +336,7 @@ def reactions_table(findings: Findings, name: str, number: CaptionNumbers) -> Ta
 
 
 def rivals_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return all competitors with mass, compliance, displacement, stress, and level of judgement (full or quick)."""
+    """Return a table of all competitors: mass, compliance, displacement, stress, level of the check (full or quick)."""
     rows = [_rival_row(findings, competitor) for competitor in findings.compared.competitors]
     _, unit = prefixed_unit(findings.reference_compliance, "J")
     head = (
@@ -376,7 +376,7 @@ def _rival_row(findings: Findings, competitor: Competitor) -> tuple[str, ...]:
 
 
 def volumes_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return a table of compliances for each share of material, divided by the compliance of the whole sheet."""
+    """Return a table of compliance / compliance of the whole sheet, by structure and share of material."""
     names = [competitor.name for competitor in findings.volumes[0][1].competitors if competitor.name != "full"]
     rows = []
     for share, compared in findings.volumes:

@@ -13,12 +13,11 @@ USUAL_SPAN_SHARE = 300  # a movement > 1/300 of the span is reported [EN 1990, a
 SHOWN_SUPPORTS = 6  # number of supports in a short table of reactions
 LEVEL = 1e-3  # a horizontal force below this share of the reaction is a rounding error
 OPPOSED = 0.1
-"""Horizontal forces at a support are opposite, as along a ring, if resultant / sum of magnitudes is below OPPOSED.
-At a single foot this ratio is 0.4, because the forces at its vertices partly cancel."""
+"""Horizontal forces at a support count as opposite if resultant / sum of magnitudes is below OPPOSED."""
 
 
 def verdict_line(name: str, carrying: "Carrying") -> str:
-    """Return the first line of a build: whether the design carries its loads, and why not."""
+    """Return a line of text: whether the design `name` carries its loads, and if not, why."""
     if carrying.outcome == "not judged":
         return f"{name} is not judged: {'; '.join(carrying.remarks)}"
     if carrying.faults:
@@ -28,7 +27,7 @@ def verdict_line(name: str, carrying: "Carrying") -> str:
 
 def cure_line(carrying: "Carrying", is_sized: bool = False) -> str:
     """Return advice for a design that does not carry its loads; '' if the design carries its loads.
-    is_sized : True if sizing has tried every thickness of the stock, and more material."""
+    is_sized : True if dsfab has already tried more material and every thickness in stock."""
     if not carrying.faults:
         return ""
     if is_sized:
@@ -58,7 +57,7 @@ def figure_lines(carrying: "Carrying") -> Iterator[str]:
 
 
 def carrying_notes(carrying: "Carrying") -> Iterator[str]:
-    """Yield notes on the results: a large movement of the structure, missing results and assumptions."""
+    """Yield notes on the results: on a large movement of the structure, on missing results, and on assumptions."""
     moved = carrying.movement
     if moved and moved.share > 1 / USUAL_SPAN_SHARE:
         yield f"the structure moves by 1/{1 / moved.share:.0f} of its span; the usual limit is 1/{USUAL_SPAN_SHARE}"
@@ -68,7 +67,7 @@ def carrying_notes(carrying: "Carrying") -> Iterator[str]:
 
 def reaction_lines(reactions: Sequence[Mapping[str, Any]], every: bool = False) -> list[str]:
     """Return a table of the reactions (kN), from `carrying.reactions` of `design.json`.
-    every : True lists all cases; False lists only the largest reaction of the most loaded supports."""
+    every : True for all supports in all cases; False for the largest reaction of the most loaded supports."""
     rows, several = list(reactions), len({row["case"] for row in reactions}) > 1
     if not every:
         largest: dict[str, Mapping[str, Any]] = {}
@@ -97,7 +96,6 @@ def _reaction_row(row: Mapping[str, Any], several: bool) -> tuple[str, ...]:
 
 
 def _kilonewtons(newtons: float) -> str:
-    """Return a force in kN without its unit: '8.82', '1540'."""
     return f"{newtons / 1e3:.3g}" if abs(newtons) < 999.5e3 else f"{newtons / 1e3:.0f}"
 
 

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
 
 def answer_facts(design: Design, case: "CaseResult | StaticsResult") -> dict[str, Any]:
-    """Return stress, energy and requested results of the uncut sheet under one load, in SI units.
-    `answered_by` names the finite elements. Stress and energy are left out for elements whose results reports omit.
-    Requested frequencies and buckling factors are lists, which are empty if the results are missing."""
+    """Return stress, strain energy and requested results of the uncut sheet under one load, in SI units.
+    Stress and energy appear only if `answers.elements.is_reported`.
+    Requested frequencies and buckling factors are lists, which are empty if dsfab could not compute them."""
     answers, questions, areas = case.answers, design.preset.statics.analyses, design.surface.areas
     stress, facts = answers.stress, dict[str, Any](answered_by=str(answers.elements))
     if answers.elements.is_reported:
@@ -54,7 +54,7 @@ def answer_facts(design: Design, case: "CaseResult | StaticsResult") -> dict[str
 
 def uncut_modes(design: Design) -> ModeIntervals:
     """Return the lowest buckling factors and frequency of the uncut sheet, with error intervals from finer meshes.
-    The design keeps the result."""
+    The design keeps the result for later calls."""
     questions = design.preset.statics.analyses
 
     def intervals() -> ModeIntervals:
@@ -64,7 +64,7 @@ def uncut_modes(design: Design) -> ModeIntervals:
 
 
 def mode_facts(design: Design) -> dict[str, Any]:
-    """Return the key `mode_intervals` of `design.json`, with relative error bounds; empty if no modes are requested."""
+    """Return buckling factors and frequency of the uncut sheet with relative error bounds; empty if not requested."""
     if not design.preset.statics.analyses.modes:
         return {}
     intervals = uncut_modes(design)
@@ -77,7 +77,7 @@ def mode_facts(design: Design) -> dict[str, Any]:
 
 
 def mode_lines(design: Design) -> list[str]:
-    """Return a line of text: the lowest buckling factor, with the case that buckles first, and the lowest frequency."""
+    """Return a line on the uncut sheet's lowest buckling factor and lowest frequency; no line if not requested."""
     if not design.preset.statics.analyses.modes:
         return []
     intervals, words = uncut_modes(design), []
@@ -94,8 +94,8 @@ def mode_lines(design: Design) -> list[str]:
 
 
 def equilibrium_facts(design: Design, load: "LoadCase", answer: Equilibrium) -> dict[str, Any]:
-    """Return compliance, largest displacement, residuals, and sums of loads and reactions of one equilibrium.
-    Compliance and displacement are left out for finite elements whose results reports may not show."""
+    """Return compliance, largest displacement, residuals, and sums of loads and reactions under one load.
+    Compliance and displacement appear only if `answer.elements.is_reported`."""
     moved = {"compliance_J": answer.compliance, "largest_displacement_m": answer.largest_displacement}
     return {
         **(moved if answer.elements.is_reported else {}),
@@ -106,7 +106,7 @@ def equilibrium_facts(design: Design, load: "LoadCase", answer: Equilibrium) -> 
 
 
 def case_facts(design: Design) -> dict[str, Any]:
-    """Return the facts of each case and combination, by name."""
+    """Return the results of the uncut sheet for each load case and combination, by name."""
     facts_by_case = {}
     for name, case in design.statics.cases.items():
         factors = {} if case.factors is None else {"factors": dict(case.factors)}
@@ -149,7 +149,7 @@ def balance(design: Design, load: "LoadCase", answer: Equilibrium) -> dict[str, 
 
 
 def choice_lines(choice: "Choice | None", count: int = 8) -> list[str]:
-    """Return a table of the `count` best candidates of an automatic choice; empty without such a choice."""
+    """Return a table of the `count` best candidates for modes and phases; empty if dsfab tried no candidates."""
     if choice is None:
         return []
     rows = [_candidate_row(rank, candidate) for rank, candidate in enumerate(choice.candidates[:count], start=1)]
@@ -183,7 +183,7 @@ def _attempt_cells(attempt: "Attempt") -> tuple[str, ...]:
 
 
 def attempt_facts(attempts: "Sequence[Attempt]") -> dict[str, Any]:
-    """Return the key `attempts` of `design.json`, best first; a refused attempt has no numbers."""
+    """Return `attempts` of `design.json`: methods that a search tried, best first. A refused method has no results."""
     return {} if not attempts else {"attempts": [_attempt_facts(attempt) for attempt in attempts]}
 
 
@@ -201,7 +201,7 @@ def _attempt_facts(attempt: "Attempt") -> dict[str, Any]:
 
 
 def alternative_facts(alternatives: "Sequence[Alternative]") -> dict[str, Any]:
-    """Return the keys `alternatives` and `loses_to` of `design.json`; `loses_to` names stiffer alternatives."""
+    """Return `alternatives`, simple structures of equal mass, and `loses_to`, a sentence on stiffer alternatives."""
     records = [alternative.record() for alternative in alternatives]
     return {"loses_to": losing_line(alternatives), "alternatives": records}
 
@@ -222,7 +222,7 @@ def _alternative_line(alternative: Mapping[str, Any]) -> str:
 
 
 def choice_facts(choice: "Choice | None") -> dict[str, Any]:
-    """Return the key `candidates` of `design.json`, a list of trials, best first. A refused trial has no results."""
+    """Return `candidates` of `design.json`: tried modes and phases, best first. A refused candidate has no results."""
     return {} if choice is None else {"candidates": [_candidate_facts(candidate) for candidate in choice.candidates]}
 
 
@@ -243,7 +243,7 @@ def _candidate_facts(candidate: "Candidate") -> dict[str, Any]:
 def design_facts(
     design: Design, seconds: dict[str, float], files: list[str], refused: list[str], export_notes: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """Return the content of `design.json`: sizes and results in SI units, seconds per stage, notes, versions."""
+    """Return the content of `design.json`. seconds : by stage. files : names. refused : reasons for missing files."""
     sheet, uncut = design.sheet.surface, design.surface
     return {
         "name": design.preset.name,

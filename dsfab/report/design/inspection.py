@@ -139,7 +139,7 @@ def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
 
 SHARES = (0.05, 0.5, 0.95)  # Quantiles in `design.json` of the widths of members, measured at all their edges.
 MEASURED_KEY = {"min_member": "smallest_member", "min_gap": "smallest_gap", "min_wall": "thinnest_wall"}
-"""Measure in `design.json` that belongs to each limit of [fabrication]."""
+"""Measure in `design.json` for each limit in the section [fabrication] of a preset."""
 
 
 def fabrication_facts(measures: "FabricationMeasures") -> dict[str, Any]:
@@ -202,7 +202,7 @@ def _check_facts(check: "Check") -> dict[str, Any]:
 
 
 def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Yield lines on smallest features and pieces; then a table of the preset's limits and of dsfab's unmet limits."""
+    """Yield lines on the smallest features and the pieces, then a table of the preset's limits and all unmet limits."""
     sizes = {name: facts[name] for name in ("smallest_member", "smallest_gap", "thinnest_wall") if facts[name]}
     words = [f"{name.replace('_', ' ')} {length(value['m'])}" for name, value in sizes.items()]
     usual_width = facts["member_widths"]["at_share_of_walls"].get("50%")

@@ -52,7 +52,7 @@ class _WrittenFiles(NamedTuple):
 
 
 class Announcements(NamedTuple):
-    """Functions that `save` calls: `verdict` with the verdict; `picture` with the folder, after its pictures exist."""
+    """Functions that `save` calls: `verdict` with the verdict; `picture` with the folder that holds the pictures."""
 
     verdict: Callable[[Carrying], None] = lambda _: None
     picture: Callable[[Path], None] = lambda _: None
@@ -70,7 +70,7 @@ def save(
     announce: Announcements = SILENT,
 ) -> SavedDesign:
     """Write the files of a design into `folder`. Verdict, pictures and quick formats appear together, or none of them.
-    STEP and BREP follow later, because OCCT checks them for up to a minute. announce : see `Announcements`.
+    STEP and BREP files follow up to a minute later. announce : functions that `save` calls.
 
     picture : True to write preview.png for clients, and analysis.png with the loads and the utilisation.
     marked  : True to write fabrication.png, which marks the smallest member, gap and wall.
@@ -109,7 +109,7 @@ def _write_facts(
     spent: float,
     earlier: Mapping[str, Any] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """Write `design.json`; return its facts. measured : facts to add. spent : export, s. earlier : manifest so far."""
+    """Write `design.json`; return its content. measured : content to add. spent : seconds of export."""
     seconds = {**design.seconds, "export": spent}
     facts = design_facts(design, seconds, files.names, files.refused, files.notes) | dict(measured)
     facts |= {MANIFEST: {**earlier, **manifest(folder)}}
@@ -172,7 +172,7 @@ def _write_formats(design: Design, folder: Path, suffixes: Sequence[str], progre
 
 
 def merged_notes(notes: Mapping[str, Sequence[str]]) -> list[str]:
-    """Return the notes of all formats. A note on several formats appears once, after the suffixes of these formats."""
+    """Return the notes on files, given by suffix. A note on several suffixes appears once, after these suffixes."""
     by_note: dict[str, list[str]] = {}
     for suffix, lines in notes.items():
         for line in lines:

@@ -210,7 +210,6 @@ def _decisive_forces_table(utilisation: Utilisation, worst_bays: Sequence[int], 
 
 
 def _common_unit(values: Floats, unit: str) -> tuple[float, str, int]:
-    """Return divisor, unit and decimals for all forces, or for all moments, so that columns are comparable."""
     largest = max(float(np.abs(values).max()), 1e-9)
     factor, name = prefixed_unit(largest, unit)
     return factor, name, max(2, 3 - int(np.floor(np.log10(largest / factor))))
@@ -233,7 +232,7 @@ def diagrams_section(design: Design, number: CaptionNumbers) -> ReportSection:
 
 
 def checks_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
-    """Return the largest value of each check."""
+    """Return a table of the largest utilisation by each check of the standard."""
     rows = []
     for column, check in enumerate(utilisation.checks):
         values = utilisation.worst[:, column]
@@ -300,7 +299,7 @@ def member_report(design: Design, command: str) -> Document:
 
 
 def write_member_report(design: Design, command: str, folder: Path) -> tuple[list[str], list[str]]:
-    """Write the report and the page of the structure; return names of files, and a sentence for each failed step."""
+    """Write the report and an interactive page; return names of files, and a sentence for each missing file."""
     files, messages = write_document(member_report(design, command), folder)
     try:
         plan = workshop_plan(design, up_axis(design.surface.V, design.surface, design.load))

@@ -19,7 +19,8 @@ class Cells:
 
     start    : (c + 1,) index into `corner` of each polygon's first corner; the last entry is len(corner) = h.
     corner   : (h,) vertices. An index into `corner` is called a slot.
-    sides_on : (h,) row of `CutLines` for the side from each slot; 0 without a line. A split uses -1 - l for level l."""
+    sides_on : (h,) line on which the side from each slot to the next lies: a row of `CutLines`; 0 without a line.
+               During a split, -1 - l stands for level l."""
 
     start: Ints
     corner: Ints
@@ -31,7 +32,7 @@ class Cells:
 
     @classmethod
     def triangles(cls, F: Ints, sides_on: Ints | None = None) -> "Cells":
-        """Return the triangles F (m, 3) as polygons. sides_on : (m, 3) line of each triangle side, as in `Cells`."""
+        """Return the triangles F (m, 3) as polygons. sides_on : (m, 3) row of `CutLines` of each side."""
         return cls(
             np.arange(0, 3 * len(F) + 1, 3), F.ravel(), (np.zeros_like(F) if sides_on is None else sides_on).ravel()
         )
@@ -68,7 +69,7 @@ class Cells:
         return ufunc.reduceat(values, self.start[:-1])
 
     def sides(self, active: Bools) -> tuple[Ints, Ints]:
-        """Return the first and the last vertex (s,) of every side of the active polygons (c,)."""
+        """Return the first and the last vertex (s,) of every side of the polygons that the mask `active` (c,) marks."""
         a, b = self.corner, self.next_values(self.corner)
         if active.all():
             return a, b
@@ -97,7 +98,7 @@ class Cells:
         return Cells(self.start, self.corner, sides_on)
 
     def triangle_sides(self, F: Ints, polygon: Ints) -> Ints:
-        """Return the line (m, 3) of each side of triangles F (m, 3), as in `sides_on`. Triangle i is in polygon[i]."""
+        """Return the row of `CutLines` (m, 3) of each side of triangles F (m, 3). Triangle i lies in polygon[i]."""
         slot = np.flatnonzero(self.sides_on)
         n, owner, end = int(self.corner.max()) + 1, self.owner[slot], self.next_values(self.corner)[slot]
         key = owner * n + self.corner[slot]
@@ -164,7 +165,7 @@ def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
 
 
 def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
-    """Return the quality (g,) of triangles: 4 sqrt(3) area / sum of squared sides, at most 1 [Bank, Smith 1997]."""
+    """Return 4 sqrt(3) area / sum of squared sides (g,) of triangles, at most 1 [Bank, Smith 1997]."""
     u, v = b - a, c - a
     w = v - u
     squares = sum((s[0] * s[0] + s[2] * s[2]) + s[1] * s[1] for s in (u, v, w))
@@ -208,7 +209,6 @@ def _chosen_triangles(polygons: Ints, apex: Ints) -> tuple[Ints, Ints]:
 
 
 def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, Ints]]:
-    """Divide each polygon (g, size) by a chord into two nearly equal areas; return the parts, grouped by size."""
     size = polygons.shape[1]
     spoke = X[polygons] - X[polygons[:, :1]]
     fan = np.linalg.norm(np.cross(spoke[:, :-1], spoke[:, 1:]), axis=2)
@@ -245,7 +245,7 @@ def snap_values(
 ) -> Floats:
     """Move each value x (n,) at a vertex onto the nearest of the levels (k,), if this level is close.
     A value moves by at most `fraction` times the largest `difference` on the edges at its vertex.
-    sides : both vertices of each edge.    difference : change of x on each edge.    free : (n,) movable values."""
+    sides : both vertices of each edge.    difference : change of x on each edge.    free : (n,) True if x may move."""
     level = nearest_levels(x, levels)
     gap = np.abs(x - level)
     may_snap = gap <= fraction * difference.max(initial=0.0) + _rounding(x)
@@ -257,9 +257,9 @@ def snap_values(
 
 
 def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) -> Floats:
-    """Move the pair of values x (n, 2) of each vertex until one value lies on its nearest level (k,); return all pairs.
+    """Move both values x (n, 2) at each vertex by a common step, so that one value lies on the nearest level (k,).
 
-    Both values move by the same step, and no value crosses a level.
+    Values stay if no level is near. No value crosses a level.
     reach : (n, 2) largest change of each value along the edges of its vertex; the step is at most `fraction` of it."""
     level = np.stack([nearest_levels(x[:, i], levels) for i in (0, 1)], axis=1)
     steps, limit = level - x, fraction * reach + _rounding(x)
@@ -281,7 +281,7 @@ def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) 
 def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools, Bools]:
     """Return masks (c,) of the polygons wholly inside stripes, and of the polygons wholly outside stripes.
 
-    y : (h, 2) values z + d and z - d of the field (see `cut`) at each polygon corner."""
+    y : (h, 2) z + d and z - d at each polygon corner.    z : field.    d : half-width of stripes."""
     width, begins = y[:, 0] - y[:, 1], cells.start[:-1]
     gap = np.diff(levels).max(initial=0.0)
     within = (y[:, 0] >= levels[0]) & (y[:, 1] < levels[-1])

@@ -23,7 +23,7 @@ from dsfab.surface.fields import CornerField
 
 @dataclass(frozen=True, eq=False)
 class PolygonField:
-    """A `CornerField` on the vertices of a mesh of polygons.
+    """A `CornerField`, whose sign and offset may differ between faces, on the vertices of polygons.
 
     lead   : (n',) for each vertex, the face in which its values hold.    values : (n', 1 or 2) the field in this face.
     sign, shift : (h,) for polygon corners: in the polygon's own uncut face, the field is sign * value + shift.
@@ -72,7 +72,7 @@ class PolygonField:
         return cls(mesh, field, values, lead, sign, shift, field.blank[face])
 
     def value_index(self, side: int) -> Ints:
-        """Return indices (h,) in values.ravel() of z + d (side 0) or z - d (side 1). z : field. d : half-width."""
+        """Return places (h,) in values.ravel() of z + d (side 0) or z - d (side 1). z : field. d : half-width."""
         return self._lower if side else self._upper
 
     @cached_property
@@ -108,7 +108,7 @@ class PolygonField:
         return changed
 
     def side_values(self, side: int, foreign: Bools | None = None) -> SideValues:
-        """Return the field at both ends of sides. foreign : (h,) see `SideValues`; default: `blank`."""
+        """Return the field at both ends of sides. foreign : (h,) mask of sides without a value; default: `blank`."""
         return SideValues.from_slots(
             self.mesh.cells, self.slot_values(side), self.blank if foreign is None else foreign
         )
@@ -129,7 +129,7 @@ class PolygonField:
         return PolygonField._from_leads(mesh, self.field, np.concatenate([self.values, new_values]), lead)
 
     def turned_edges(self) -> tuple[Bools, Bools]:
-        """Return masks (h,) of sides where the field changes sign: in the edge's first, and in its second polygon."""
+        """Return masks (h,) of sides at edges where the field changes sign: in the first polygon, and in the second."""
         cells = self.mesh.cells
         a, b = cells.corner, cells.next_values(cells.corner)
         leading, second = np.zeros((2, len(a)), dtype=bool)
@@ -211,9 +211,9 @@ def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
 class StripeCut:
     """A cut along the stripes of a `CornerField`, in progress.
 
-    seen   : the field on the polygons.    tip : see `TIP`.    size : size of the surface, metres.
+    seen   : the field on the polygons.    tip : snap fraction for single edges of stripes.    size : of the surface, m.
     active : (c,) mask of polygons to cut.    solid : (c,) mask of polygons inside stripes.
-    source : (c,) for each polygon, its polygon before the last split.    edges : (l, 2) see `corner_band`."""
+    source : (c,) for each polygon, its polygon before the last split.    edges : (l, 2) rows of `CutLines` by level."""
 
     seen: PolygonField
     levels: Floats

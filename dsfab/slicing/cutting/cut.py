@@ -38,7 +38,7 @@ def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], 
     """Cut a surface along the levels of several fields; return a sheet of all cells, material and void.
 
     fields : for each field, values (n,) on the vertices, in any unit. Values are linear on each face.
-             Stripes of variable width need values (n, 2): z + d and z - d. Their levels are the middles of stripes.
+             Stripes of variable half-width d need values (n, 2): z + d and z - d. Levels are the middles of stripes.
              A field may also be a `CornerField` or a `DividedField`. All divided fields must share one division, and
              must come before any `CornerField`.
     levels : ascending values for each field. Strip j of a field has j levels below it, and odd strips are material.
@@ -57,7 +57,7 @@ def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], 
 
 
 def sheet_of(mesh: PolygonMesh) -> Sheet:
-    """Return the sheet of a mesh from `cut_polygons`, in triangles. Raises PatternError for triangles without area."""
+    """Divide polygons from `cut_polygons` into triangles of a sheet. Raises PatternError for triangles without area."""
     cut_surface, cell, sides_on = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     return Sheet(cut_surface, mesh.parent[cell], mesh.family[cell], mesh.weights, mesh.stubs, sides_on, mesh.lines)
 
@@ -83,7 +83,7 @@ def polygons_along(
     divided_again: DividedAgain | None = None,
     mesh: PolygonMesh | None = None,
 ) -> PolygonMesh:
-    """Cut a surface as `cut_polygons` does. values, levels : results of `checked_lines`.
+    """Cut a surface as `cut_polygons` does. values, levels : checked values and levels from `checked_lines`.
     divided_again : see `DividedAgain`; by default, a field does not cut the material of earlier fields."""
     if not 0 <= snap <= 0.4:
         raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
@@ -200,7 +200,7 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
 
 
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
-    """Return distinct levels of field k. Equal levels cancel in pairs for a field (n,); for (n, 2), one remains."""
+    """Return distinct levels of field k. Equal levels cancel in pairs; with values (n, 2), a single level remains."""
     values = np.asarray(levels, dtype=np.float64)
     if values.ndim != 1 or not np.isfinite(values).all() or (np.diff(values) < 0).any():
         raise PatternError(f"the levels of field {k} must be finite and ascending")
@@ -215,7 +215,7 @@ def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
 
 def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
     """Return cells (k,) of a sheet and their neighbours as polygons to cut, and the cell (c,) of each polygon.
-    cells : ascending. A cut of cells puts new vertices on edges of their neighbours. Vertices keep their order."""
+    cells : ascending. Vertices keep their order."""
     surface = sheet.surface
     selected = np.zeros(surface.m, dtype=bool)
     selected[cells] = True
@@ -231,7 +231,7 @@ def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
 
 
 def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
-    """Return the sheet with cut polygons in place of cells. mesh, source : from `recut_polygons`, after the cut."""
+    """Return a sheet with the polygons of `mesh` in place of cells. source : (c,) cell of the sheet by polygon."""
     surface = sheet.surface
     stay = np.ones(surface.m, dtype=bool)
     stay[source] = False
@@ -252,7 +252,7 @@ def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
 
 
 def divided_field_values(sheet: Sheet, uncut: Surface, field: DividedField) -> Floats:
-    """Return values (n',) or (n', 2) at a sheet's vertices of a field that is linear on the parts of divided faces."""
+    """Interpolate a field on divided faces of `uncut` at the vertices of a sheet; return (n',) or (n', 2)."""
     divided, F = field.divided, sheet.surface.F
     values = sheet.carry(field.at_vertices)
     parts = divided.cut_parts()

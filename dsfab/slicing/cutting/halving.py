@@ -15,8 +15,8 @@ from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import link_components
 
 GAIN = 0.45
-"""`halve_lines` replaces `target` by `uncapped_target` if this lowers log2(P95 / P5) of spacings by more than GAIN.
-P5, P95 : percentiles. Then more lines are removed, which makes structures up to a tenth softer."""
+"""`halve_lines` uses `uncapped_target` if this lowers log2(P95 / P5) of the distances of lines by more than GAIN.
+P5, P95 : percentiles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class LineHalving:
     """Polygons between the lines that remain after halving, which removes every second line.
 
     mesh   : the polygons.    level : (c, 2) how often the lines of each family were halved in each polygon.
-    phases : of the two families; values near a whole number are moved onto this number.
+    phases : of both families, whole numbers on lines; values near a whole number are moved onto this number.
     first  : the family that was halved first. Lines of the second family may end on lines of the first family."""
 
     mesh: PolygonMesh
@@ -54,7 +54,7 @@ def halve_lines(
 ) -> LineHalving:
     """Remove every second line of two families, once or more. Lines lie where the phase (n, 1) is a whole number.
 
-    target          : (m,) ideal number of halvings, for each family. An opening gets the rounded mean (`split_value`).
+    target          : (m,) ideal number of halvings, for each family. An area between lines gets the rounded mean.
     level_limits    : largest number of halvings of each family.
     uncapped_target : (m,) ideal numbers without limits; they replace `target` if spacings become more even (`GAIN`)."""
     mesh, uncapped_target = PolygonMesh.from_surface(surface), uncapped_target or target

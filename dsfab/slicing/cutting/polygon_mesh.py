@@ -68,7 +68,7 @@ class PolygonMesh:
         return cls(F, cells, X, weights, parent, family, np.zeros(count, dtype=bool), np.full(count, VOID))
 
     def with_material(self, k: int, material: Bools, blank: Bools) -> Self:
-        """Return the mesh with material (c,) of field k. New material in faces `blank` (no field k) gets `also` = k."""
+        """Return the mesh with material (c,) of field k. In faces `blank` (m,), where k has no value, `also` is k."""
         new_material = material & self.void
         joint = (material & ~new_material & self.again) | (new_material & blank[self.parent])
         family, also = np.where(new_material, k, self.family), np.where(joint, k, self.also)
@@ -95,7 +95,7 @@ class PolygonMesh:
         return np.asarray(self.weights.indices[self.weights.indptr[:-1]])
 
     def after_split(self, split: Split, lines: Ints | None = None) -> "PolygonMesh":
-        """Return the mesh after a split. lines : (l or 1, c' or 1) row of `CutLines` (level, polygon), or None."""
+        """Return the mesh after a split. lines : (l or 1, c' or 1) rows of `CutLines` by level and polygon, or None."""
         weights = weights_after_split(self.weights, split)
         cells = split.cells.with_new_lines(np.zeros((1, 1), dtype=np.int64) if lines is None else lines)
         names, source = ("parent", "family", "again", "also"), split.source
@@ -154,7 +154,7 @@ def corner_places(F: Ints, vertex: Ints) -> Ints:
 
 
 def weights_after_split(weights: csr_array, split: Split) -> csr_array:
-    """Append barycentric weights (k, n) of a split's new vertices. A row has at most three, at a face's corners."""
+    """Append barycentric weights (k, n) of a split's new vertices. A row has up to three weights that are not 0."""
     new_weights = split.new_weights(weights.shape[0]) @ weights
     data, indices = (
         np.concatenate([getattr(part, name) for part in (weights, new_weights)]) for name in ("data", "indices")
@@ -165,7 +165,7 @@ def weights_after_split(weights: csr_array, split: Split) -> csr_array:
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """Stretches (k,) of outline along which two parts (p,) touch.
+    """Contacts between parts (p,) of a mesh: stretches (k,) of outline along which two parts touch.
     parts  : (k, 2) both parts; the second is -1 at an edge of the surface or at an anchor.    length : (k,) metres.
     links  : (l, 2) pairs of adjacent stretches on a part's outline. Stretch i has the number i on the outline of
              parts[i, 0], and the number i + k on the outline of parts[i, 1].
@@ -218,7 +218,7 @@ class Contacts:
         return cls(pairs, length, np.unique(np.stack([stretch[i], stretch[j]], axis=1), axis=0), around)
 
     def dead_ends(self, gone: Bools) -> Bools:
-        """Return a mask (p,) of the parts with only one contact, if it is shorter than half of the part's outline.
+        """Return a mask (p,) of parts that have one contact only, along less than half of the part's outline.
         Adjacent stretches (see `Contacts`) are one contact.    gone : (p,) mask of removed parts."""
         part, _, length, row = self._remaining(gone)
         live = np.zeros(2 * len(self.parts), dtype=bool)
@@ -259,7 +259,7 @@ class Contacts:
 
 
 def adjacent_sides(group: Ints, ends: Ints, count: int) -> tuple[Ints, Ints]:
-    """Return pairs (l,), (l,) of sides in the same group (k,) with a common vertex. ends : (k, 2) vertices < count."""
+    """Return pairs (l,), (l,) of sides in the same group (k,) with a common vertex. count : number of vertices."""
     key = (group[:, None] * count + ends).ravel()
     order = sorted_order(key)
     meet = np.flatnonzero(np.diff(key[order]) == 0)

@@ -285,7 +285,7 @@ def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) ->
     """Return the hydraulic diameter (count,) of each piece of a part: 4 area / perimeter, metres.
 
     It is infinite for a piece if not all of its boundary edges are walls.
-    walls : (e,) mask of edges.    label : (f,) piece of each face."""
+    walls : (e,) mask of edges between material and void.    label : (f,) piece of each face."""
     length = part.edge_lengths
     edge = np.flatnonzero(part.edges.boundary)
     piece = label[part.edges.order[part.edges.start[:-1]][edge] // 3]
@@ -314,7 +314,7 @@ CREASE_COSINE = np.cos(np.radians(30))  # smallest cosine between a face's norma
 
 @dataclass(frozen=True, eq=False)
 class SmoothSurface:
-    """Curved patches. A point with barycentric weights l moves by the sum of 4 l_i l_j bulge over the edges i-j.
+    """A smooth surface over flat faces. A point with barycentric weights l moves by the sum of 4 l_i l_j bulge_ij.
 
     surface : the flat faces.
     bulge   : (e, 3) vector from the middle of each edge to its curve, metres; 0 for flat faces and creases.
@@ -374,7 +374,7 @@ def _corner_normals(surface: Surface) -> Floats:
 
 
 def finer(sheet: Sheet, smooth: SmoothSurface) -> Sheet:
-    """Divide every triangle into four. All vertices lie on the smooth surface; new vertices have the last numbers.
+    """Return a sheet with every triangle divided into four and all vertices on `smooth`. New vertices come last.
 
     `Sheet.weights` still refer to the uncut surface, because supports and loads are defined there."""
     F, edges, n = sheet.surface.F, sheet.surface.edges, sheet.surface.n

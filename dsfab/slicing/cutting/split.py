@@ -68,7 +68,7 @@ class SideValues:
 
     @classmethod
     def from_slots(cls, cells: Cells, y: Floats, foreign: Bools | None = None) -> "SideValues":
-        """Return values at both ends of sides. y : (h,) field at corners. foreign : (h,) see `SideValues`."""
+        """Return values at both ends of sides. y : (h,) field at corners. foreign : (h,) sides without a value."""
         if foreign is None or not foreign.any():
             return cls(y, cells.next_values(y), np.empty(0, dtype=np.int64), y)
         start, end = y.copy(), cells.next_values(y)
@@ -91,7 +91,7 @@ class SideValues:
         return cls(start, end, which, y)
 
     def places(self, cells: Cells, levels: Floats, only: Ints | None = None) -> tuple[Ints, Ints]:
-        """Return places of the starts (h,) and ends (h,) of sides: with j levels below, 2 j + 1 on a level, else 2 j.
+        """Return numbers for starts (h,) and ends (h,) of sides: with j levels below, 2 j + 1 on a level, else 2 j.
         only : sides (k,) to evaluate, as slots (see `Cells`); all other sides get 0."""
         if only is not None:
             start, end = np.zeros((2, len(self.start)), dtype=np.int64)

@@ -131,7 +131,7 @@ def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
 
 
 def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array, Floats]:
-    """Return a matrix A, and `value`. Row k of A @ step is the sum over j of value[k, j] . (move of vertex q[k, j])."""
+    """Return a matrix A, and `value`. (A @ step)[k] is the sum over j of value[k, j] . (move of vertex q[k, j])."""
     k, j = np.nonzero(place[q] >= 0)
     free_vertex = place[q[k, j]]
     data = np.einsum("pi,pci->pc", value[k, j], free.along[free_vertex])

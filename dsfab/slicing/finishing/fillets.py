@@ -35,14 +35,13 @@ class DiscStops:
     share_b: Floats
 
     def subset(self, chosen: Bools) -> "DiscStops":
-        """Return the chosen (k,) discs."""
+        """Return the discs that the mask `chosen` (p,) marks."""
         return DiscStops(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
 def rolled_arcs(sheet: Sheet, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
-    """Yield two sets of corners (p,), and arcs (p,) for them, in tips where a rolling disc of `radius` metres stops.
-    A corner is a wall vertex of a tip: in the first set, a vertex near the disc; in the second, the farthest vertex.
-    On a curved surface, an arc may fit at one of these vertices only.
+    """Yield corners (p,) in narrow tips of openings, where a rolling disc of `radius` metres stops, and their arcs.
+    The first yield has a vertex near the disc in each tip, the second yield the farthest vertex.
     taken : parts of walls; corners on these parts are left out."""
     flat, walls = flat_openings_of(sheet), sheet.walls
     loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
@@ -163,11 +162,11 @@ class Fillets:
         return np.asarray(self.circle[:, 6])
 
     def beyond_chords(self, arc: Ints, X: Floats) -> Floats:
-        """Return how far (p,), m, points X (p, 3) lie beyond the chords of their arcs; negative inside all chords."""
+        """Return how far (p,), m, each point X (p, 3) lies beyond the chords of its arc (p,); negative inside all."""
         return np.asarray((np.einsum("pci,pi->pc", self.normal[arc], X) - self.distance[arc]).max(axis=1))
 
     def outside_rays(self, arc: Ints, X: Floats) -> Floats:
-        """Return how far (p,), m, points X (p, 3) lie outside the two rays of their arcs; negative between the rays."""
+        """Return how far (p,), m, each point X (p, 3) lies outside the two rays of its arc (p,); negative between."""
         return np.asarray((np.einsum("pci,pi->pc", self.ray[arc], X) - self.ray_distance[arc]).max(axis=1))
 
     def subset(self, chosen: Bools) -> "Fillets":
@@ -218,7 +217,7 @@ def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
 
 
 def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
-    """Return the arcs' chords in space, and a mask of arcs that touch only their corner's walls and no surface edge."""
+    """Return arcs as chords in space, and a mask of arcs that touch only their corner's walls and no surface edge."""
     walls, surface, void_neighbours = corners.walls, corners.walls.surface, corners.walls.void_neighbours
     flat, distance = arcs.chords()
     normal = np.einsum("kcj,kji->kci", flat, corners.frames[corner_rows])

@@ -43,7 +43,7 @@ from dsfab.slicing.finishing.stubs import without_stubs
 from dsfab.surface import Surface
 
 BRIDGED_SHARE, ROUNDING_ROUNDS = 0.95, 5
-"""After rounding, gaps under BRIDGED_SHARE x `neck` get bridges. Both steps repeat up to ROUNDING_ROUNDS times."""
+"""Openings narrower than BRIDGED_SHARE x `neck` after corners are rounded get bridges, in ROUNDING_ROUNDS rounds."""
 
 PolygonPass = Callable[[PolygonMesh], tuple[PolygonMesh, int]]
 """A pass over the polygons: it returns all polygons, and the number of details that it changed."""
@@ -52,21 +52,21 @@ PolygonPass = Callable[[PolygonMesh], tuple[PolygonMesh, int]]
 def tidied_sheet(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> Sheet:
-    """Return the result of `tidied_polygons` as a sheet of triangles; fields, levels : as in `cut`."""
+    """Cut a surface as `tidied_polygons` does; return a sheet of triangles. fields, levels : as in `cut`."""
     return sheet_of(tidied_polygons(surface, fields, levels, snap, tidy))
 
 
 def material_area(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> float:
-    """Return the area of material in the result of `tidied_polygons`, square metres; fields, levels : as in `cut`."""
+    """Cut a surface as `tidied_polygons` does; return the area of the material, m2. fields, levels : as in `cut`."""
     return tidied_polygons(surface, fields, levels, snap, tidy).material_area
 
 
 def tidied_polygons(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> PolygonMesh:
-    """Cut a surface as `cut_polygons` does, then run all `polygon_passes`, unless `tidy` is None."""
+    """Cut a surface as `cut_polygons` does, then tidy the stripes (`polygon_passes`), unless `tidy` is None."""
     values, lines = checked_lines(surface, fields, levels)
     if not tidy:
         return polygons_along(surface, fields, values, lines, snap)
@@ -79,7 +79,7 @@ def tidied_polygons(
 def polygon_passes(
     surface: Surface, fields: Sequence[Field], lines: Sequence[Floats], tidy: Tidy
 ) -> Iterator[tuple[str, PolygonPass]]:
-    """Yield the steps that tidy the polygons, in order, each with its name. lines : levels of each field."""
+    """Yield name and function of each step that tidies the polygons, in order. lines : levels of each field."""
     yield "ends", partial(with_meeting_ends, fields=fields, levels=lines)
     yield "closed", partial(with_closed_openings, closed=tidy.closed)
     yield "loose_ends", partial(without_loose_ends, tidy=tidy)
@@ -90,11 +90,11 @@ def polygon_passes(
 class FinishingOptions(NamedTuple):
     """Options of finishing; lengths in metres.
 
-    snap, pinch : as in [slicing].    thickness : of the sheet.
-    sized     : True if the preset sets the smallest opening.
+    snap, pinch : keys of a preset's section [slicing].    thickness : of the sheet.
+    sized     : True if the preset, not dsfab, sets the size `opening`.
     opening   : openings under this size are filled; 0 for none.
     merge     : which slits are filled. With "none", the options neck and member have no effect.
-    neck      : narrower necks of openings get a bridge; 0 for no bridges.
+    neck      : openings get a bridge where they are narrower; 0 for no bridges.
     fillet    : radius of round corners; 0 for none.
     member    : minimum width of members between round corners; 0 for none.
     least     : minimum widths of openings and of members; 0 for no limit.
@@ -118,7 +118,7 @@ class FinishingOptions(NamedTuple):
 
     @property
     def of_trial(self) -> "FinishingOptions":
-        """The same options without `member`, `least` and `tolerance`, which do not matter for reuse of a `TrialCut`."""
+        """The options that a `TrialCut` depends on: all except `member`, `least` and `tolerance`."""
         return self._replace(member=0.0, least=(0.0, 0.0), tolerance=None)
 
 
@@ -148,14 +148,14 @@ Pass = Callable[[FinishedSheet], FinishedSheet]
 
 
 def finish(cells: Sheet, uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> FinishedSheet:
-    """Run all `passes` over the cells of a cut from the surface `uncut`.
+    """Finish a cut sheet: run all `passes` over its cells. uncut : surface from which the cells were cut.
 
     trial : a trial cut with these cells, if one exists. Its passes are not repeated."""
     return _after_passes(cells, passes(uncut, options, trial))
 
 
 def passes(uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> Iterator[tuple[str, Pass]]:
-    """Yield all passes over the cells in order, each with its name. Passes that a trial cut has run are left out."""
+    """Yield name and function of each pass over the cells, in order, without passes that a trial cut has run."""
     if trial:
         unrounded = trial.unrounded
         yield "trial", lambda _: unrounded
@@ -170,7 +170,7 @@ def passes(uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" =
 
 
 def passes_before_rounding(options: FinishingOptions) -> Iterator[tuple[str, Pass]]:
-    """Yield the passes that run before corners are rounded, in order, each with its name in `FinishedSheet.counts`."""
+    """Yield name and function of each pass that runs before corners are rounded, in order."""
     merge, merges, opening = options.merge, options.merge != "none", options.opening
     slits_first = merges and not options.sized  # most small openings are slits, so slits are filled first
     yield _counting_pass("pinches", partial(resolve_pinches, radius=options.thickness / 2, rule=options.pinch))
@@ -273,7 +273,7 @@ def _with_better_cells(sheet: FinishedSheet, uncut: Surface, tolerance: float) -
 
 @dataclass(frozen=True, eq=False)
 class TrialCut:
-    """A partly finished cut that the search for widths tried. Slicing with the same options continues from this cut.
+    """A cut that the search for stripe widths made. Slicing with the same options continues from this cut.
     inputs  : fields, levels and `Tidy` rules of the pattern.    cells : sheet before finishing.
     rounded : sheet after the first rounding; None without round corners.    bridged : sheet with added bridges.
     least   : minimum widths of openings and members, metres, and the sheet with these widths."""
@@ -320,7 +320,7 @@ class TrialCut:
 
     @property
     def widened_area(self) -> float:
-        """Material that the pass for minimum widths adds, square metres."""
+        """Area of the material that the pass for minimum widths adds, square metres."""
         return self.least[1].cells.material_area - self.latest.cells.material_area if self.least else 0.0
 
     def with_bridges(self) -> "TrialCut":

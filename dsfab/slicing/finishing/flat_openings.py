@@ -37,7 +37,7 @@ class FlatOpenings:
 
     @cached_property
     def shape(self) -> "manifold3d.CrossSection":
-        """The union of all openings."""
+        """All openings as a plane shape."""
         import manifold3d
 
         loops = np.split(self.start, np.flatnonzero(np.diff(self.chain)) + 1)
@@ -64,7 +64,7 @@ class FlatOpenings:
 
 @derived
 def flat_openings_of(sheet: Sheet) -> FlatOpenings:
-    """Return the openings of a sheet side by side, on a grid with twice the size of the largest opening."""
+    """Return the enclosed openings of a sheet, each in its own plane, laid side by side without overlap."""
     walls, void, (count, label) = sheet.walls, sheet.void_part, sheet.void_part.surface.pieces
     opening = np.empty(sheet.surface.m, dtype=np.int64)
     opening[void.cells] = label
@@ -87,7 +87,7 @@ def flat_openings_of(sheet: Sheet) -> FlatOpenings:
 
 
 def nearest_in_plane(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
-    """Find the nearest places to points (k, 2) on edges (m, 2), or at vertices (m, 1). V : (n, 2) vertex positions."""
+    """Return the places nearest to points (k, 2) on edges (m, 2), or at vertices (m, 1). V : (n, 2) positions."""
     return nearest_places(np.pad(points, ((0, 0), (0, 1))), np.pad(V, ((0, 0), (0, 1))), simplices)
 
 

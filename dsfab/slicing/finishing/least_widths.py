@@ -32,7 +32,8 @@ def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, wi
 
 
 def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
-    """Return points (k, 2, 3) on both sides of members with a width under `least` m and `LOCAL` x median width."""
+    """Return pairs of points (k, 2, 3) on both sides of members narrower than `least` m and `LOCAL` x median width.
+    apart : least distance between the middles of two pairs, metres."""
     if not cells.has_openings:
         return NOWHERE
     material = cells.material_part
@@ -112,8 +113,7 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
 
 def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tuple[Sheet, int]:
     """Add bridges, `width` or `width` / 2 metres wide, where openings of `rounded` are narrower than `least` metres.
-    Return also the number of bridges.    rounded : sheet to measure, such as `cells` with round corners.
-    Widths are measured in space. So necks at folds are found, which the flat openings of `bridged_necks` can hide."""
+    Return also the number of bridges.    rounded : sheet to measure, such as `cells` with round corners."""
     for slim in (1.0 * width, 0.5 * width):  # a narrower bridge may fit where a broad one does not
         better, count = bridged_at(cells, narrow_gaps(rounded, least, 2 * slim), slim)
         if count:

@@ -86,7 +86,7 @@ def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]
 
 
 def dependent_polygons(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Bools:
-    """Return a mask (c,) of polygons in `nodes` (c,), and of stripes that are dead ends if `nodes` are removed."""
+    """Return a mask (c,) of the polygons `nodes` (c,), and of stripes that become dead ends without these nodes."""
     part, gone, stays = _parts(mesh, tidy, nodes)
     gone[part[nodes]] = True
     return _loose_polygons(mesh, tidy.anchor, part, gone, stays)[0] & ~mesh.void

@@ -16,8 +16,8 @@ from dsfab.surface.topology import next_half_edge, on_boundary
 class Quality(NamedTuple):
     """Shape of triangles.
 
-    worst_angle : the smallest angle, degrees, at `place` (3,).    needles : fraction of triangles under 1 degree.
-    median      : of 4 sqrt(3) area / (sum of squared sides), 1 for an equilateral triangle [Bank, Smith 1997]."""
+    worst_angle : the smallest angle, degrees, at `place` (3,).    needles : fraction with an angle under 1 degree.
+    median      : median of 4 sqrt(3) area / sum of squared sides; equilateral triangles have 1 [Bank, Smith 1997]."""
 
     worst_angle: float
     place: Floats
@@ -114,7 +114,7 @@ class CellMesh:
 
     @cached_property
     def line_ends(self) -> Ints:
-        """(n',) for each vertex, sum of its neighbours' numbers along `lines`. With only two, u and w: u = sum - w."""
+        """(n',) sum of the numbers of each vertex's neighbours along `lines`. With two neighbours u, w: u = sum - w."""
         total = np.zeros(len(self.surface.V), dtype=np.int64)
         a, b = self.surface.edges.ends[self.lines].T
         np.add.at(total, a, b)

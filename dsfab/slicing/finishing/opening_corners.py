@@ -132,7 +132,7 @@ class Corners:
     """Corners (k,) along walls, in the order of the walls. The ends of arcs are corners, too, with a turn of 0.
 
     first : (k,) the wall that begins at a corner.    turn : (k,) change of direction to the left, radians.
-    place : (k,) distance along the chain, metres."""
+    place : (k,) distance from the start of the chain of walls, metres."""
 
     walls: Walls
     first: Ints

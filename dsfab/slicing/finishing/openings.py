@@ -59,9 +59,9 @@ class Openings:
 
     @cached_property
     def narrowness(self) -> Floats:
-        """(o,) width of each opening / width of the narrower member beside it: median along walls with opposite walls.
-        If under 5 % of the walls have an opposite wall, as in a triangle, the width is the side of a square of equal
-        area. From 5 to 25 %, the result is a weighted harmonic mean of the ratios with these two widths.
+        """(o,) width of each opening / width of the narrower member beside it.
+        The width is a median along walls that have an opposite wall. If under 5 % of the walls have an opposite wall,
+        the width is the side of a square of equal area. From 5 to 25 %, a harmonic mean joins the two ratios.
         The width is at least 2 area / perimeter. The ratio is infinite without members, and for openings at the edge
         of the surface with few opposite walls."""
         across, wall, member = self._crossings, np.flatnonzero(self.void.walls), self._member_widths
@@ -82,7 +82,7 @@ class Openings:
 
     @cached_property
     def slits(self) -> Bools:
-        """(o,) mask of the slits. Openings with nearly equal `narrowness` are either all slits or all not slits."""
+        """(o,) mask of the slits: openings narrower than about `NARROWER` x the member beside them."""
         return self.narrowness < split_value(self.narrowness, NARROWER, ALIKE)
 
     @cached_property
@@ -95,7 +95,7 @@ class Openings:
         return self.slits & (self.narrowness < split_value(self.narrowness, least, ALIKE))
 
     def slits_between(self, family: Bools) -> tuple[int, float]:
-        """Return how many slits lie mostly at cells `family` (m',), and the share of these cells' walls at slits."""
+        """Return how many slits lie mostly at cells `family` (m',), and the share of the walls there at slits."""
         own_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         own_edges[self.void.cut_surface.edges.of[family]] = True
         wall = self._crossings.walls[:, 0]

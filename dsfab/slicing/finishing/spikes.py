@@ -71,7 +71,7 @@ def _spikes(cells: Sheet) -> list[Spike]:
 
 
 def _member_width(cells: Sheet) -> float:
-    """Return the mean width, metres: twice the area of the material, divided by the length of its outline."""
+    """Return the mean width of members, metres: 2 area of the material / length of its outline."""
     surface, material = cells.surface, cells.material
     edge = np.zeros(len(surface.edges.ends), dtype=bool)
     edge[surface.edges.of[material]] = True

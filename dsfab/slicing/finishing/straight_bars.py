@@ -83,13 +83,13 @@ class FairBar:
         return np.array([half + y - middle, half - y + middle]) / np.hypot(1, slope)
 
     def near_length(self, X: Floats) -> Bools:
-        """Return a mask (k,) of points X (k, 3) between the ends of the bar, or at most one bar width beyond an end."""
+        """Return a mask (k,) of points X (k, 3) at most one bar width beyond the ends, measured along the bar."""
         beyond = self.width / self.length
         t, _ = self._places(X)
         return np.asarray((t > -beyond) & (t < 1 + beyond))
 
     def deviation(self, mesh: PolygonMesh) -> float:
-        """Return the largest distance from the old bar's corners to the new bar, divided by the new bar's width."""
+        """Return the largest distance of the old bar's corners from the new bar, in widths of the new bar."""
         corners = np.unique(mesh.cells.corner[self.cells[mesh.cells.owner]])
         return float(-self.heights(mesh.X[corners]).min()) / self.width
 
@@ -145,9 +145,9 @@ LARGER = 2.5  # A bar is replaced only if its area changes by less than this fac
 def with_straight_bars(
     mesh: PolygonMesh, surface: Surface, fields: Sequence[Field], tidy: Tidy
 ) -> tuple[PolygonMesh, int]:
-    """Make bars through nodes straight, and bend bars near singular points evenly.
-    surface, fields : as in `cut`.    Returns the mesh and the number of replaced bars.
-    The parts of the sheet stay connected."""
+    """Straighten bars through nodes, and bend bars near singular points evenly; return also the number of changed bars.
+    Node : material that joins ends of stripes.    Singular point : a point around which stripes have no direction.
+    surface, fields : as in `cut`."""
     nodes = nodes_of(mesh) | ((mesh.also == CLOSED) & ~mesh.void)
     near_singular, count = _near_singular(mesh, surface, fields), 0
     if not (nodes | near_singular).any() or not mesh.void.any():

@@ -24,18 +24,18 @@ from dsfab.slicing.finishing.loose_ends import Tidy, dependent_polygons, nodes_o
 from dsfab.surface import link_components
 
 LARGE = 1.6
-"""Where a stub is removed, the new opening must be smaller than LARGE x the median size. 5 % of openings are larger."""
+"""Largest size of the opening that remains where a stub was removed. Usually, 5 % of openings are larger."""
 EYELET, LARGER = 0.5, 2.5
-"""An opening smaller than EYELET x the size of a neighbour is an eyelet. For eyelets, LARGER replaces `LARGE`."""
-GOOD = 1.1  # Stubs (ends of stripes) stay if all openings beside them are larger than GOOD x the median size.
-SMALL = 0.6  # Stubs (ends of stripes) stay if the opening without them would be smaller than this size.
+"""An eyelet is an opening whose size is less than EYELET x that of a neighbouring opening. Its limit is LARGER."""
+GOOD = 1.1  # Stubs (ends of stripes) stay if all openings beside them have a larger size.
+SMALL = 0.6  # Stubs (ends of stripes) stay if the opening without them would have a smaller size.
 TURN = float(np.radians(110))
 """Maximum change of direction of the outline, radians, where a stub (end of a stripe) was removed."""
 
 
 def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
-    """Remove nodes and the stubs (ends of stripes) at nodes, if this gives an opening of suitable size (see `_Bars`).
-    Return also the number of removed bars. Parts stay connected, and no new end appears."""
+    """Remove nodes (places where ends of stripes meet) and these ends, if an opening of suitable size remains.
+    Return also the number of removed pieces. The other material stays connected.    tidy : rules for dead ends."""
     nodes, count = nodes_of(mesh), 0
     for include_crossings in (False, True):
         lumps = with_crossings(mesh, nodes & ~mesh.void) if include_crossings else nodes & ~mesh.void
@@ -50,7 +50,7 @@ def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
 
 
 def with_crossings(mesh: PolygonMesh, nodes: Bools) -> Bools:
-    """Return a mask (c,) of the polygons `nodes` (c,), and of crossings that touch these polygons."""
+    """Return a mask (c,) of the polygons marked in `nodes` (c,), and of stripe crossings connected to them."""
     crossing = mesh.part_labels(~mesh.void & ((mesh.also != VOID) | nodes))
     return np.asarray(np.isin(crossing, crossing[nodes]) & (crossing >= 0))
 
@@ -141,15 +141,15 @@ class _Bars:
 
     @cached_property
     def lumps(self) -> Bools:
-        """(b,) mask of bars beside only one opening, whose size (4 area / perimeter) would grow without the bar."""
+        """(b,) mask of bars that touch only one opening. Without the bar, this opening would have a larger size."""
         return np.asarray(
             (self.opening_count == 1) & (self.sizes_without_each > np.maximum(1.02 * self.extremes[1], SMALL))
         )
 
     @cached_property
     def eyelets(self) -> Bools:
-        """(b,) mask of bars between several openings. Without the bar, the openings form one opening of suitable size.
-        If several of these bars touch the same opening, either all of them are marked or none."""
+        """(b,) mask of bars between several openings that would form one opening of suitable size without the bar.
+        Bars that touch the same opening are all marked, or all not marked."""
         smallest, limits = self.extremes
         ratio = np.divide(smallest, limits, out=np.full_like(smallest, np.inf), where=limits > 0)
         largest = np.where(_below_limits(ratio, EYELET), LARGER, LARGE)
@@ -167,7 +167,6 @@ class _Bars:
         return np.asarray(accepted[group])
 
     def _groups(self, chosen: Bools) -> tuple[Ints, int]:
-        """Return the group (b,) of each chosen bar, else -1, and the group count. Bars at one opening share a group."""
         count = len(self.area)
         bar, opening = self.pair[chosen[self.pair[:, 0]]].T
         label = link_components(count + len(self.opening), bar, count + opening)[1][:count]
@@ -176,7 +175,7 @@ class _Bars:
 
 
 def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyond: Ints) -> Bools:
-    """Return a mask (b,) of bars that touch at most one part of the material outside bars, at `contact_sides` (h,)."""
+    """Return a mask (b,) of bars that touch at most one connected part of the other material."""
     rest = mesh.part_labels(~mesh.void & (label < 0))
     touching = np.stack([label[mesh.cells.owner[contact_sides]], rest[beyond[contact_sides]]], axis=1)
     bar = np.unique(touching, axis=0)[:, 0]
@@ -184,7 +183,8 @@ def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyon
 
 
 def _turns(mesh: PolygonMesh, label: Ints, side: Ints) -> Floats:
-    """Return the sharpest turn (b,), radians, of the outline without each bar. side : bars' sides at other material."""
+    """Return the largest change of direction (b,), radians, of the outline that remains without each bar.
+    side : numbers of the sides at which bars touch other material."""
     cells, count = mesh.cells, len(mesh.X)
     bar, ends = label[cells.owner[side]], np.stack([cells.corner[side], cells.next_values(cells.corner)[side]], axis=1)
     place = link_components(len(side), *adjacent_sides(bar, ends, count))[1]
@@ -209,7 +209,7 @@ def _angles(mesh: PolygonMesh) -> Floats:
 
 
 def _below_limits(x: Floats, limit_of_each: float | Floats) -> Bools:
-    """Return a mask (k,) of values x (k,) below their limits. Nearly equal values with equal limits count alike."""
+    """Return a mask (k,) of values x (k,) below their limits. Rounding errors do not separate nearly equal values."""
     limits = np.broadcast_to(limit_of_each, x.shape)
     result = np.zeros(len(x), dtype=bool)
     for threshold in np.unique(limits):

@@ -20,12 +20,12 @@ from dsfab.surface.topology import EdgeTable, edge_table
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """A surface with cuts between faces whose phases do not match. Phases are whole numbers on middles of stripes.
+    """Phases of two families of stripes on a surface. A phase is a whole number on the middle of each stripe.
 
-    surface : the surface with cuts; n' vertices, m' faces.    parent : (m',) face of the uncut surface (n, m).
-    weights : (n', n) barycentric weights on the uncut vertices.
-    z       : (n', 2) phases of the major and the minor family; no whole numbers on lines that halving removes.
-    scale   : (n', 2) fraction of the lines that remain: 1/2 after one halving; 0 without a phase."""
+    surface : n' vertices, m' faces, cut open between faces whose phases do not match.
+    parent  : (m',) face of the original (uncut) surface.    weights : (n', n) barycentric weights on its n vertices.
+    z       : (n', 2) phases of the major and the minor family.
+    scale   : (n', 2) fraction of a family's stripes that exist: 1/2 if every second is left out; 0 without a phase."""
 
     surface: Surface
     parent: Ints
@@ -37,13 +37,13 @@ class Chart:
         lock_floats(self, z=(self.surface.n, 2), scale=(self.surface.n, 2))
 
     def carry(self, x: Floats) -> Floats:
-        """Interpolate values (n, ...) at the uncut vertices; return values (n', ...) at this chart's vertices."""
+        """Return values (n', ...) at this chart's vertices, interpolated from x (n, ...) at the uncut vertices."""
         return np.asarray(self.weights @ x)
 
 
 def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None = None) -> Chart:
-    """Return the chart of a surface that `halve_lines` divided. phases : fields of both families, default
-    `halved.phases`. In these fields, lines that halving removes also have whole numbers."""
+    """Return the phases of the stripes that remain after `halve_lines` removed every second stripe in some places.
+    phases : phases of both families before stripes were removed, default `halved.phases`."""
     mesh, phases = halved.mesh, phases or halved.phases
     surface, cell, _ = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     slot = _corner_slots(mesh, surface.F, cell)
@@ -60,10 +60,11 @@ def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None
 
 
 def equal_row_groups(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
-    """Group rows with equal keys (k,) and equal numbers (k, r); return each group's first row, and each row's group."""
+    """Group rows that have the same key (k,) and the same numbers `rows` (k, r).
+    Return the index (g,) of the first row of each group, and the group (k,) of each row."""
     order, begins, group_of = equal_key_groups(key)
     lead = order[begins][group_of]
-    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # sort only rows unlike the first row of equal key
+    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # rows that differ from the first row with their key
     lead = lead.copy()
     if len(different):
         table = np.column_stack([key[different], rows[different]])
@@ -90,13 +91,13 @@ POINTS = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6
 
 @dataclass(frozen=True, eq=False)
 class StripeChart:
-    """Stripes, where the phase z is within d of a whole number, and other material such as rims and discs.
+    """Stripes of two families (major, minor) on a surface, and other material such as rims and discs.
 
-    surface : n vertices, m faces. A surface with cuts has several vertices at the same place.
+    surface : n vertices, m faces. A surface that is cut open has several vertices at the same place.
     z       : (n, 2) phases of both families, whole numbers at the middles of stripes.
-    d       : (n, 2) half widths, in periods.
+    d       : (n, 2) half widths. A place lies in a stripe if its phase is within d of a whole number.
     known   : (m, 2) True for faces with a phase. Other faces have no stripes.
-    kept    : (n,) positive in the other material."""
+    kept    : (n,) positive in material other than stripes."""
 
     surface: Surface
     z: Floats
@@ -112,8 +113,8 @@ class StripeChart:
 
     @classmethod
     def from_chart(cls, chart: Chart, d: Floats, kept_values: Floats) -> Self:
-        """Return stripes with the phases of the chart, from values at the uncut vertices.
-        d : (n, 2) half widths of stripes, in periods.    kept_values : (n,) positive in material other than stripes."""
+        """Return stripes with the phases of a chart. d, kept_values : values at the n vertices of the uncut surface.
+        d : (n, 2) half width / distance between stripes.    kept_values : (n,) positive in other material."""
         has_phase = np.asarray((chart.scale[chart.surface.F] > 0).all(axis=1))
         nearest_whole = np.rint(chart.z)
         z = np.where(np.abs(chart.z - nearest_whole) < ON, nearest_whole, chart.z)
@@ -121,7 +122,7 @@ class StripeChart:
 
     @cached_property
     def place(self) -> Ints:
-        """(n,) number of each vertex's place; vertices with equal coordinates have the same place."""
+        """(n,) number of each vertex's position. Vertices with equal coordinates have the same number."""
         order = np.lexsort(self.surface.V.T)
         apart = (np.diff(self.surface.V[order], axis=0) != 0).any(axis=1)
         place = np.empty(self.surface.n, dtype=np.int64)
@@ -138,7 +139,7 @@ class StripeChart:
         return np.asarray(x[self._corner])
 
     def steep(self, k: int) -> Bools:
-        """Return a mask (m,) of faces where phase k is known and not constant: slope x `surface.size` is over 1e-9."""
+        """Return a mask (m,) of faces where family k has a phase that is not constant."""
         return self.known[:, k] & (self.slope[k] * self.surface.size > 1e-9)
 
     @cached_property
@@ -170,7 +171,7 @@ class StripeChart:
 
     @cached_property
     def void(self) -> Floats:
-        """(m,) fraction of each face that is void, from four sample points."""
+        """(m,) fraction of each face without material, estimated at four points."""
         solid = self._kept_points.copy()
         for k in (0, 1):
             z, d = (POINTS @ self.corners(x[:, k]) for x in (self.z, self.d))
@@ -178,14 +179,14 @@ class StripeChart:
         return np.asarray(1 - solid.mean(axis=0))
 
     def member_widths(self, k: int) -> tuple[Floats, Floats]:
-        """Return widths (m,), metres, of the members of family k on each face, and areas (m,), m2, of these members."""
+        """Return the width (m,), metres, of family k's members on each face, and their area (m,) on the face, m2."""
         z, d = (POINTS @ self.corners(x[:, k]) for x in (self.z, self.d))
         share = ((np.abs(z - np.rint(z)) < d) & self.known[:, k]).mean(axis=0)
         return 2 * d.mean(axis=0) / self.slope[k], self.surface.areas * share
 
     @cached_property
     def free(self) -> Floats:
-        """(m,) fraction of each face that is not `kept`, from four sample points."""
+        """(m,) fraction of each face outside `kept` (material other than stripes), estimated at four points."""
         return np.asarray(1 - self._kept_points.mean(axis=0))
 
     @cached_property
@@ -195,11 +196,11 @@ class StripeChart:
 
 @dataclass(frozen=True, eq=False)
 class StripeMiddles:
-    """Middle lines of the members of family k. Edges of faces divide the lines into pieces (s,).
+    """Middle lines of the members of family k. Edges of faces divide the lines into s pieces that meet at j nodes.
 
-    face : (s,) face of each piece.    at : (s, 2, 3) barycentric coordinates of its ends.    node : (s, 2) end nodes.
-    copy : (s,) True for a piece on an edge if an earlier face already has this piece.
-    edge : (j,) True for nodes on the boundary of the surface."""
+    face : (s,) face of each piece.    at : (s, 2, 3) barycentric coordinates of its ends in this face.
+    node : (s, 2) nodes at the ends of each piece.    edge : (j,) True for nodes on the boundary of the surface.
+    copy : (s,) True for a piece on an edge of two faces if an earlier face already has this piece."""
 
     drawn: StripeChart
     k: int
@@ -229,14 +230,14 @@ class StripeMiddles:
         return np.bincount(self.node[~self.copy].ravel(), minlength=len(self.edge))
 
     def at_nodes(self, marked: Bools) -> Bools:
-        """Return a mask (j,) of the nodes at the marked ends (s, 2)."""
+        """Return a mask (j,) of the nodes at marked ends. marked : (s, 2) mask of the pieces' ends."""
         result = np.zeros(len(self.edge), dtype=bool)
         result[self.node[marked]] = True
         return result
 
     @cached_property
     def ends_in_material(self) -> Bools:
-        """(s, 2) mask of ends that lie in a member of the other family, or in material other than stripes."""
+        """(s, 2) mask of the pieces' ends in a member of the other family, or in material other than stripes."""
         face, coordinates = np.repeat(self.face, 2), self.at.reshape(-1, 3)
         inside = self.drawn.inside(1 - self.k, face, coordinates) | self.drawn.is_kept(face, coordinates)
         return np.asarray(inside.reshape(-1, 2))
@@ -287,7 +288,6 @@ def _pieces(chart: StripeChart, k: int) -> _Pieces:
 
 
 def _barycentric(z: Floats, slot: Ints) -> Floats:
-    """Return barycentric coordinates (s, 3) of places `slot` (see `_Pieces`), where z is 0. z : (s, 3) at corners."""
     row, corner, on_edge = np.arange(len(z)), slot % 3, slot >= 3
     next_corner = (corner + 1) % 3
     a, b = z[row, corner], z[row, next_corner]
@@ -299,7 +299,6 @@ def _barycentric(z: Floats, slot: Ints) -> Floats:
 
 
 def _nodes(chart: StripeChart, pieces: _Pieces, coordinates: Floats) -> tuple[Ints, Bools]:
-    """Return nodes (s, 2) at piece ends (those at vertices first, then edge by edge), and a mask of boundary nodes."""
     table, F = chart.table, chart.surface.F
     face, slot, weight = np.repeat(pieces.face, 2), pieces.slot.ravel(), coordinates.reshape(-1, 3)
     corner, on_edge, row = slot % 3, slot >= 3, np.arange(len(slot))

@@ -23,8 +23,8 @@ class Labels(NamedTuple):
     """Outline edges (k,) of a material sheet.
 
     half_edge, start, end : the half-edge, and its first and its last vertex.
-    curve  : number of the edge's line in `Sheet.lines`; but -1 - k for all `LineKind.LEVEL` lines of field k.
-    family : the family of the edge's cell, or `VOID` (-1) on the boundary of the uncut surface."""
+    curve  : number of the line with this edge, in `Sheet.lines`; but -1 - k for every edge of a stripe of field k.
+    family : number of the field whose material the edge bounds; `VOID` (-1) on the boundary of the uncut surface."""
 
     half_edge: Ints
     start: Ints
@@ -34,7 +34,7 @@ class Labels(NamedTuple):
 
 
 def outline_labels(sheet: Sheet) -> Labels:
-    """Return the outline edges of a material sheet, each with its line and its family (see `Labels`)."""
+    """Return the outline edges of a material sheet, each with the line that made the edge, and its family."""
     h = sheet.surface.edges.outline
     a, b = (ends[h] for ends in half_edges(sheet.surface.F))
     line = sheet.sides_on.ravel()[h]
@@ -44,7 +44,6 @@ def outline_labels(sheet: Sheet) -> Labels:
 
 def outline_corners(sheet: Sheet) -> Floats:
     """Return the vertices (k, 3), metres, where two curves of a material sheet's outline meet, with or without a bend.
-
     A fillet is a single curve, so only its two ends are such vertices."""
     _, a, b, *names = outline_labels(sheet)
     curve = np.unique(np.stack(names), axis=1, return_inverse=True)[1].ravel()
@@ -60,8 +59,8 @@ LEAST = 1e-7  # Shorter parts of a segment are dropped, shorter gaps are closed.
 
 class Spans(NamedTuple):
     """Parts (p,) of segments that lie on a sheet.
-    segment : (p,) segment of each part.    begin, end : (p,) positions on the segment, 0 to 1.
-    of_pair, cell : (q,) pairs of a part, and a cell of the sheet that this part crosses."""
+    segment : (p,) segment of each part.    begin, end : (p,) positions of the part's ends on the segment, 0 to 1.
+    of_pair, cell : (q,) a part, and a cell of the sheet that this part crosses."""
 
     segment: Ints
     begin: Floats
@@ -73,10 +72,10 @@ class Spans(NamedTuple):
 def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sheet: Sheet, F: Ints) -> Spans:
     """Return the parts of segments that lie on the cells of a sheet.
 
-    A view is a segment in the coordinates of a face. A segment on an edge may have two views, one for each face.
+    A view is a segment, described in a face of the chart. A segment on an edge may have two views, one in each face.
     face        : (v,) the chart's face of each view.    segment : (v,) number of the segment.
     view_ends   : (v, 2, 3) both ends of the segment in barycentric coordinates of this face.
-    F           : (m, 3) the uncut faces."""
+    F           : (m, 3) faces of the uncut surface."""
     corners = _parent_coordinates(chart.weights, chart.surface.F[face], chart.parent[face], F)
     ends = view_ends @ corners  # barycentric, on the uncut faces
     order = sorted_order(sheet.parent)
@@ -91,7 +90,6 @@ def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sh
 
 
 def _parent_coordinates(weights: csr_array, F: Ints, parent: Ints, uncut: Ints) -> Floats:
-    """Return barycentric coordinates (k, 3, 3) of the corners of triangles F (k, 3) in uncut faces `uncut[parent]`."""
     entries = weights[F.ravel()].tocoo()
     row, column = (index.astype(np.int64) for index in entries.coords)
     coordinates = np.zeros((3 * len(F), 3))
@@ -130,7 +128,7 @@ def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans
 
 
 class Middle(NamedTuple):
-    """A middle line of a member: points (k, 3), metres, and the line number with the largest part of the length."""
+    """A middle line of a member: its number, and its points (k, 3), metres."""
 
     number: int
     points: Floats
@@ -138,11 +136,11 @@ class Middle(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Chords:
-    """Segments of middle lines. A view is a segment in the coordinates of a face; a segment on an edge has two views.
+    """Segments of middle lines. A view is a segment, described in a face; a segment on an edge has two views.
 
-    link   : (l, 2) nodes at the ends of the segments.    point : (nodes, 3) metres.
+    link   : (l, 2) nodes at the ends of the segments.    point : (nodes, 3) positions of the nodes, metres.
     of     : (v,) the segment of a view.      face  : (v,) the chart's face of a view.
-    number : (v,) number of the line. Lines that halving removed are counted, too.
+    number : (v,) number of the middle line among all lines of its family, before any line was removed.
     at     : (v, 2, 3) ends of the segment in barycentric coordinates of the face."""
 
     link: Ints
@@ -189,8 +187,8 @@ class Chords:
 
 
 def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
-    """Return the end nodes (v, 2) of each view (a segment in a face), and the positions of all nodes, metres.
-    An end lies at a corner (`at_corner`), or at `share` (0 to 1) of the side that begins at this corner."""
+    """Return the nodes (v, 2) at the ends of segments in faces, and the positions of all nodes, metres.
+    An end lies at `corner` (0 to 2) if `at_corner`, else at `share` (0 to 1) of the side that begins there."""
     V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # joins both sides of each cut
     F = vertex.ravel()[chart.surface.F]
     edges: EdgeTable = edge_table(F)
@@ -210,9 +208,9 @@ def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share:
 
 def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, F: Ints, passing: Ints) -> list[Middle]:
     """Return the middle lines of one family's members, only where the sheet has material.
-    half_width : (n,) d in periods: material has a phase within d of a whole number; d = 0 means no member.
-    sheet      : the material.    F : (m, 3) the uncut faces.
-    passing    : field numbers of the other family. A line is left out if all its cells belong to these fields."""
+    half_width : (n,) half width of members / distance between their middle lines; 0 means no member.
+    sheet      : the material.    F : (m, 3) faces of the uncut surface.
+    passing    : field numbers of the other family. A line that lies only in these fields is left out."""
     chords = Chords.from_chart(chart, family, half_width)
     spans = clip_segments(chart, chords.face, chords.at, chords.of, sheet, F)
     through = np.isin(sheet.family[spans.cell], passing, invert=True)
@@ -232,7 +230,6 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
 
 def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
-    """Return end nodes of segments' parts, and points. Parts share a node if just two segments meet there, uncut."""
     link = chords.link[spans.segment]
     a, b = (chords.point[link[:, k]] for k in (0, 1))
     crowded = np.bincount(link.ravel(), minlength=len(chords.point))[link] > 2
@@ -263,7 +260,7 @@ class CornerLines(NamedTuple):
 
 
 Phase = Floats | CornerLines | None
-"""Phase (n,) at the uncut vertices, or a corner field; None without stripes. A stripe's middle has an integer phase."""
+"""Phase of a family at the n uncut vertices, a whole number on stripes' middles; or `CornerLines`; None: no stripes."""
 
 
 def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[StructureLine]:
@@ -318,7 +315,7 @@ class _Stripes:
                 same_field = np.flatnonzero((self.family[edges] == k) & (self.family[before] == k))
                 f, g = self.parent[edges[same_field]], self.parent[before[same_field]]
                 rows = self.weights[loop[same_field]]
-                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a vertex that uncut faces f and g share
+                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a vertex of both uncut faces f and g
                 place, place_before = (f, corner_places(self.F[f], base)), (g, corner_places(self.F[g], base))
                 sign = phase.field.sign[place] * phase.field.sign[place_before]
                 shift = phase.field.shift[place] - sign * phase.field.shift[place_before]
@@ -330,8 +327,7 @@ class _Stripes:
 def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> list[StructureLine]:
     """Return the middle lines z = k of one family's members on the sheet, for all whole numbers k.
 
-    phase, half_width : z and d (n,) on the uncut surface, in periods. Material is |z - k| < d; d = 0 means no member.
-    The lines are exact, because both fields are linear in each cell."""
+    phase, half_width : z and d (n,) at the n uncut vertices. A member lies where |z - k| < d; d = 0: no member."""
     z = sheet.carry(phase)
     levels = np.arange(np.floor(z.min()), np.ceil(z.max()) + 1)
     member = sheet.carry(np.minimum(half_width, 1.0))[sheet.surface.F].min(axis=1) > 0

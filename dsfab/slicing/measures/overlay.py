@@ -30,13 +30,14 @@ from dsfab.surface import CornerField, Surface, link_components
 
 @dataclass(frozen=True, eq=False)
 class DrawnBand:
-    """Stripes of one field of a cut. A place lies in a stripe if a level is between both values of the field.
+    """Stripes of one field of a cut. The field has two values at each place; a stripe lies where a level is between.
 
     family : name. Fields of the same family do not cross each other.
-    field  : two values at corners of the uncut surface; or values (n', 2) at the vertices of the material sheet.
-    levels : (k,) ascending.
-    centre : on a stripe's middle line, the mean of both values is the stripe's level + `centre`.
-    hides  : False: all other families may cover this stripe. True: only earlier fields with `hides` = True may."""
+    field  : the two values at corners of the uncut surface, or (n', 2) at the vertices of the material sheet.
+    levels : (k,) ascending, one for each stripe.
+    centre : mean of both values on a stripe's middle line, minus the stripe's level.
+    hides  : where stripes cross, False: fields of every other family may cover these stripes. True: only earlier fields
+             with `hides` = True may cover these stripes."""
 
     family: str
     field: CornerField | Floats
@@ -50,13 +51,13 @@ class Overlay:
     """A material sheet, also divided along edges of stripes that other stripes cover, and the stripes of each cell.
 
     sheet  : m cells, all of them material. `family` is the field that made each cell.
-    source : (m,) the undivided cell that contains each cell.
-    part   : (m, f) for each field, the number of the stripe that contains the cell; -1 for none.
-    of     : (count,) number of each stripe's field.
-    level  : (count,) each stripe's level (see `DrawnBand`); if its cells differ, the level with the largest area.
+    source : (m,) cell of the sheet before this division, which contains the cell.
+    part   : (m, f) for each of f fields, the number of the stripe that contains the cell; -1 for none.
+    of     : (count,) number of the field of each stripe.
+    level  : (count,) level of each stripe (see `DrawnBand`), on the largest part of its area if the level changes.
     own    : (m,) True if the cell lies in a stripe of the field that made the cell.
-    offset : (m, 3, f) field at the corners, minus its value on the stripe's middle line; never 0. Two cells have the
-             same offsets at their common edge, up to a sign."""
+    offset : (m, 3, f) field at the corners, minus its value on the stripe's middle line; never 0. At a common edge, the
+             offsets of two cells are equal or opposite."""
 
     sheet: Sheet
     source: Ints
@@ -81,10 +82,9 @@ class Overlay:
 
 
 def stripe_overlay(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], snap: float = 0.05) -> Overlay:
-    """Divide a material sheet, cut from the surface `uncut`, along the edges of every band.
-    bands : one for each field of the cut, in order.
-    snap  : snap fraction (see `cut`) for edges that stripes of other bands cover.
-
+    """Divide a material sheet, which was cut from the surface `uncut`, along the edges of all stripes.
+    bands : stripes of each field of the cut, in order.
+    snap  : snap fraction (see `cut`) for edges of stripes that other stripes cover.
     Stripes that finishing removed from the sheet are left out."""
     base = sheet.surface
     fields = [_on_sheet(sheet, uncut, band.field) for band in bands]
@@ -116,7 +116,7 @@ def _on_sheet(sheet: Sheet, uncut: Surface, field: CornerField | Floats) -> Corn
 
 
 def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
-    """Return a mask (m,) of cells of fields that may cover stripes of `bands[k]`. family : (m,) field of each cell."""
+    """Return a mask (m,) of cells in which stripes of `bands[k]` may be covered. family : (m,) field of each cell."""
     covers = np.array([band.family != bands[k].family and (band.hides or not bands[k].hides) for band in bands])
     covers &= ~np.array([bands[k].hides]) | (np.arange(len(bands)) < k)
     return np.asarray(covers[family])
@@ -124,10 +124,10 @@ def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
 
 @dataclass(frozen=True, eq=False)
 class _BandOnCells:
-    """Stripes of a field on triangles. The field has two values at each point, z + d and z - d (see `DrawnBand`).
-    z : (m, 3) mean of the field's two values at the corners, minus `DrawnBand.centre`.
+    """Stripes of a field on triangles. The field has two values at each point (see `DrawnBand`).
+    z : (m, 3) mean of the two values at the corners, minus `DrawnBand.centre`.
     d : (m,) half the difference of the two values, at the centroid.
-    number : (m,) the level nearest to the mean at the centroid.    off : (m,) distance of this mean from the level.
+    number : (m,) level nearest to the mean value at the centroid.    off : (m,) difference of mean value and level.
     sign, shift : (m, 3) The value at a triangle's corner is sign x (value stored at the vertex) + shift.
     blank : (m,) mask of triangles without values."""
 
@@ -153,11 +153,12 @@ class _BandOnCells:
         return cls(F, z - band.centre, half, number, distance, sign, shift, blank)
 
     def inside(self, slack: Floats) -> Bools:
-        """Return a mask (m,) of triangles with the centroid in a stripe. slack : (m,) added to half widths `d`."""
+        """Return a mask (m,) of triangles whose centroid lies in a stripe. slack : (m,) added to half widths."""
         return np.asarray((self.off < self.d + slack) & ~self.blank & np.isfinite(self.number))
 
     def links(self, pairs: Ints) -> Bools:
-        """Return a mask (p,) of pairs of half-edges (p, 2) whose two cells have the same `number` (nearest level)."""
+        """Return a mask (p,) of the pairs of adjacent triangles that lie at the same level (`number`).
+        pairs : (p, 2) half-edges of both triangles at their common edge."""
         h, g = pairs.T
         flat = self.F.ravel()
         g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # corner of g's cell at the first vertex of h
@@ -166,9 +167,9 @@ class _BandOnCells:
         return np.asarray(np.abs(self.number[h // 3] - (sign * self.number[g // 3] + shift)) < SAME_PHASE)
 
     def offsets(self, in_stripe: Bools) -> Floats:
-        """Return offsets (m, 3): `z` minus `number` (the nearest level) at the corners of triangles `in_stripe`.
-        Other triangles get NaN. An offset of 0 at a vertex becomes a tiny number, with the same sign in all triangles
-        at this vertex. So no middle line of a stripe passes exactly through a vertex."""
+        """Return offsets (m, 3): mean field value (`z`) at the corners, minus the triangle's level (`number`).
+        Triangles outside `in_stripe` (m,) get NaN. An offset of 0 becomes a tiny number, with the same sign in all
+        triangles at the vertex."""
         offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
         zero = np.abs(offset) < SAME_PHASE
         offset[zero] = 0.0
@@ -189,7 +190,7 @@ def _labelled_overlay(sheet: Sheet, source: Ints, stripes: list[_BandOnCells], b
     reach = [_value_ranges(stripe_values.z, source) for stripe_values in stripes]
     for k, stripe_values in enumerate(stripes):
         own_cells = sheet.family == k
-        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # `slicing.snap` may have moved edges outwards
+        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # the cut may have moved edges outwards
     taken = {band.family: np.zeros(m, dtype=bool) for band in bands}
     for k, band in enumerate(bands):
         taken[band.family] |= in_own_band & (sheet.family == k)
@@ -214,7 +215,6 @@ def _labelled_overlay(sheet: Sheet, source: Ints, stripes: list[_BandOnCells], b
 
 
 def _value_ranges(z: Floats, source: Ints) -> Floats:
-    """Return the range (m,) of z (m, 3) over all triangles that divide the same cell `source` (m,)."""
     top, bottom = np.full(int(source.max()) + 1, -np.inf), np.full(int(source.max()) + 1, np.inf)
     np.maximum.at(top, source, z.max(axis=1))
     np.minimum.at(bottom, source, z.min(axis=1))

@@ -25,8 +25,9 @@ from dsfab.surface.topology import link_components
 
 @dataclass(frozen=True, eq=False)
 class Bays:
-    """Middle lines of a family, divided into b parts. Parts between two crossings with the other family form a bay.
-    piece  : (b,) piece of `middles` with each part.    at : (b, 3) barycentric coordinates of each part's middle.
+    """Middle lines of a family, divided into bays: from one crossing with the other family to the next.
+    Edges of faces divide the bays further, into b parts.
+    piece  : (b,) piece of `middles` that contains each part.    at : (b, 3) barycentric coordinates of its middle.
     length : (b,) length of each part, metres.    bay : (b,) number of each part's bay.    count : number of bays.
     angle  : (c,) angle between members at crossings, degrees. Crossings in rims and kept regions are left out."""
 
@@ -55,14 +56,14 @@ class Bays:
 
     @property
     def slits(self) -> int:
-        """Number of slits: bays whose opening is narrower than the member on over half of the bay's `free` length."""
+        """Number of slits: bays along which the opening beside the member is mostly narrower than the member."""
         free = np.bincount(self.bay, self.free, self.count)
         slit = np.bincount(self.bay, self.free * self.narrow, self.count)
         return int((slit > free / 2).sum())
 
     @property
     def slit_share(self) -> float:
-        """Fraction of the members' `free` length at which the opening beside the member is narrower than the member."""
+        """Fraction of the members' length, without crossings, beside openings narrower than the members."""
         total = float(self.free.sum())
         return float(self.free @ self.narrow) / total if total > 0 else 0.0
 
@@ -102,7 +103,6 @@ def bays(middles: StripeMiddles) -> Bays:
 def _bay_labels(
     middles: StripeMiddles, piece: Ints, end: Ints, number: Ints, inner: Ints, barrier: Bools
 ) -> tuple[int, Ints]:
-    """Join parts to bays at nodes, except at crossings `barrier` (j,). Return the bay count and each part's bay."""
     parts, links = len(piece), []
     for at_node, side in ((number == 0, end), (number == inner[piece], 1 - end)):
         node = middles.node[piece, side]
@@ -133,10 +133,11 @@ class DeadEnds(NamedTuple):
 
 
 def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confidence: Floats) -> DeadEnds:
-    """Return the dead ends of a family's members.
+    """Return the dead ends of a family's members: ends that meet nothing, and places where members turn back.
+    middles    : middle lines of the members.
     along      : (m, 3) unit direction of the stress on the faces; its sign has no meaning.
     deviation  : (m,) angle between members and this direction, degrees.
-    confidence : (m,) clarity of the direction, 0 to 1."""
+    confidence : (m,) how clear the direction is, 0 (equal principal stresses) to 1."""
     met = middles.at_nodes(middles.ends_in_material)
     loose = (middles.degree == 1) & ~middles.edge & ~met
     clear = confidence[middles.face] > 0.25  # means: principal stresses differ by over 10 % of their RMS
@@ -150,7 +151,7 @@ def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confiden
 
 
 def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools:
-    """Return a mask (j,) of nodes where a member turns back. Both pieces there must have a clear stress direction."""
+    """Return a mask (j,) of nodes where a member turns back. along, clear : (s, 3), (s,) stress direction of pieces."""
     pieces = np.flatnonzero(~middles.copy)
     step = middles.points[pieces, 1] - middles.points[pieces, 0]
     ahead = np.where(np.einsum("px,px->p", step, along[pieces]) < 0, -1, 1)  # -1: opposite to `along`
@@ -160,7 +161,7 @@ def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools
     pair = np.flatnonzero((np.diff(node[order]) == 0) & (middles.degree[node[order][1:]] == 2))
     end_a, end_b = order[pair], order[pair + 1]
     normals_a, normals_b = (middles.drawn.surface.normals[middles.face[piece[end]]] for end in (end_a, end_b))
-    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])  # direction b in the plane of face a
+    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])  # direction b, turned into face a
     alike = np.where(np.einsum("px,px->p", along[piece[end_a]], straight) < 0, -1, 1)
     result = np.zeros(len(middles.edge), dtype=bool)
     result[node[end_a]] = (side[end_a] * side[end_b] * alike > 0) & clear[piece[end_a]] & clear[piece[end_b]]
@@ -168,22 +169,22 @@ def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools
 
 
 class Arms(NamedTuple):
-    """Strips of material that begin at a ball around a point of a sheet and extend outwards.
+    """Arms: strips of a sheet's material that leave a ball around a point of the sheet.
 
-    direction : (a, 3) unit vectors towards the strips. A strip around the whole ball counts as two arms with vectors 0.
-    normal    : (a, 3) mean unit normals of the strips.    width : (a,) widths across the strips, metres."""
+    direction : (a, 3) unit vectors from the point to the strips.    normal : (a, 3) mean unit normals of the strips.
+    width     : (a,) widths of the strips, metres. A strip around the whole ball counts as two arms with values 0."""
 
     direction: Floats
     normal: Floats
     width: Floats
 
     def is_tip(self, width: float) -> bool:
-        """Return True if a member of `width` metres ends here: no arms, or a single arm narrower than 3 x `width`."""
+        """Return True if a member of `width` metres ends here: no strip leaves, or only a strip below 3 x `width`."""
         return len(self.width) == 0 or (len(self.width) == 1 and float(self.width[0]) < 3 * width)
 
     def is_hairpin(self, width: float) -> bool:
-        """Return True if a member of `width` metres ends here, or turns back: two arms under 90 degrees apart.
-        Two arms are first unfolded into one plane, so that a member across a sharp edge of the surface is straight."""
+        """Return True if a member of `width` metres ends here, or turns back: two strips leave at under 90 degrees.
+        The angle is measured after the surface is unfolded into a plane."""
         if len(self.width) != 2 or not self.direction.any():
             return self.is_tip(width)
         unfolded = transported_vectors(self.normal[:1], self.normal[1:], self.direction[1:])[0]
@@ -192,7 +193,6 @@ class Arms(NamedTuple):
 
 def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
     """Return the arms: strips of material that leave a ball of `radius` metres at a place (3,).
-
     Large faces near the ball are divided first. A ball without vertices has no arms."""
     sheet = _faces_near(sheet, place, radius)
     distance = np.linalg.norm(sheet.V - place, axis=1)
@@ -224,7 +224,6 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
 
 
 def _faces_near(sheet: Surface, place: Floats, radius: float) -> Surface:
-    """Return the faces near a ball at `place`, refined to edges of at most radius / 2; all faces if no face is near."""
     corners = sheet.V[sheet.F]
     away = np.linalg.norm(corners - place, axis=2).min(axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -250,14 +249,14 @@ Quantiles = tuple[float, float, float]
 class FamilyQuality:
     """Quality of one family of members.
 
-    spacing    : distance between middle lines, metres: P5, median and P95 over the area with stripes only.
-    opening    : clear distance between neighbours, metres: P5, median and P95 over the open area.
-    deviation  : mean angle to the stress, degrees. Weight: area x stress along members x clarity of its direction.
-    off        : fraction of the weight of `deviation` where members deviate by over 30 degrees.
-    dead_ends  : see `dead_ends`.
-    slits      : number of openings narrower than the members beside them; before the cut, see `Bays.slits`.
-    slit_share : fraction of the members' length beside slits.
-    drawn      : False if the family has no members; then all numbers are 0."""
+    spacing    : distance between middle lines of neighbours, metres: 5 %, 50 % and 95 % quantiles of the area.
+    opening    : clear distance between neighbours, metres: the same quantiles of the open area.
+    deviation  : mean angle between members and stress, degrees, with more weight where stress is large and clear.
+    off        : fraction of this weight where the angle is over 30 degrees.
+    dead_ends  : places where members end in nothing or turn back.
+    slits      : number of slits (`Bays.slits`): openings narrower than the members beside them.
+    slit_share : fraction of the members' length beside openings narrower than the members.
+    drawn      : False if the family has no members."""
 
     spacing: Quantiles
     opening: Quantiles
@@ -270,7 +269,7 @@ class FamilyQuality:
 
     @property
     def evenness(self) -> float:
-        """P95 of the spacing divided by its P5: 1 for equal spacings."""
+        """95 % quantile of the spacing divided by the 5 % quantile: 1 for equal spacings."""
         if not self.drawn:
             return 1.0
         return self.spacing[2] / self.spacing[0] if self.spacing[0] > 0 else float("inf")
@@ -286,10 +285,10 @@ class PatternQuality:
     """Quality of both families together.
 
     crossing_angle : the smallest angle between two members that cross, degrees; 90 without crossings.
-    symmetry_error : fraction of the surface where material differs from its mirror or rotated image; the largest
-                     value if the design has several symmetries; None without symmetries.
-    turned         : angle by which the user rotated the stress directions, degrees. `deviation` is the angle between
-                     members and the rotated directions.    titles : names of both families in words."""
+    symmetry_error : fraction of the surface where the pattern is not symmetric, for the worst symmetry of the design;
+                     None without symmetries.
+    turned         : angle, degrees, by which the user rotated the stress directions that members should follow.
+    titles         : names of both families in words."""
 
     major: FamilyQuality
     minor: FamilyQuality
@@ -300,22 +299,22 @@ class PatternQuality:
 
     @property
     def families(self) -> tuple[tuple[str, FamilyQuality], tuple[str, FamilyQuality]]:
-        """Both families, with their names."""
+        """Names and qualities of both families."""
         return ("major", self.major), ("minor", self.minor)
 
     @property
     def evenness(self) -> float:
-        """P95 of the spacing divided by its P5, for the less even family."""
+        """95 % quantile of the spacing divided by the 5 % quantile, for the less even family."""
         return max(self.major.evenness, self.minor.evenness)
 
     @property
     def dead_ends(self) -> int:
-        """Number of dead ends of both families."""
+        """Number of dead ends of members, in both families."""
         return self.major.dead + self.minor.dead
 
     @property
     def slits(self) -> int:
-        """Number of slits of both families."""
+        """Number of slits (openings narrower than the members beside them), in both families."""
         return self.major.slits + self.minor.slits
 
     @property
@@ -341,10 +340,10 @@ def pattern_quality(
     symmetry_error: float | None = None,
     guided: Bools | None = None,
 ) -> PatternQuality:
-    """Measure the quality of a pattern.
+    """Measure the quality of a pattern of stripes.
     stress     : (m, 2) principal stresses along the major and the minor members.
-    direction  : (m, 2, 3) unit directions of these stresses.    confidence : (m,) clarity of these directions, 0 to 1.
-    guided     : (m,) faces where members follow a guide. Members may turn back in these faces. Default: none."""
+    direction  : (m, 2, 3) unit directions of these stresses.    confidence : (m,) how clear they are, 0 to 1.
+    guided     : (m,) mask of faces where members follow a guide, and thus may turn back. Default: none."""
     turning = confidence if guided is None else np.where(guided, 0.0, confidence)
     families = [_family(chart, k, stress[:, k], direction, confidence, turning) for k in (0, 1)]
     angles = np.concatenate([cut.angle for _, cut in families])

@@ -12,7 +12,7 @@ from dsfab.surface import Surface, next_half_edge, pieces
 
 
 class FarEnds(NamedTuple):
-    """Ends of lines (k,) across a sheet. The lines measure widths. The ends lie on the boundary.
+    """Ends of k straight lines across a sheet, on the sheet's boundary.
     edge   : half-edge on the boundary, -1 for lines without a known end.    place : metres along this half-edge.
     slope  : cosine between line and half-edge.    length : length of the line, metres."""
 
@@ -22,12 +22,13 @@ class FarEnds(NamedTuple):
     length: Floats
 
     def subset(self, chosen: Ints) -> "FarEnds":
-        """Return the ends with the numbers `chosen` (k,)."""
+        """Return the ends of the lines with the numbers `chosen`."""
         return FarEnds._make(column[chosen] for column in self)
 
 
 class _Lines(NamedTuple):
-    """Unfinished lines: number; half-edge where each enters a triangle; metres s along it; direction (x, y); length."""
+    """Lines that enter a triangle. edge : half-edge that they cross.    s : metres from its start to the line.
+    x, y : direction along the half-edge and normal to it.    way : length of the line so far, metres."""
 
     number: Ints
     edge: Ints
@@ -41,14 +42,15 @@ class _Lines(NamedTuple):
 
 
 def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
-    """Trace lines (k,) from points on the half-edges `start` (k,) to the boundary, perpendicular to the half-edges.
-    place : (k,) metres along each half-edge.    reach : metres; the end of a longer line may not be found."""
+    """Follow straight lines across a sheet from boundary half-edges `start` (k,) to the opposite boundary.
+    Each line begins perpendicular to its half-edge, `place` (k,) metres from the half-edge's start.
+    reach : metres; the end of a longer line may not be found."""
     frames, twin, start_vertex = _frames(surface), surface.edges.twins, surface.F.ravel()
-    against = start_vertex != start_vertex[twin]  # True if a half-edge and its twin have opposite directions
+    against = start_vertex != start_vertex[twin]  # True for opposite directions
     count = len(start)
     result = FarEnds(np.full(count, -1), np.zeros(count), np.ones(count), np.full(count, np.inf))
     lines = _Lines(np.arange(count), start, place, np.zeros(count), np.ones(count), np.zeros(count))
-    for _ in range(2000):  # a line that crosses more triangles runs along a member; this line gets no end
+    for _ in range(2000):  # a line through more triangles runs along a member
         if not len(lines.number):
             break
         lines = _at_exit(lines, frames[lines.edge])
@@ -66,10 +68,8 @@ def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf
 
 
 def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
-    """Return the lines where they leave their triangles. x : along the half-edge of the exit, y : outwards from it."""
     length, ax, ay, bx, by, cx, cy = frame.T
     s, x, y = lines.s, lines.x, lines.y
-    # components of the direction (x, y) along the outward normals of the two sides where a line can leave
     over_next, over_last = by * x - bx * y, cy * x - cx * y
     with np.errstate(divide="ignore", invalid="ignore"):
         to_next = np.where(over_next > 0, np.maximum(by * (length - s), 0) / over_next, np.inf)
@@ -96,7 +96,7 @@ def _frames(surface: Surface) -> Floats:
 
 MIDDLE = 0.5
 AT = (1e-3, MIDDLE, 1 - 1e-3)
-"""Places on each wall, 0 to 1, where lines across the sheet start. The shortest lines start near an end of a wall."""
+"""Positions on a wall (a boundary edge), 0 to 1, at which lines across the sheet start to measure widths."""
 OPPOSED = float(np.sin(np.radians(20)))
 """Two walls at an angle over 20 degrees are not opposite: they form a corner, so their distance is not a width."""
 TAPER = float(np.radians(1.5))  # Smallest angle between two walls that form a tip, radians.
@@ -104,12 +104,12 @@ TAPER = float(np.radians(1.5))  # Smallest angle between two walls that form a t
 
 @dataclass(frozen=True, eq=False)
 class Crossings:
-    """Lines across a sheet from a wall to the opposite wall. By default, tips (width near 0) have no lines.
+    """Widths of a sheet along lines from a wall (boundary edge) to the opposite wall. Tips usually have no lines.
 
-    width  : (k,) shortest distance from a line's start to the edge at which the line ends, metres.
+    width  : (k,) shortest distance from a line's start to the opposite wall, metres.
     place  : (k, 3) the start, metres.    face : (k,) the triangle at the start.
-    weight : (k,) length of the edge at the start, metres, if the line starts in the edge's middle; else 0.
-    walls  : (k, 2) the edges of the surface at both ends of the line."""
+    weight : (k,) length of the wall at the start, metres, if the line starts in the wall's middle; else 0.
+    walls  : (k, 2) numbers of the two boundary edges at the line's ends."""
 
     width: Floats
     place: Floats
@@ -141,7 +141,7 @@ def crossings(
 
     surface : an edge-manifold sheet.
     walls   : (e,) mask of boundary edges that count as walls. Lines that end at other edges are left out.
-    start   : (e,) walls at which lines start; default all.    shares : positions of starts on each wall, 0 to 1.
+    start   : (e,) mask of walls at which lines start; default all.    shares : positions of starts on a wall, 0 to 1.
     tips    : True to count lines in tips, where walls converge.    reach : metres; longer lines may be left out."""
     starting = walls if start is None else walls & start
     if not starting.any():
@@ -163,7 +163,7 @@ def crossings(
 
 
 def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
-    """Return the point of each line's last half-edge that is nearest to the line's start, and the distance, metres."""
+    """Return the point of the edge at each line's end that is nearest to the line's start, and the distance, metres."""
     size = np.linalg.norm(_edge_vectors(surface, ends.edge), axis=1)
     foot = ends.place - ends.length * ends.slope
     nearest = np.clip(foot, 0, size)
@@ -172,7 +172,7 @@ def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
 
 
 def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floats, slope: Floats) -> Bools:
-    """Return a mask of lines between two walls of a tip. slope : negative if the tip lies ahead on the end half-edge.
+    """Return a mask (k,) of lines whose two walls converge to a tip. start, finish : ends of the lines.
     If the walls form an angle a, the outline of the tip beyond a line of length w measures about w / tan(a / 2)."""
     loop, middle, ahead, total = _loop_positions(surface)
 
@@ -191,8 +191,8 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
 
 
 def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
-    """Return for half-edges: boundary loop or -1, metres along the loop to the half-edge's middle, True if the
-    half-edge has the direction of the loop. Return also the loop lengths, metres."""
+    """Return the boundary loop of each half-edge or -1, the position (metres) of its middle along the loop, and a mask
+    of the half-edges in the direction of the loop. Return also the length (metres) of each loop."""
     edge = np.flatnonzero(surface.edges.boundary)
     h = surface.edges.order[surface.edges.start[:-1][edge]]
     label, chain, loops = _loop_chains(surface.edges.ends[edge])
@@ -209,10 +209,9 @@ def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
 
 
 def _loop_chains(ends: Ints) -> tuple[Ints, Ints, int]:
-    """Return the loop (e,) of each edge, all edges in order along the loops, and the loop count; ends : (e, 2)."""
     slot = sorted_order(ends.ravel())  # ends of edges, sorted by vertex; end s of edge i has the number 2 i + s
     onward = np.empty_like(slot)
-    onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # far end of the other edge that meets at this end's vertex
+    onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # the far end of the other edge at this vertex
     after, leaving = onward.tolist(), (2 * np.arange(len(ends)) + (ends[:, 0] > ends[:, 1])).tolist()
     label, chain, loops = [-1] * len(ends), list[int](), 0
     for start, state in enumerate(leaving):
@@ -235,7 +234,7 @@ ROUNDING = 1e-6  # A width still meets a limit if it is smaller by at most this 
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """The smallest member, gap or edge: size in metres, place (3,), name in words, and local width of the mesh."""
+    """The smallest member, gap or edge: size and place (3,), metres, name in words, and size of the mesh there."""
 
     size: float
     place: Floats
@@ -267,7 +266,6 @@ class Features:
 
     def histogram(self, limit: float = 0.0) -> tuple[Floats, Floats]:
         """Return limits (b + 1,) of bins of member widths, metres, and the fraction (b,) of wall length in each bin.
-
         limit : a width, metres, at which a bin ends; 0 for none. Widths over 3 times the median, and the widest 1 %,
         count in the last bin. The first limit is 0. Both results may be empty."""
         if not self.weight.sum():
@@ -284,7 +282,7 @@ def below_limit(sizes: float | Floats, limit: float) -> Bools:
 
 
 def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) -> Floats:
-    """Return limits of about `count` equal bins; `limit` is one of them. If `limit` is small, bin 0 is narrower."""
+    """Return the limits of about `count` equal bins from 0 to `end`; a bin ends at `limit`, if it is below `end`."""
     if not 0 < limit < end:
         return np.linspace(0, end, count + 1)
     step = limit / max(1, round(limit / end * count))
@@ -298,9 +296,9 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
     cells : all cells, material and void.    built : (m',) mask of the structure's cells.    names : names of fields.
     tips  : True to measure gaps also in the tips of openings, where walls converge.
 
-    Widths and gaps are lengths of lines between walls (see `crossings`), exact between straight walls. If walls bend by
-    an angle a from edge to edge, the relative error is up to 1 - cos a. Walls at an angle over 20 degrees form a
-    corner, which has no width. Pieces and openings without these lines have the size 4 area / perimeter."""
+    Widths and gaps are lengths of straight lines from wall to wall. They are exact between straight walls. On walls
+    that bend by an angle a from edge to edge, the relative error of a width is up to 1 - cos a. Two walls at an angle
+    over 20 degrees form a corner, which has no width. Pieces without any line have the size 4 area / perimeter."""
     part, mesh = SheetPart.from_cells(cells.surface, built), _mesh_width(cells)
     material, from_material = part.surface, part.cells
     across = crossings(material, material.edges.boundary)
@@ -319,7 +317,7 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
 
 
 def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
-    """Return a mask (m',) of material cells of `cells` whose connected piece of material belongs to `sheet`."""
+    """Return a mask (m',) of the material cells of `cells`, without the pieces of material that `sheet` leaves out."""
     material = cells.material
     if material.sum() == sheet.surface.m:
         return np.asarray(material)

@@ -38,11 +38,11 @@ from dsfab.surface.fields import voronoi_mass
 
 @dataclass(frozen=True, eq=False)
 class ComparisonTask:
-    """Common input of all competitors of a design.
+    """Data of a design from which structures of the same mass are made, to compare them with the design.
     preset    : preset with the modes and phases of the design.    area : area of the material, m2.
-    frequency : frequencies of the major and the minor stripes. Evenly spaced stripes are converted to stripes on the
-                first mode with the same spacing.
-    even      : evenly spaced stripes of the design; None for stripes on modes."""
+    frequency : frequencies of the major and the minor stripes, which are factors on modes. For evenly spaced stripes,
+                the factors that give the same spacing on the first modes.
+    even      : evenly spaced stripes of the design; None for stripes along level lines of modes."""
 
     preset: Preset
     surface: Surface
@@ -54,7 +54,7 @@ class ComparisonTask:
 
     @classmethod
     def from_design(cls, design: Design, area: float) -> Self:
-        """Return the common data of structures that are compared with a design. area : area of their material, m2."""
+        """Return the data of a design for structures to compare. area : area of the structures' material, m2."""
         pattern = design.pattern
         preset = pattern.preset_with_choices(design.preset)
         frequency = pattern.frequency
@@ -69,7 +69,7 @@ class ComparisonTask:
 
     @cached_property
     def on_modes(self) -> Preset:
-        """The preset with stripes on level lines of modes. The mean spacing is that of the design's stripes."""
+        """The preset, with stripes along level lines of modes instead of evenly spaced stripes of the same spacing."""
         if self.even is None:
             return self.preset
         pattern, surface = self.preset.pattern, self.surface
@@ -84,7 +84,7 @@ class ComparisonTask:
 
     @property
     def stressed_surface(self) -> StressedSurface:
-        """Surface, statics and diffusion, the input of a pattern."""
+        """Surface, statics and diffusion of the design: the input from which a pattern is made."""
         return StressedSurface(self.surface, self.statics, self.diffusion)
 
     @property
@@ -131,7 +131,7 @@ class ComparisonTask:
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """A structure to judge.
+    """A structure whose compliance is compared with that of a design.
     cells  : all cells, material and void.        names : names of the fields of the cut, see `cut`.
     sheet  : material without loose pieces.       pieces : number of pieces of `sheet`.      thickness : metres."""
 
@@ -149,7 +149,7 @@ class Structure:
 
     @cached_property
     def material(self) -> Sheet:
-        """All cells with material, as a sheet. It includes pieces that reach no support."""
+        """All cells with material, as a sheet, including pieces that reach no support."""
         return self.cells.subset()
 
     @property
@@ -160,7 +160,7 @@ class Structure:
 
 @dataclass(frozen=True, eq=False)
 class Variant:
-    """A variant of a competitor, such as "modes 1, 2"; `make` may raise DsfabError."""
+    """A structure to be made: its name, such as "modes 1, 2", and the function `make`, which may raise DsfabError."""
 
     says: str
     make: Callable[[], Structure]
@@ -176,12 +176,12 @@ def thinner(task: ComparisonTask) -> list[Variant]:
 
 SAME_MASS = 1e-3  # masses count as equal up to this relative difference
 Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
-"""Function of (task, share, tolerance) that returns layers. They cover `share` of the surface, within `tolerance`."""
+"""Function of (task, share, tolerance). It returns layers whose material covers `share` of the surface +- tolerance."""
 
 
 def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
-    """Return the structure whose sheet has the area `task.area`. Loose pieces are removed; wider stripes replace them.
-    If no width gives the area, a smaller `slicing.snap` is tried. Raises PatternError if this fails, too."""
+    """Return the structure with the area `task.area` after loose pieces are removed, by a suitable share of material.
+    drawing : function that makes the layers for a share. Raises PatternError if no share gives this area."""
     try:
         return _structure_of_area(task, drawing)
     except PatternError:
@@ -206,8 +206,8 @@ def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) 
 
 
 def sliced_structure(task: ComparisonTask, layers: Sequence[Layer], improve: bool = True) -> Structure:
-    """Return the surface cut along the level lines of `layers`, by the preset's options but without loose pieces.
-    improve : False to leave the triangles as they are, to save time."""
+    """Return the surface cut along the stripes of `layers`, by the preset's options but without loose pieces.
+    improve : False to leave badly shaped triangles as they are, to save time."""
     names, fields, levels, widths, _ = zip(*layers, strict=True)
     changes = {"loose": "drop", "improve": improve and task.preset.slicing.improve}
     slicing = task.preset.slicing.model_copy(update=changes)
@@ -227,15 +227,16 @@ def area_share(task: ComparisonTask, layers: Sequence[Layer]) -> float:
 def striped_structure(
     task: ComparisonTask, preset: Preset, diffusion: DiffusionResult, even: EvenStripes | None = None
 ) -> Structure:
-    """Return a structure of area `task.area`. Its stripes are `even` or, by default, follow modes of `diffusion`."""
+    """Return a structure of area `task.area` with stripes along modes of `diffusion`.
+    even : evenly spaced stripes that are used instead."""
     radius = preset.pattern.width.widths(np.sqrt(task.surface.area)).radius
     task = replace(task, diffusion=diffusion)
     return widened_structure(task, preset, drawable_families(preset, task.stressed_surface, radius, even=even))
 
 
 def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[DrawableFamily]) -> Structure:
-    """Return the structure of families of stripes. Its area is `task.area`; the preset's rule gives the widths.
-    Dead ends are removed only if the preset requests it."""
+    """Return a structure with the given families of stripes, as wide as the area `task.area` requires.
+    preset : rule for the widths, and whether dead ends are removed."""
     task, factor = replace(task, preset=preset), 0.0
 
     def drawing(task: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
@@ -250,13 +251,14 @@ def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[D
     return matched_structure(task, drawing)
 
 
-MODES = 3  # number of modes that `PAIRS` combines: several, as the order of modes with equal eigenvalues is arbitrary
+MODES = 3  # number of modes of each family that `PAIRS` combines
 PAIRS = [(a, b) for a in range(1, MODES + 1) for b in range(1, MODES + 1)]  # numbers of a major and a minor mode
 PHASES = (0.0, 0.25, 0.5, 0.75)  # phases of stripes that do not follow modes, in periods
 
 
 class IsotropicStripes(NamedTuple):
-    """Stripes that ignore the stress. pairs : numbers of the (major, minor) modes to try. diffusion : returns modes."""
+    """Stripes that ignore the stress. preset : preset of the stripes. diffusion : function that returns the modes.
+    pairs : pairs of a major and a minor mode, by number, along whose level lines stripes are tried."""
 
     preset: Preset
     pairs: list[tuple[int, int]]
@@ -264,7 +266,8 @@ class IsotropicStripes(NamedTuple):
 
 
 def isotropic_stripes(task: ComparisonTask) -> IsotropicStripes:
-    """Return stripes of equal width and frequency that follow modes of isotropic diffusion. They cover `task.area`."""
+    """Return stripes that ignore the stress, because their modes come from isotropic diffusion.
+    The stripes have a constant width, and material of the area `task.area`."""
     isotropy = {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": task.share}}
     blind = with_overrides(task.on_modes, isotropy)
     diffusion = cache(lambda: diffusion_step(blind, task.surface, task.statics, Log(None)))
@@ -276,17 +279,17 @@ def isotropic_stripes(task: ComparisonTask) -> IsotropicStripes:
 
 
 def isotropic(task: ComparisonTask) -> list[Variant]:
-    """Return the variants of `isotropic_stripes`, one for each pair of modes."""
+    """Return a structure of stripes that ignore the stress, for each pair of modes."""
     return isotropic_variants(task, isotropic_stripes(task))
 
 
 def isotropic_variants(task: ComparisonTask, blind: IsotropicStripes) -> list[Variant]:
-    """Return a variant for each pair of modes in `blind.pairs`, in order. blind : stripes that ignore the stress."""
+    """Return a structure for each pair of modes in `blind.pairs`. blind : stripes that ignore the stress."""
     return _pair_variants(task, blind.preset, blind.diffusion, blind.pairs)
 
 
 def rotated_stripes(task: ComparisonTask) -> list[Variant]:
-    """Return stripes for each pair of modes, with the design's diffusion tensors turned by 45 degrees in the sheet."""
+    """Return a structure for each pair of modes, with the design's diffusion tensors turned by 45 degrees."""
 
     @cache
     def diffusion() -> DiffusionResult:
@@ -300,7 +303,7 @@ def rotated_stripes(task: ComparisonTask) -> list[Variant]:
 
 
 def von_mises(task: ComparisonTask) -> list[Variant]:
-    """Return one family of equally wide stripes along level lines of the von Mises stress."""
+    """Return a structure for each phase, with equally wide stripes along level lines of the von Mises stress."""
     value = mode_like_field(task.surface, task.statics.answers.stress.largest)
     return [
         Variant(f"phase {phase:g}", partial(_plain_stripes, task, {"von Mises": (value, task.frequency[0])}, phase))
@@ -309,7 +312,8 @@ def von_mises(task: ComparisonTask) -> list[Variant]:
 
 
 def grid(task: ComparisonTask) -> list[Variant]:
-    """Return straight, equally wide stripes along the surface's two principal axes, at the design's frequencies."""
+    """Return a structure for each phase, with straight, equally wide stripes along the two directions in which the
+    surface is longest. The frequencies of the stripes are those of the design."""
     centred = task.surface.V - task.surface.V.mean(axis=0)
     fields = {
         name: (scaled_field(task.surface, centred @ axis), frequency)
@@ -319,7 +323,7 @@ def grid(task: ComparisonTask) -> list[Variant]:
 
 
 def turned_tensors(surface: Surface, tensors: DiffusionTensors, angle: float) -> DiffusionTensors:
-    """Return diffusion tensors turned by `angle` (radians) about the faces' normals; stored stresses do not change."""
+    """Return diffusion tensors turned by `angle` (radians) about the normals of the faces."""
     x, y, z = surface.normals.T
     zero = np.zeros(surface.m)
     across = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
@@ -329,7 +333,7 @@ def turned_tensors(surface: Surface, tensors: DiffusionTensors, angle: float) ->
 
 
 def mode_like_field(surface: Surface, face: Floats) -> Floats:
-    """Average values (m,) of faces at each vertex, and return the averages (n,) scaled by `scaled_field`."""
+    """Return values (n,) at the vertices, from values (m,) of the faces, scaled like a mode (`scaled_field`)."""
     return scaled_field(surface, vertex_means(surface, face))
 
 
@@ -341,13 +345,13 @@ def scaled_field(surface: Surface, value: Floats) -> Floats:
 
 
 def principal_axes(task: ComparisonTask) -> Floats:
-    """Return two unit axes (2, 3) of largest extent of the surface. Supports and loads decide between equal extents."""
+    """Return two unit vectors (2, 3), the directions in which the surface is longest.
+    If the surface is equally long in several directions, supports and loads decide."""
     surface, load = task.surface, task.statics.load
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()
     spread = x.T @ (mass[:, None] * x)
     ties = reference_axes(surface, (load.supported.astype(float),), (load.force.sum(axis=0),))
-    # supports and loads get a very small weight: they decide only if the surface is equally long along several axes
     spread += 1e-3 * np.trace(spread) * ties.T @ np.diag([1.0, 0.5, 0.0]) @ ties
     return np.asarray(np.linalg.eigh(spread)[1][:, :0:-1].T)
 

@@ -39,12 +39,11 @@ def filtered_sensitivity(H: csr_array, density: Floats, sensitivity: Floats) -> 
 
 @dataclass(frozen=True)
 class Simp:
-    """Options of SIMP.
+    """Options of SIMP, a method of topology optimisation.
     radius       : radius of the filter, metres, about the width of a member. 0: see `filter_radius`.
     iterations   : largest number of iterations for each penalisation.
     penalisation : final exponent p. Density x gives the stiffness void + x^p (1 - void) [Bendsoe, Sigmund 1999].
-    steps        : number of steps in which p rises from 1, where the solution is unique [Petersson and Sigmund 1998].
-                   0: p is constant.
+    steps        : number of steps in which p rises from 1 [Petersson and Sigmund 1998]; 0: p is constant.
     void         : stiffness of an empty face divided by that of a full face.
     move         : largest change of a density in one iteration.
     change       : iterations end if no density changes by more than this value.
@@ -87,7 +86,7 @@ class Simp:
 
 @dataclass(frozen=True, eq=False)
 class Densities:
-    """Result of SIMP.
+    """Result of topology optimisation by SIMP.
     density : (m,) densities, 0 (void) to 1 (material).    seconds, cpu : wall time and processor time.
     history : (iterations,) compliance (J) before each iteration."""
 
@@ -106,8 +105,7 @@ class Densities:
         return float(self.history[-1])
 
     def grey(self, surface: Surface) -> float:
-        """Return the share of the area with a density from 0.1 to 0.9, which is neither void nor material. The share is
-        large where the two principal stresses are equal and opposite: there, ribs are no stiffer than grey areas."""
+        """Return the share of the area that is neither void nor material: its density is between 0.1 and 0.9."""
         return float(surface.areas @ ((self.density > 0.1) & (self.density < 0.9))) / surface.area
 
 
@@ -119,7 +117,7 @@ def densities(
     weights: Mapping[str, float] | None = None,
     options: Simp | None = None,
 ) -> Densities:
-    """Return the densities of faces that give the smallest compliance.
+    """Return the densities of faces, 0 to 1, that give the smallest compliance (topology optimisation by SIMP).
     The method is that of top88 [Andreassen et al. 2011]. A density scales membrane and bending stiffness equally.
     area    : sum of density times face area, m2.
     solid   : (m,) mask of faces that stay material.     weights : weight of each load's compliance, default 1.
@@ -157,20 +155,20 @@ def _start_density(surface: Surface, area: float, solid: Bools) -> float:
 
 
 def simp(task: ComparisonTask) -> list[Variant]:
-    """Return the structure of faces whose SIMP density exceeds a limit. The limit is chosen to give the task's area."""
+    """Return the structure of the area `task.area` where the density found by SIMP is largest."""
     free = free_task(task)
     return [Variant("", lambda: _cut_structure(free, optimised_densities(free)))]
 
 
 def free_task(task: ComparisonTask, options: Simp | None = None) -> ComparisonTask:
-    """Return the task without the preset's rim, which would use most of the material.
-    Around loads and supports, discs with the radius of the density filter (`Simp.filter_radius`) are kept."""
+    """Return the task without the preset's rim, and with kept discs of another radius around loads and supports.
+    The radius is that of the filter which SIMP applies to densities (`Simp.filter_radius`)."""
     radius = (options or Simp()).filter_radius(task.surface)
     return replace(task, preset=task.preset.with_pattern(keep=radius, rim=0.0))
 
 
 def optimised_densities(task: ComparisonTask, options: Simp | None = None) -> Densities:
-    """Return the result of SIMP for the area, loads and kept regions of a comparison. Self-weight is included."""
+    """Return the result of SIMP for the area, loads and kept regions of `task`. Self-weight is included."""
     statics, weights = task.preset.statics, task.preset.followed_weights
     sheet = statics.sheet().model_for(task.surface)
     loads = {name: load.of_thickness(task.surface, task.share) for name, load in task.loads.items()}
@@ -178,12 +176,11 @@ def optimised_densities(task: ComparisonTask, options: Simp | None = None) -> De
 
 
 def level_set_structure(task: ComparisonTask, density: Floats) -> Structure:
-    """Return the structure of area `task.area` where vertex means of the face densities (m,) exceed a level."""
+    """Return the structure of area `task.area` where the densities of the faces (m,) are largest."""
     return matched_structure(task, partial(_level_set_layers, vertex_means(task.surface, density)))
 
 
 def _cut_structure(task: ComparisonTask, result: Densities) -> Structure:
-    """Return `level_set_structure`; if the sheet falls apart, the error reports the share of grey area."""
     try:
         return level_set_structure(task, result.density)
     except PatternError as error:

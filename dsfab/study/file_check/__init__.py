@@ -50,8 +50,8 @@ class Finding:
 @dataclass(frozen=True, eq=False)
 class FileCheck:
     """Result of the check of a file.
-    clearances : walls and gaps; None for a file that is not closed.       density : kg/m3, 0 if unknown.
-    distance, carrying : results of the comparison with the design; None if missing, see `findings` for the reason."""
+    clearances : thinnest wall and smallest gap; None if the surface is not closed.       density : kg/m3, 0 if unknown.
+    distance, carrying : distance from the design and compliance; None if not computed, for a reason in `findings`."""
 
     path: Path
     found: FileContents
@@ -81,8 +81,8 @@ def check_file(
     progress: Progress | None = None,
     max_triangles: int = DEFAULT_TRIANGLES,
 ) -> FileCheck:
-    """Read a file and check its contents.
-    design  : the expected design; None checks only the file.
+    """Read a file and check the solid in the file.
+    design  : the expected design; None to check the file alone.
     unit    : unit of an STL file's numbers, default millimetres.     density : kg/m3, default that of the design.
     solid   : True to compare the compliance of a solid model. It takes longest and needs dsfab[solid].
     max_triangles : largest number of triangles in an STL or 3MF file.
@@ -101,9 +101,9 @@ def check_contents(
     solid: bool = True,
     progress: Progress | None = None,
 ) -> FileCheck:
-    """Check the contents of a file that was already read. Other parameters: see `check_file`.
+    """Check the solid in a file that was already read.
     contents : contents of the file, read with the deflection `deflection_for(preset)` if a design is given.
-    unit_given : True if the user named the unit of the file's numbers."""
+    unit_given : True if the user named the unit of the file's numbers.    Other parameters: see `check_file`."""
     tell = progress or (lambda stage, doing: None)
     tell("judge", f"looking for holes and crossings in {len(contents.F):,} triangles")
     sound = file_soundness(contents, tell)
@@ -126,7 +126,8 @@ def check_contents(
 
 
 def file_soundness(contents: FileContents, tell: Progress) -> Soundness:
-    """Look for holes and crossings. If triangles of a STEP file cross, repeat the search with finer triangles."""
+    """Look for holes in a file's surface and for triangles that cross. In a STEP file, finer triangles are tried, too.
+    tell : function that receives the progress."""
     finer = "drawing finer triangles on curved faces, because some triangles cross"
     triangles = StepTriangles(contents.V, contents.F, contents.face, contents.collapsed)
     return curved_soundness(triangles, contents.deflection, contents.shape, lambda: tell("judge", finer))
@@ -174,7 +175,7 @@ def _cut_finding(contents: FileContents) -> Finding:
 
 
 def _limit_findings(walls_and_gaps: Clearances | None, design: Design, matches_design: bool) -> list[Finding]:
-    """Check the limits of [fabrication]: on the design if the file matches it, else on the file's walls and gaps."""
+    """Check the limits of walls and gaps in the design if the file matches the design, else in the file."""
     options, findings = design.preset.fabrication, []
     built = {check.name: check for check in fabrication(design).checks} if matches_design else {}
     for name, limit in (("wall", options.min_wall), ("gap", options.min_gap)):

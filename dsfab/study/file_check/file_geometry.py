@@ -21,7 +21,7 @@ from dsfab.thickening.wall_thickness import INSIDE, OPPOSED, Facets, Rays
 
 SUFFIXES = (".stl", ".3mf", ".step", ".stp")  # suffixes of files that can be checked
 STEP_BEGINS = b"ISO-10303-21"  # text at the beginning of every STEP file
-BY_CONVENTION = "mm"  # assumed unit of STL files, which do not name their unit
+BY_CONVENTION = "mm"  # assumed unit of STL files
 CURVED = (
     *(f"{word}_SURFACE".encode() for word in ("B_SPLINE", "UNIFORM", "BEZIER")),
     *(f"{word}_SURFACE".encode() for word in ("CYLINDRICAL", "CONICAL", "SPHERICAL", "TOROIDAL")),
@@ -35,7 +35,7 @@ class FileContents:
     """Contents of a file.
     V       : (n, 3) different points, metres.              F : (m, 3) triangles with three different corners.
     unit    : unit of the file's numbers.                   declared : True if the file names its unit.
-    metres  : length of the unit, metres.                   collapsed : number of triangles with equal corners.
+    metres  : length of the unit, metres.                   collapsed : number of left-out triangles with equal corners.
     reader  : name of the reader.        path : path of the file.
     deflection : largest distance (m) of triangles from their curved STEP faces; else 0.
     shape   : STEP shape in OCCT's binary form; else empty.      face : (m,) STEP face of each triangle."""
@@ -123,8 +123,8 @@ def _join_vertices(V: Floats, F: Ints) -> tuple[Floats, Ints, int]:
     return points, F[is_proper], int((~is_proper).sum())
 
 
-FLAT = 64 * float(np.finfo(np.float32).eps)  # triangles flatter than this get no normal: height / mesh size
-PARALLEL = float(np.cos(np.radians(3)))  # cosine of an angle; faces at a larger angle form a tip or a notch
+FLAT = 64 * float(np.finfo(np.float32).eps)  # smallest height / mesh size of a triangle with a normal
+PARALLEL = float(np.cos(np.radians(3)))  # cosine of the smallest angle between faces that form a tip or a notch
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +175,6 @@ def clearances(V: Floats, F: Ints) -> Clearances:
 
 
 def _normals(V: Floats, F: Ints) -> tuple[Floats, Bools]:
-    """Return unit normals (m, 3), and a mask (m,) of the faces that are not too thin for a normal."""
     P, cross = V[F], area_vectors(V, F)
     twice = np.linalg.norm(cross, axis=1)
     longest = np.linalg.norm(np.roll(P, -1, axis=1) - P, axis=2).max(axis=1)
@@ -196,17 +195,17 @@ def _neighbours(F: Ints, first_faces: Ints, second_faces: Ints) -> Bools:
 
 
 MIXED_UP = {1e-3: "m", 1e-2: "dm", 1e-1: "cm", 25.4: "mm", 1e3: "mm", 1 / 25.4: "in", 1 / 304.8: "ft"}
-"""Probable true unit of a file that was read in millimetres, by the file's size divided by the design's size."""
+"""True unit of a file that was read in millimetres, by the wrong size that results, divided by the true size."""
 
 
 @dataclass(frozen=True, eq=False)
 class Distance:
-    """Distances (m) between a file's solid and a design; each has its place (3,).
+    """Distances (m) between the solid in a file and the solid of a design, with their places (3,).
     skin      : largest distance of the file's top and bottom from their exact place.    skin_mean : mean distance.
-    to_design : largest distance from the file's surface to the design's solid: additional material or a shift.
-    from_design : largest distance from the design's solid to the file's surface: missing parts or a shift.
-    beyond    : largest value of distance minus allowance; at most 0 if all distances are allowed.
-    allowed   : allowance at the place of `beyond`.
+    to_design : largest distance of a point of the file from the design: additional material or a shift.
+    from_design : largest distance of a point of the design from the file: missing parts or a shift.
+    beyond    : largest difference of a distance and its allowed value; at most 0 if all distances are allowed.
+    allowed   : the allowed value at the place of `beyond`.
     scale     : diagonal of the file's bounding box divided by that of the design."""
 
     skin: float
@@ -231,22 +230,22 @@ class Distance:
 
     @property
     def meant_unit(self) -> str | None:
-        """Probable unit of the file's numbers if `scale` shows (within 2 %) that the assumed unit is wrong, or None."""
+        """True unit of the file's numbers if the size of the solid shows that the assumed unit is wrong; else None."""
         return next((unit for factor, unit in MIXED_UP.items() if abs(self.scale / factor - 1) < 0.02), None)
 
 
 @dataclass(frozen=True, eq=False)
 class Allowance:
-    """Allowed distance between a file's solid and a design's solid.
-    flat   : metres, on all faces.     limits : distances added to `flat` on curved faces; None without curved faces."""
+    """Allowed distance between the solid in a file and the solid of a design.
+    flat   : metres, on flat faces.     limits : added to `flat` on curved faces; None without curved faces."""
 
     flat: float
     limits: SmoothLimits | None = None
 
     @classmethod
     def from_design(cls, contents: FileContents, design: Design) -> "Allowance":
-        """Return the allowed distance of a file's solid from the design. STL and 3MF must fit exactly. In STEP, planar
-        faces may be simplified; curved faces may also differ by the mesh's chord error and `contents.deflection`."""
+        """Return the allowed distance for a file and a design: for STL and 3MF, `OFF_SURFACE` times the thickness.
+        In STEP files, curved faces may deviate from the triangles of the mesh, and flat faces may be simplified."""
         flat, step_tolerance = off_surface(design.preset), design.preset.export.step_tolerance
         if contents.reader != "OCCT":
             return cls(OFF_SURFACE * design.preset.statics.thickness)
@@ -260,7 +259,7 @@ class Allowance:
         return cls(flat + contents.deflection, limits)
 
     def at_points(self, points: Floats) -> Floats:
-        """Return the allowed distance (k,) between a file's solid and a design's solid at points (k, 3), metres."""
+        """Return the allowed distance (k,), metres, at points (k, 3), metres."""
         flat = np.full(len(points), self.flat)
         if self.limits is None:
             return flat
@@ -268,17 +267,17 @@ class Allowance:
 
 
 def off_surface(preset: Preset) -> float:
-    """Return the allowed distance (m) of a file's curved faces from the surface; the chord error is not included."""
+    """Return the allowed distance (m) of a STEP file's curved faces from the design's surface, without mesh errors."""
     return preset.export.step_tolerance or OFF_SURFACE * preset.statics.thickness
 
 
 def deflection_for(preset: Preset) -> float:
-    """Return how far (m) triangles may be from a file's curved faces when the file is compared with a design."""
+    """Return how far (m) triangles may deviate from a STEP file's curved faces when the file is read for a check."""
     return DEFLECTION * off_surface(preset)
 
 
 def distance(contents: FileContents, design: Design) -> Distance:
-    """Measure the distance from a file to a design and back, at vertices and centres of faces."""
+    """Measure the distance of a file's solid from a design's solid and back, at vertices and centres of faces."""
     V, F, allowed = contents.V, contents.F, Allowance.from_design(contents, design)
     to, to_place, to_excess = _farthest(V, F, design.solid.V, design.solid.F, allowed)
     back, back_place, back_excess = _farthest(design.solid.V, design.solid.F, V, F, allowed)

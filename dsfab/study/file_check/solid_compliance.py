@@ -50,8 +50,8 @@ def missing_packages() -> str:
 
 
 def tetrahedra(contents: FileContents, edge: float) -> Tetrahedra:
-    """Fill the solid of a file with tetrahedra. Their edges on its surface are at most `edge` metres long.
-    gmsh meshes STEP files itself. Other files keep their triangles, but long edges are halved.
+    """Fill the solid of a file with tetrahedra, by gmsh. edge : longest edge on the surface of the solid, metres.
+    STEP files get new triangles. Other files keep their triangles, but long edges are halved.
     Raises StaticsError if gmsh fails, takes too long, or changes the volume."""
     volume = Surface(contents.V, contents.F).volume
     if contents.path.suffix.lower() in STEP:
@@ -92,13 +92,14 @@ def _checked_tetrahedra(X: Floats, T: Ints, volume: float, tolerance: float) -> 
     return Tetrahedra(X, T)
 
 
-OUTSIDE = 0.25  # a point may lie slightly outside a tetrahedron: barycentric coordinates down to minus this value
+OUTSIDE = 0.25  # a point slightly outside a tetrahedron counts: barycentric coordinates from -OUTSIDE are accepted
 LARGEST = 1_200_000  # limit on the number of unknowns
 
 
 @dataclass(frozen=True, eq=False)
 class SolidModel:
-    """Stiffness K (N, N), N/m, of a solid. points : (N / 3, 3) nodes, metres. node : (N,) node of each unknown."""
+    """Stiffness K (N, N), N/m, of a solid with N unknowns.
+    points : (N / 3, 3) positions of the nodes, metres.    node : (N,) node of each unknown."""
 
     mesh: Tetrahedra
     K: csr_array
@@ -108,7 +109,7 @@ class SolidModel:
 
     @classmethod
     def from_tetrahedra(cls, mesh: Tetrahedra, material: Material) -> "SolidModel":
-        """Assemble the stiffness. Raises StaticsError for more than `LARGEST` unknowns."""
+        """Return the stiffness of a mesh. Raises StaticsError for more than `LARGEST` unknowns."""
         from skfem import ElementTetP2, ElementVector, MeshTet
 
         tets = MeshTet(np.ascontiguousarray(mesh.X.T), np.ascontiguousarray(mesh.T.T), sort_t=True)
@@ -163,7 +164,7 @@ class SolidModel:
 
 
 def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000) -> tuple[csr_array, Ints]:
-    """Return the stiffness matrix, and unknowns (30, k) of tetrahedra; steps of `at_once` tetrahedra limit memory."""
+    """Return the stiffness matrix, and the numbers (30, k) of the unknowns of each tetrahedron."""
     from skfem import Basis
     from skfem.models.elasticity import lame_parameters, linear_elasticity
 
@@ -217,7 +218,7 @@ GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
 
 @dataclass(frozen=True)
 class SolidCompliance:
-    """Compliances (J) of a cut sheet (`shell`) and of the solid in a file (`solid`), under the loads of the pattern.
+    """Compliances (J) of a cut sheet (`shell`) and of the solid in a file (`solid`), under the same loads.
     tetrahedra : number of tetrahedra in the solid model.    unknowns : number of unknowns.
     edge       : longest edge on the surface of the solid model, metres.    elements : elements of the shell."""
 
@@ -235,9 +236,9 @@ class SolidCompliance:
 
 
 def compared_compliance(contents: FileContents, design: Design, edge: float | None = None) -> SolidCompliance:
-    """Compare the compliance of the solid in a file with that of its design's sheet.
-    edge : longest edge on the surface of the solid model, metres; default: see `EDGE` and `COARSE`.
-    Loads and supports of the sheet act on the solid's displacements, averaged through the thickness.
+    """Compare the compliance of the solid in a file with that of the design's cut sheet, under the same loads.
+    edge : longest edge on the surface of the solid model, metres; default: `EDGE` times the thickness, or more.
+    Loads and supports of the sheet act on displacements of the solid, averaged through the thickness.
     Raises StaticsError if gmsh or the solver fails."""
     sheet, statics = design.sheet.surface, design.preset.statics
     loads, t = design.cut_loads, statics.thickness
@@ -258,8 +259,8 @@ def compared_compliance(contents: FileContents, design: Design, edge: float | No
 
 @dataclass(frozen=True, eq=False)
 class SupportPoints:
-    """Transfer of a sheet's supports and loads to the model of its solid, at points through the thickness (m).
-    shift : distance from the sheet to the middle of the solid, as a multiple (-1, 0, 1) of half the thickness."""
+    """Maps from the unknowns of a solid model to the displacements on which supports and loads of its sheet act.
+    thickness : metres.    shift : distance from the sheet to the middle of the solid, in halves of the thickness."""
 
     model: SolidModel
     sheet: Surface
@@ -267,14 +268,14 @@ class SupportPoints:
     shift: int
 
     def mean(self, places: Floats, normals: Floats) -> csr_array:
-        """Return the matrix (3 k, N) that maps unknowns to mean displacements through the thickness at k places."""
+        """Return the matrix (3 k, N) that maps N unknowns to displacements at k places, averaged through the thickness.
+        normals : (k, 3) unit normals of the sheet at the places."""
         parts = (weight * self._level(places, normals, height) for height, weight in GAUSS)
         return csr_array(sum(parts, start=csr_array((3 * len(places), self.model.K.shape[0]))))
 
     def rotation(self, edges: Bools) -> csr_array:
-        """Return the matrix (r, N) that maps the N unknowns to rotations about the marked edges, at r `samples`.
-        A rotation is the displacement of the upper Gauss point minus that of the lower one, at right angles to the
-        edge."""
+        """Return the matrix (r, N) that maps N unknowns to rotations about marked edges, at r points (`samples`).
+        A rotation is the displacement of an upper point minus that of a lower point, at right angles to the edge."""
         places, normals, along = self.samples(edges)
         across = np.cross(along, normals)
         across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -285,8 +286,8 @@ class SupportPoints:
         return csr_array(csr_array(entries, shape=(k, 3 * k)) @ apart)
 
     def samples(self, edges: Bools) -> tuple[Floats, Floats, Floats]:
-        """Return points (k, 3) on marked edges, the normals of the faces there, and the vectors of the edges.
-        Points are at most half a thickness apart, so that supports at the points hold the solid along the edge."""
+        """Return points (k, 3) on marked edges, at most half a thickness apart. Return also the normal (k, 3) of a face
+        at each point, and the vector (k, 3) from start to end of the point's edge."""
         table = self.sheet.edges
         start, end = np.moveaxis(self.sheet.V[table.ends[edges]], 1, 0)
         count = np.ceil(2 * np.linalg.norm(end - start, axis=1) / self.thickness).astype(np.int64)

@@ -12,19 +12,20 @@ from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
 CANDIDATE, JUMP = 10.0, 5.0
-"""Snap-through: displacement / load exceeds `CANDIDATE` x the first step's and `JUMP` x the previous step's."""
+"""A step is a snap-through if its displacement per load is over JUMP times that of the previous step, and over
+CANDIDATE times that of the first step."""
 
 
 @dataclass(frozen=True, eq=False)
 class NonlinearCheck:
-    """Result of CalculiX for a design under one case.
-    linear    : load factor at which the perfect solid buckles by linear theory; None: it does not buckle, so the
+    """Load factors at which a design fails under one case, computed by CalculiX with solid elements.
+    linear    : load factor at which the perfect solid buckles by linear theory; None if it does not buckle. Then the
                 other values are 0 or empty.
-    limit     : load factor at which the imperfect solid fails; if it does not fail, the largest computed factor.
+    limit     : load factor at which the imperfect solid fails, or the largest computed factor if it does not fail.
     given_way : True if the solid fails.
     imperfection : largest initial deviation in the shape of the buckling mode, metres.
     moved     : largest displacement (m) under the loads, or at the limit if `limit` is below 1.
-    load, u   : (k,) load factors of the path, and (k,) largest displacements, metres.
+    load, u   : (k,) load factors for which the solid was solved, and (k,) largest displacements, metres.
     triangles : number of wedges, one for each triangle of the sheet.
     edge      : edge length (m) if the surface was cut again for this check; else 0.
     minutes   : time limit that ended the path; else 0."""
@@ -68,10 +69,10 @@ def nonlinear_check(
     progress: Progress = silent,
     edge: float | None = None,
 ) -> NonlinearCheck:
-    """Find the load factor at which a cut sheet fails, as a solid with large displacements.
+    """Find the load factor at which a design's cut sheet fails, by a solid model with large displacements.
     case         : case or combination; default: the first combination, or else the first case.
     imperfection : metres; default: a 300th of the longest side.    minutes : time limit of each run of CalculiX.
-    edge         : edge length (m) of the mesh for the check, or 0: see `without_fillets`.
+    edge         : smallest edge length (m) of the mesh; 0 for the mesh of the design. Only 0 keeps fillets.
     Raises StaticsError for springs, a time of 0, loads without support, and if CalculiX is missing or fails."""
     if not minutes > 0:
         raise StaticsError(f"the time limit of {minutes:g} minutes is not positive; give --minutes 60, or more")
@@ -119,7 +120,8 @@ def without_fillets(design: Design, edge: float | None, progress: Progress) -> D
 def solid_check(
     model: WedgeModel, case: str, imperfection: float, seconds: float, progress: Progress
 ) -> NonlinearCheck:
-    """Return the buckling factor and the limit load of a solid. imperfection : metres.    seconds : limit of a run."""
+    """Find the load factors at which a solid buckles by linear theory, and fails with an imperfect shape.
+    imperfection : metres.    seconds : time limit of each run of CalculiX.    case : name for the result."""
     progress("nonlinear", f"linear buckling of {len(model.solid.elements):,} wedges by CalculiX")
     lowest = lowest_buckling(model, seconds)
     if lowest is None:
@@ -149,8 +151,8 @@ def solid_check(
 
 
 def softest_range(path: LoadPath) -> tuple[float, float] | None:
-    """Return the load factors of the path points just outside the step with the largest displacement per load.
-    Return None if the displacement per load is similar in all steps, or if the factors differ by 2 % or less."""
+    """Return a range of load factors to solve in finer steps: around the step with the largest displacement per load.
+    Return None if the displacement per load is similar in all steps, or if the range is only 2 % wide."""
     moves = _relative_moves(path)
     step = int(moves.argmax())
     below, above = float(path.load[max(step - 1, 1)]), float(path.load[min(step + 2, len(path.load) - 1)])
@@ -158,10 +160,9 @@ def softest_range(path: LoadPath) -> tuple[float, float] | None:
 
 
 def limit_of(path: LoadPath) -> tuple[int, bool]:
-    """Return the number of the last step that the structure bears, and True if it fails in the next step.
-    A step fails if its displacement divided by its load is over 100 times that of the first step. It also fails if the
-    structure snaps through, see `JUMP` and `CANDIDATE`.
-    A path that ends before its last load is a failure, unless the time limit ended it."""
+    """Return the number of the last point of a path that the structure bears, and True if the structure fails next.
+    A structure fails in a step with over 100 times the displacement per load of the first step, and by a snap-through
+    (`JUMP`). It also fails if the path ends before its last load, unless the time limit ended the path."""
     moves = _relative_moves(path)
     jump = (moves[1:] > JUMP * moves[:-1]) & (moves[1:] > CANDIDATE)
     soft = np.flatnonzero((moves > 100) | np.concatenate([[False], jump]))
@@ -171,8 +172,9 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
 
 
 def last_point(path: LoadPath) -> int | None:
-    """Return the number of the point at which the computation of a path may stop; None if it must continue.
-    It is the end of a failed step (`limit_of`), or a point from which a step of at most 2.5 % of the load failed."""
+    """Return the number of the point at which the computation of a path may stop; None if no point allows this.
+    The computation may stop at the end of a step in which the structure fails (`limit_of`), or at a soft point from
+    which CalculiX cannot raise the load by 2.5 %."""
     limit_step, snaps = limit_of(replace(path, whole=True))
     moves = _relative_moves(path)
     for start, increment in path.failed:

@@ -24,7 +24,7 @@ __all__ = ["BASIC", "METRICS", "Run", "sweep"]
 
 @dataclass(frozen=True)
 class Run:
-    """A design of a sweep: its changes and metrics, or the error that stopped it."""
+    """A design of a sweep: changed preset keys, and metrics by name, or the error that stopped the run."""
 
     changes: Mapping[str, Any]
     metrics: Mapping[str, float]
@@ -37,12 +37,12 @@ def sweep(
     metrics: Mapping[str, Metric] | Sequence[str] = BASIC,
     keep: Callable[[Mapping[str, Any], Design], None] | None = None,
 ) -> list[Run]:
-    """Run every combination of the values in `vary`; the value of the last key changes most often.
+    """Make a design for every combination of the values in `vary`. In the result, the last key changes fastest.
     vary    : dotted preset keys and their values, e.g. {"pattern.major.phase": [0, 0.5], "diffusion.r": [10, 100]}.
     metrics : names from `METRICS`, or a dict of names and functions of a Design.
     keep    : function of the changes and the Design of each successful run, e.g. to write files.
-    Runs reuse stages of earlier runs. A design that cannot be built gives a Run with its error. For many processes, or
-    to continue after a stop, use the command `dsfab sweep`.
+    A design that cannot be built gives a Run with its error. For many processes, or to continue after a stop, use the
+    command `dsfab sweep`.
     Raises PresetError for invalid keys, metrics or values, before anything is built."""
     measured = _metrics(metrics)
     listed = list(combinations(vary))

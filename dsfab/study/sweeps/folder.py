@@ -62,12 +62,12 @@ CSV, PARQUET, PICTURES = "results.csv", "results.parquet", "pictures"
 
 
 def feasible(row: RunRow, limits: Iterable[Constraint]) -> bool:
-    """Return True if a run is done and meets every constraint."""
+    """Return True if a run has succeeded and meets every constraint."""
     return row.state == "done" and all(limit.holds(row.metrics) for limit in limits)
 
 
 def best(rows: Iterable[RunRow], metric: str, limits: Sequence[Constraint] = ()) -> list[RunRow]:
-    """Return the feasible runs that have this metric, best first; `ABOUT` defines if more or less is better."""
+    """Return the runs that meet the limits and have a value of this metric, sorted, with the best run first."""
     sign = -1 if ABOUT[metric].better == "more" else 1
     usable = [row for row in rows if feasible(row, limits) and isfinite(row.metrics.get(metric, float("nan")))]
     return sorted(usable, key=lambda row: (sign * row.metrics[metric], row.number))
@@ -76,7 +76,7 @@ def best(rows: Iterable[RunRow], metric: str, limits: Sequence[Constraint] = ())
 def pareto(
     rows: Iterable[RunRow], first_metric: str, second_metric: str, limits: Sequence[Constraint] = ()
 ) -> list[RunRow]:
-    """Return the Pareto front of the feasible runs for two metrics, beginning with the best run in `first_metric`."""
+    """Return the Pareto front for two metrics of the runs that meet the limits. The best in `first_metric` is first."""
     front: list[RunRow] = []
     sign = -1 if ABOUT[second_metric].better == "more" else 1
     usable = [row for row in best(rows, first_metric, limits) if isfinite(row.metrics.get(second_metric, float("nan")))]
@@ -97,7 +97,7 @@ def picture_of(row: RunRow) -> str:
 
 
 def records(rows: Sequence[RunRow], metrics: Sequence[str], limits: Sequence[Constraint]) -> list[dict[str, Any]]:
-    """Return a record of each run, with the keys `in:KEY`, `out:METRIC` and `img` for the program Design Explorer."""
+    """Return a row of a results table for each run. The names of columns suit the program Design Explorer."""
     keys = list(dict.fromkeys(key for row in rows for key in row.changes))
     return [
         {
@@ -115,7 +115,8 @@ def records(rows: Sequence[RunRow], metrics: Sequence[str], limits: Sequence[Con
 
 
 def write_tables(folder: Path, table: Sequence[Mapping[str, Any]]) -> list[Path]:
-    """Write results.csv, and results.parquet if pyarrow is installed. Raises ExportError if writing fails."""
+    """Write `table` as results.csv and, if pyarrow is installed, results.parquet. Return the paths of the files.
+    Raises ExportError if writing fails."""
     if not table:
         return []
     text = StringIO()
@@ -151,7 +152,7 @@ def _column(values: list[Any]) -> list[Any]:
 
 SWEEP, PRESET = "sweep.toml", "preset.toml"
 DESIGNS, LOGS = "designs", "logs"
-HARMLESS = {"constraints"}  # keys of a plan that may always change: no run depends on them
+HARMLESS = {"constraints"}  # keys of a plan that may always change, because no run depends on these keys
 RENEWING = {"metrics", "keep", "formats", "size", "view"}  # a change of these keys (--extend) repeats all runs
 TRIED_AGAIN: tuple[State, ...] = ("killed",)  # states of runs that a new session repeats by default
 
@@ -173,7 +174,8 @@ class SweepFolder:
         return cls(path, plan, base_preset(plan))
 
     def job(self, draw: Drawer | None = None, ship_mesh: bool = False) -> Job:
-        """Return the data for all runs. draw : draws pictures. ship_mesh : True to add the mesh if workers lack it."""
+        """Return the data that workers need for all runs. draw : function that draws a picture of a design.
+        ship_mesh : True to include the mesh file, for workers that cannot read it."""
         values = self.preset.model_dump(mode="json", exclude_none=True)
         mesh = mesh_of(self.preset) if ship_mesh else None
         plan = self.plan
@@ -190,7 +192,8 @@ class SweepFolder:
         report: Callable[[Progress], None] = lambda progress: None,
         retry: Collection[State] = TRIED_AGAIN,
     ) -> None:
-        """Carry out waiting and interrupted runs, and those in states `retry`; last, runs that lost `TRIES` workers."""
+        """Carry out the runs that are waiting or were interrupted, and all runs in the states `retry`.
+        Runs during which `TRIES` workers died come last.    crew : workers.    report : receives the progress."""
         with Store.open(self.path) as store:
             store.reset_to_waiting(("running", *retry))
             try:
@@ -249,7 +252,7 @@ class SweepFolder:
 
 
 def checked_plan(plan: Plan) -> tuple[Preset, list[dict[str, Any]]]:
-    """Return the preset of a plan and the changes of each run. Raises PresetError for invalid plans."""
+    """Return the base preset of a plan, and the changes of each run. Raises PresetError for an invalid plan."""
     preset, runs = base_preset(plan), points(plan) if plan.search is None else []
     check_points(preset, runs or trials(plan))
     return preset, runs

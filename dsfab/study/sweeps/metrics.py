@@ -31,8 +31,8 @@ from dsfab.surface import hat_gradients
 
 
 def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium]:
-    """Return the cut sheet's equilibrium under each load that the pattern follows, by name. The design stores it.
-    Raises StaticsError if the sheet does not carry its loads."""
+    """Return the equilibrium of a design's cut sheet under each load that shapes its pattern, by name of the load.
+    use : purpose, which determines the elements. Raises StaticsError if the sheet does not carry its loads."""
 
     def solve() -> dict[str, Equilibrium]:
         return solve_for(design.preset.statics.sheet().model_for(design.sheet.surface), design.cut_loads, use)
@@ -41,7 +41,7 @@ def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium
 
 
 def verdict(design: Design) -> Verdict:
-    """Return the full verdict on the cut sheet, under the loads that its pattern follows. The design stores it."""
+    """Return the full verdict on the cut sheet of a design, under the loads that shape its pattern."""
 
     def run_check() -> Verdict:
         loads = design.statics.loads(design.preset.followed_weights)
@@ -62,7 +62,6 @@ def _loose(design: Design) -> float:
 
 
 def _min_width(design: Design) -> float:
-    """Return the width exceeded on 90 % of stripes' area: 2 d / |grad z|. z: frequency x mode. d: half width in z."""
     pattern = design.pattern
     if pattern.even is not None:
         chart_pattern = stripes_on_chart(design)
@@ -180,7 +179,7 @@ METRICS: dict[str, Metric] = {
     "over_thinner": lambda design: _ratio_to_alternative(design, "thinner"),
     "over_isotropic": lambda design: _ratio_to_alternative(design, "isotropic"),
 }
-"""Metrics of a sweep in SI units, as functions of a Design; `ABOUT` describes their accuracy."""
+"""Metrics of a sweep in SI units: functions of a Design, by name. `ABOUT` describes each metric."""
 BASIC = ("area", "kept_share", "volume", "mass", "pieces", "genus", "compliance_uncut")
 """Default metrics of `dsfab.sweep`, which need no further solve."""
 
@@ -188,7 +187,7 @@ Better = Literal["less", "more", ""]
 
 
 class MetricFacts(NamedTuple):
-    """Unit of a metric, `better` (whether less or more is better), the last stage that it needs, and a description."""
+    """Facts about a metric: unit, whether less or more is better, last stage of a design that it needs, description."""
 
     unit: str
     better: Better

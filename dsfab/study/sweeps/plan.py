@@ -45,14 +45,14 @@ class Range(BaseModel):
         return self
 
     def value_at(self, u: float) -> int | float:
-        """Return the value at position u (0 to 1) of the range. In a linear range, all integers have equal parts."""
+        """Return the value at position u (0 to 1) of the range. A linear range of integers is divided equally."""
         if self._whole and not self.log:
             return self.start + min(int(u * (self.to - self.start + 1)), int(self.to - self.start))
         value = self._interpolate(u)
         return round(value) if self._whole else float(f"{value:.{DIGITS}g}")
 
     def grid_values(self) -> list[int | float]:
-        """Return `count` values, with both ends of the range."""
+        """Return `count` values of the range: its ends, and values between them."""
         steps = self.count or 1
         values = [self._interpolate(i / max(steps - 1, 1)) for i in range(steps)]
         if self._whole and all(abs(value - round(value)) < 1e-9 * max(1, abs(value)) for value in values):
@@ -71,19 +71,19 @@ class Range(BaseModel):
 
 @dataclass(frozen=True)
 class Axis:
-    """An axis of the design space: `keys` with a range (`span`) or with `rows`. Each row has a value for each key."""
+    """Preset keys that a sweep varies together, with a range (`span`) or `rows`. A row has a value for each key."""
 
     keys: tuple[str, ...]
     rows: tuple[tuple[Any, ...], ...] = ()
     span: Range | None = None
 
     def grid_changes(self) -> list[dict[str, Any]]:
-        """Return the keys with their values for each grid point of the axis."""
+        """Return the values of the keys for each point of a grid: a dict from keys to values for each point."""
         rows = self.rows if self.span is None else [(value,) for value in self.span.grid_values()]
         return [dict(zip(self.keys, row, strict=True)) for row in rows]
 
     def changes_at(self, u: float) -> dict[str, Any]:
-        """Return values by key at position u (0 to 1) of the axis. Each row of an axis with rows has an equal part."""
+        """Return the value of each key at position u, from 0 (start of range, first row) to 1 (end, last row)."""
         if self.span is not None:
             return {self.keys[0]: self.span.value_at(u)}
         row = self.rows[min(int(u * len(self.rows)), len(self.rows) - 1)]
@@ -91,7 +91,7 @@ class Axis:
 
 
 def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str, Sequence[Any]]]) -> list[Axis]:
-    """Return the axes of a sweep: one for each key, then one for each table of linked keys."""
+    """Return the axes of a sweep: an axis for each key of `vary`, then an axis for each table of linked keys."""
     varied = [
         Axis((key,), span=values) if isinstance(values, Range) else Axis((key,), tuple((value,) for value in values))
         for key, values in vary.items()
@@ -100,8 +100,8 @@ def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str
 
 
 def dotted_keys(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return nested tables as one table with dotted keys. Some tables remain as values: ranges (tables with the key
-    `from`), empty tables, and tables whose own key has dots."""
+    """Return nested tables as a flat table with dotted keys, such as "pattern.rim". Some tables stay values: ranges
+    (tables with the key `from`), empty tables, and tables whose own key has dots."""
     entries: dict[str, Any] = {}
     for key, value in table.items():
         if isinstance(value, Mapping) and value and "from" not in value and "." not in key:
@@ -112,7 +112,7 @@ def dotted_keys(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def number(text: str) -> int | float:
-    """Return the number in a text: '5' as int, '5.0' as float. Raises ValueError if it is not a finite number."""
+    """Return the number in a text: '5' as int, '5.0' as float. Raises ValueError for other texts, inf and nan."""
     value: int | float = int(text) if text.strip().lstrip("+-").isdigit() else float(text)
     if not isfinite(value):
         raise ValueError(text)
@@ -139,7 +139,7 @@ _HOLDS: dict[str, Callable[[float, float], bool]] = {
 
 @dataclass(frozen=True)
 class Constraint:
-    """A comparison of `metric` with a limit in SI units."""
+    """A condition on the results of a run: `metric`, comparison sign, and limit in SI units."""
 
     metric: str
     sign: str
@@ -190,7 +190,7 @@ USUAL = ("kept_share", "sheet_mass", "pieces", "compliance")  # default metrics 
 
 
 class Search(BaseModel):
-    """Section [search]: the metric that a search minimises or maximises. The section replaces the key `sampling`."""
+    """Section [search] of a sweep file: the metric for which the best design is searched, instead of `sampling`."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -217,9 +217,9 @@ class Plan(BaseModel):
     vary: dict[str, Values] = {}
     """Dotted keys, each with a list of values or a range {from, to, count, log}."""
     linked: tuple[dict[str, Listed], ...] = ()
-    """Tables of keys whose values change together. In each table, all lists have the same length."""
+    """Tables of keys with lists of values. The keys of a table change together, so its lists have the same length."""
     sampling: Annotated[str, Field(pattern=r"^(grid|sobol:[1-9]\d*|lhs:[1-9]\d*|csv:.+)$")] = "grid"
-    """grid: all combinations; sobol:N or lhs:N: N points; csv:FILE: a run for each row."""
+    """Choice of the runs. grid: all combinations; sobol:N or lhs:N: N points; csv:FILE: a run for each row."""
     seed: Annotated[int, Ge(0), Le(2**31)] = 0
     """Seed of sobol, lhs and search; equal seeds give equal points."""
     metrics: Annotated[tuple[str, ...], MinLen(1)] = USUAL
@@ -303,7 +303,7 @@ class Plan(BaseModel):
 
     @property
     def measured_metrics(self) -> tuple[str, ...]:
-        """Metrics in the plan's lists `metrics` and `constraints`, and the metric of its search."""
+        """Names of all metrics that each run must compute: `metrics`, and those of the constraints and the search."""
         names = [*self.metrics, *(limit.metric for limit in self.limits)]
         return tuple(dict.fromkeys(names + ([self.search.metric] if self.search else [])))
 
@@ -332,7 +332,7 @@ def read_plan(path: Path) -> dict[str, Any]:
 
 
 def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
-    """Return a plan from nested tables. Raises PresetError that lists every mistake with its key."""
+    """Return a plan from nested tables. Raises PresetError with a list of all mistakes. source : name in this error."""
     try:
         return Plan.model_validate(dict(values))
     except ValidationError as error:
@@ -341,7 +341,7 @@ def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
 
 
 def plan_toml(plan: Plan) -> str:
-    """Return the complete plan as TOML. Varied keys keep their order, because run numbers depend on it."""
+    """Return the complete plan as TOML. Varied keys keep their order, which determines the numbers of runs."""
     values = plan.model_dump(mode="json", exclude_none=True, by_alias=True)
     vary = values.pop("vary")
     lines = [_line(key, value) for key, value in vary.items()]

@@ -29,8 +29,8 @@ MOST = 1_000_000  # limit on the number of runs
 
 
 def points(plan: Plan) -> list[Changes]:
-    """Return the changes of each run, without repetition. `plan.sampling` is a grid, a CSV file, or one of:
-    sobol : scrambled Sobol points. A larger set begins with the points of a smaller one, so a sweep can be extended.
+    """Return the changed values of each run of a plan, without repetition. `plan.sampling` is grid, csv, sobol or lhs.
+    sobol : scrambled Sobol points. A larger set begins with a smaller set, so a sweep can be extended.
     lhs   : Latin hypercube [McKay, Beckman, Conover 1979]. Another number of points gives other points.
     Raises PresetError for more than `MOST` points, and for a CSV file that cannot be read."""
     kind, _, rest = plan.sampling.partition(":")
@@ -44,12 +44,12 @@ def points(plan: Plan) -> list[Changes]:
 
 
 def digest(changes: Mapping[str, Any]) -> str:
-    """Return a short text that is different for different changes."""
+    """Return a short text that identifies the changed values of a run."""
     return hashlib.sha256(json.dumps(changes, sort_keys=True, default=str).encode()).hexdigest()[:20]
 
 
 def point_on_axes(axes: list[Axis], u: Floats) -> Changes:
-    """Return the values of the keys at the positions u (k,), from 0 to 1, on the k axes."""
+    """Return the changed values of a run from its positions u (k,), 0 to 1, on k axes."""
     changes: Changes = {}
     for axis, place in zip(axes, u, strict=True):
         changes.update(axis.changes_at(float(place)))
@@ -57,7 +57,7 @@ def point_on_axes(axes: list[Axis], u: Floats) -> Changes:
 
 
 def trials(plan: Plan) -> list[Changes]:
-    """Return test points that show mistakes in a plan's keys and values: ends and inner points of each of its axes."""
+    """Return changes that show mistakes in the keys and values of a plan: ends and inner points of each axis."""
     middle = np.full(len(plan.axes), 0.5)
     runs = []
     for i, axis in enumerate(plan.axes):
@@ -69,7 +69,7 @@ def trials(plan: Plan) -> list[Changes]:
 
 
 def check_points(preset: Preset, runs: list[Changes]) -> None:
-    """Raise PresetError for invalid keys and values in the first 5000 runs; the message states each mistake once."""
+    """Raise PresetError if the changes of `runs` have invalid keys or values. Only the first 5000 runs are checked."""
     wrong: dict[str, None] = {}
     for changes in runs[:5000]:
         try:
@@ -101,8 +101,8 @@ def _unit(kind: str, count: int, dimensions: int, seed: int) -> Floats:
 
 
 def from_csv(path: Path) -> Iterator[Changes]:
-    """Yield the changes of each row in a CSV file. Column names are dotted keys; values are written as for --set.
-    If columns begin with 'in:', only these columns are used.
+    """Yield the changed values of each row in a CSV file. Column names are preset keys, such as pattern.rim.
+    If the names of some columns begin with 'in:', only these columns are used.
     Raises PresetError for a file that has no rows or cannot be read."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
@@ -120,7 +120,7 @@ def from_csv(path: Path) -> Iterator[Changes]:
 
 NAME, FORMAT = "runs.db", 1
 State = Literal["waiting", "running", "done", "failed", "killed"]
-"""State of a run. Failed: the design cannot be built. Killed: the system killed the worker; the design may be sound."""
+"""State of a run. failed: its design cannot be built. killed: the system killed its workers; a retry may succeed."""
 _KILLED_ONCE = "state = 'failed' AND error LIKE 'the worker was killed % times while it made this run%'"
 """SQL condition for runs that an older dsfab recorded as failed, although they were killed."""
 _SCHEMA = """
@@ -135,7 +135,7 @@ CREATE INDEX by_state ON runs (state);
 
 @dataclass(frozen=True)
 class RunRow:
-    """A recorded run. tries : how often it was started.    lost : how often its worker died, in all sessions."""
+    """A recorded run. tries : number of starts.    lost : number of workers that died during this run."""
 
     number: int
     changes: Mapping[str, Any]
@@ -157,7 +157,7 @@ class Store:
 
     @classmethod
     def create(cls, folder: Path) -> "Store":
-        """Open the database of a new or existing sweep."""
+        """Open the database of a sweep. Create the database if it is missing."""
         return cls._connect(folder / NAME)
 
     @classmethod
@@ -225,12 +225,12 @@ class Store:
         return str(rows[0][0]) if rows else None
 
     def describe(self, texts: Mapping[str, str]) -> None:
-        """Record texts about the sweep. texts : by key, such as 'plan'."""
+        """Record texts about the sweep by their keys, such as 'plan'."""
         with self._change() as db:
             db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", list(texts.items()))
 
     def add(self, runs: Sequence[Mapping[str, Any]], texts: Mapping[str, str]) -> int:
-        """Add new runs as waiting, and record `texts` by their keys, such as 'plan'. Return the number of new runs."""
+        """Record those of `runs` that are new, as waiting, and `texts` by key. Return the number of new runs."""
         with self._change() as db:
             before = db.total_changes
             number = db.execute("SELECT coalesce(max(number), 0) FROM runs").fetchone()[0]
@@ -245,7 +245,8 @@ class Store:
         return count
 
     def reset_to_waiting(self, states: Sequence[State] = ("running",)) -> int:
-        """Set runs in these states to waiting; default: the runs of an interrupted session. Return their number."""
+        """Set the runs in these states to waiting, and return how many runs were set.
+        By default, these are the runs of an interrupted session."""
         marks = ", ".join("?" * len(states))
         with self._change() as db:
             db.execute(f"UPDATE runs SET state = 'killed' WHERE {_KILLED_ONCE}")
@@ -264,7 +265,7 @@ class Store:
             db.execute("UPDATE runs SET state = 'waiting', lost = lost + 1 WHERE number = ?", (number,))
 
     def give_up(self, number: int, why: str, files: Sequence[str] = ()) -> None:
-        """Record a run as killed, because all of its workers were killed."""
+        """Record a run as killed, because its workers were killed. why : message.    files : names of its files."""
         with self._change() as db:
             db.execute(
                 "UPDATE runs SET state = 'killed', error = ?, files = ?, ended = ? WHERE number = ?",
@@ -280,7 +281,8 @@ class Store:
         seconds: float = 0.0,
         peak: int = 0,
     ) -> None:
-        """Record the end of a run, which failed if `error` is not empty. peak : largest memory of the worker, bytes."""
+        """Record the results of a run, as failed if `error` is not empty, else as done.
+        seconds : duration.    peak : largest memory of the worker during the run, bytes."""
         state, texts = "failed" if error else "done", (json.dumps(metrics), error, json.dumps(list(files)))
         with self._change() as db:
             db.execute(
@@ -318,22 +320,22 @@ def _refusal(path: Path, error: sqlite3.Error) -> DsfabError:
 
 
 FEWEST, PER_AXIS = 12, 4
-"""Number of points in a generation of a search: `PER_AXIS` for each axis, but at least `FEWEST`. It does not depend on
-the number of evaluations. So a search for more evaluations repeats the first generations of a shorter search."""
+"""Number of points in a generation of a search: `PER_AXIS` for each axis, but at least `FEWEST`. The number is the same
+for any number of evaluations, so that a longer search begins like a shorter search."""
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
-"""Least cost of a run that misses constraints, of a failed run, and of a run that was not made [Deb 2000]."""
+"""Cost of a run that misses constraints (at least), of a failed run, and of a run that was not made [Deb 2000]."""
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
-"""Function that carries out those proposed runs that have no result. It returns all proposed runs' rows by `digest`."""
+"""Function that carries out proposed runs, unless they have a result, and returns their records by `digest`."""
 
 
 def search(plan: Plan, make: Make) -> None:
-    """Search for the best value of `plan.search.metric` under the constraints, within the allowed number of runs."""
+    """Search for the design with the best value of a metric under the constraints. make : carries out runs."""
     _Search(plan, make).run()
 
 
 def cost(row: RunRow | None, metric: str, limits: Sequence[Constraint]) -> float:
-    """Return the cost of a run: the logarithm of the metric, with a minus sign if more is better. A run that failed or
-    misses a constraint costs at least `MISSED`."""
+    """Return the cost of a run, which is smaller for better runs: the logarithm of the metric, negative if more is
+    better. A run that failed or misses a constraint costs at least `MISSED`."""
     if row is None:
         return NOT_MADE
     value = row.metrics.get(metric, float("nan"))
@@ -355,7 +357,7 @@ class _Search:
 
     def run(self) -> None:
         count = max(FEWEST, PER_AXIS * len(self.axes))
-        evolve: Any = differential_evolution  # Any: SciPy's type stubs lack some options used below
+        evolve: Any = differential_evolution  # Any, because SciPy's type stubs lack some of the options
         steps = {"strategy": "best1bin", "mutation": (0.4, 0.9), "recombination": 0.8, "polish": False}
         end = {"maxiter": 100 * self.ask.evaluations, "tol": 0, "atol": 1e-9, "callback": self._enough}
         whole_generations = {"vectorized": True, "updating": "deferred"}

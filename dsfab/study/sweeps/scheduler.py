@@ -18,7 +18,7 @@ Deliver = Callable[[Outcome, Changes], list[str]]  # writes the files of a run a
 
 @dataclass
 class Progress:
-    """Progress of a sweep: numbers of runs by state, and the start time of this session."""
+    """Progress of a sweep: numbers of runs by state, number of runs that ended in this session, and its start time."""
 
     total: int
     done: int
@@ -52,8 +52,8 @@ def conduct(
     report: Callable[[Progress], None] = lambda progress: None,
     progress: Progress | None = None,
 ) -> None:
-    """Carry out the waiting runs of a store until each is done, failed or killed.
-    crew     : workers that carry out the runs.    runs : changes of each run by its number.
+    """Carry out runs of a sweep until each is done, failed or killed, and record the results in `store`.
+    crew     : workers that carry out the runs.    runs : changed values of each run, by its number.
     deliver  : function that writes the files of a run and returns their names.
     report   : function that receives the progress, before the first run and after each run.
     progress : progress of the whole sweep; default: counted from the recorded runs.
@@ -69,7 +69,7 @@ def current_progress(store: Store, total: int | None = None) -> Progress:
 
 
 class Rows:
-    """Queues of waiting runs: one for each worker, and one of free runs, which belong to no worker yet."""
+    """Queues of waiting runs: a queue for each worker, and a queue of free runs, which belong to no worker yet."""
 
     def __init__(self, numbers: Sequence[int], changes: Sequence[Changes]) -> None:
         self._free: list[int] = [numbers[i] for i in stage_order(changes)]
@@ -79,19 +79,20 @@ class Rows:
         return len(self._free) + sum(len(row) for row in self._rows.values())
 
     def take(self, worker: str) -> int | None:
-        """Return a worker's next run, or None. An empty queue gets all free runs; if none, half the longest queue."""
+        """Return the number of a worker's next run, or None. If the worker's queue is empty, all free runs are put into
+        the queue; without free runs, half of the longest queue."""
         row = self._rows.setdefault(worker, [])
         if not row:
             self._rows[worker] = row = self._take_share()
         return row.pop(0) if row else None
 
     def give_back(self, worker: str, number: int) -> None:
-        """Put a run that a worker did not finish at the front of the free runs, and free the worker's other runs."""
+        """Free all runs in the queue of a worker, and a run that the worker did not finish; this run will be next."""
         self._free.insert(0, number)
         self.leave(worker)
 
     def leave(self, worker: str) -> None:
-        """Remove a worker, and free the runs in its queue for other workers."""
+        """Remove a worker. Other workers can then take the runs in its queue."""
         self._free.extend(self._rows.pop(worker, []))
 
     def _take_share(self) -> list[int]:

@@ -30,7 +30,7 @@ Drawer = Callable[[Design], bytes]
 
 @dataclass(frozen=True)
 class Job:
-    """Data that all runs of a sweep need, in a form that can be sent to workers.
+    """Data for all runs of a sweep, in a form that can be sent to workers.
     token   : text that identifies the job.    preset : the base preset as nested tables.
     metrics, keep, formats : see `Plan`.       draw : function that draws a picture, or None.
     mesh    : content of the mesh file, for workers that cannot read the file; else None."""
@@ -46,9 +46,9 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of a run: its metrics, its error ('' for success) and log, and files by name.
-    seconds : time on the worker.    peak : peak memory of the worker's process, bytes (0 if unknown).
-    killed  : True if the system killed the worker at each attempt. The design may still be sound."""
+    """Result of a run: metrics by name, error ('' for success) and log, and contents of files by name.
+    seconds : time on the worker.    peak : largest memory of the worker's process, bytes (0 if unknown).
+    killed  : True if the system killed the worker at each attempt, so that the run has no result."""
 
     number: int
     metrics: Mapping[str, float] = field(default_factory=dict)
@@ -65,7 +65,7 @@ _thread_state = threading.local()  # for each worker thread: the job, its base p
 
 
 def execute(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
-    """Carry out a run and return its outcome. A failed run has an error, and the metrics that were computed before."""
+    """Carry out a run and return its result. A run that fails also returns the metrics that were computed before."""
     with _run_lock:
         return _run_job(job, number, changes)
 
@@ -112,7 +112,7 @@ def _base(job: Job) -> Preset:
 
 
 def mesh_of(preset: Preset) -> bytes | None:
-    """Return the content of a preset's mesh file; None without a mesh file."""
+    """Return the content of the mesh file that a preset uses as its surface; None without a mesh file."""
     return preset.surface.file.read_bytes() if isinstance(preset.surface, FileSurface) else None
 
 
@@ -146,20 +146,20 @@ class Workers(Protocol):
         """Return the names of present workers."""
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
-        """Start a run on a worker. The future raises an error if the worker dies."""
+        """Start a run on a worker, and return a future for its result, which raises an error if the worker dies."""
 
     def lost(self, worker: str) -> str:
-        """Forget a worker that died or must stop. Return the reason, or '' if the reason is unknown."""
+        """Remove a worker that died or must stop. Return why the worker died, or '' if the reason is unknown."""
 
     def learn(self, outcome: Outcome) -> None:
-        """Take note of a finished run's peak memory, which limits the number of workers."""
+        """Take note of the largest memory of a finished run, which limits the number of workers."""
 
     def close(self) -> None:
         """End all workers at once."""
 
 
 class OneWorker:
-    """A set of workers in which only the first one works. It has the whole memory, because the others are stopped."""
+    """A set of workers in which only the first worker gets runs. All other workers are stopped to free their memory."""
 
     def __init__(self, crew: Workers) -> None:
         self._crew = crew
@@ -232,7 +232,7 @@ class LocalWorkers:
             self.pids[worker] = future.result()
 
     def lost(self, worker: str) -> str:
-        """End a worker. Return a reason if low memory made the system kill a process since the last call; else ''."""
+        """End a worker. Return why it died if the system has just killed a process for lack of memory; else ''."""
         self.pids.pop(worker, None)
         pool = self._pools.pop(worker, None)
         if pool is None:
@@ -254,7 +254,7 @@ class LocalWorkers:
 
 @contextmanager
 def quiet_start() -> Iterator[None]:
-    """Return a context. In it, new processes get one thread each and ignore Ctrl-C, which the coordinator handles."""
+    """Return a context in which new processes get one thread each and ignore Ctrl-C."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     in_main_thread = threading.current_thread() is threading.main_thread()
@@ -269,7 +269,7 @@ def quiet_start() -> Iterator[None]:
 
 
 def end_with_parent() -> None:
-    """Make a worker process end if its coordinator dies."""
+    """Make this worker process end when the process that started it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:
@@ -343,12 +343,12 @@ class DaskWorkers:
         return cast("Future[Outcome]", self._executors[worker].submit(execute, self._job, number, changes))
 
     def lost(self, worker: str) -> str:
-        """Forget a worker. Return '', because Dask does not report why a worker ended."""
+        """Remove a worker. Return '', because Dask does not report why a worker died."""
         self._executors.pop(worker, None)
         return ""
 
     def learn(self, outcome: Outcome) -> None:
-        """Ignore the run's peak memory, because the cluster manages the memory."""
+        """Do nothing: the cluster limits the memory of workers itself."""
 
     def close(self) -> None:
         self._client.close()
@@ -360,7 +360,7 @@ MEMORY = 3e9  # expected memory of one process, bytes
 
 
 def fitting_processes(count: int) -> int:
-    """Return the number of processes for `count` items: one for each item, as far as cores and memory allow."""
+    """Return how many processes to use for `count` items: at most one for each item, limited by cores and memory."""
     free = free_memory()
     return max(1, min(count, cores(), int(free / MEMORY) if free else cores()))
 

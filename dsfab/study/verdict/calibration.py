@@ -35,13 +35,15 @@ TABLE = files("dsfab.study.verdict") / "calibration.csv"
 
 @dataclass(frozen=True)
 class TrialRow:
-    """A random design, solved on two to four meshes. Elements are named by their membrane + bending parts.
-    width        : width rule.    share : share of the surface that is material.    per_member, facets : see `Verdict`.
-    vertices     : number of vertices of the uncut mesh.     triangles : number of triangles of the cut mesh.
-    quick        : compliance (J) by hybrid + hhj elements on the unrefined cut mesh.
-    midedge      : compliance (J) by quadratic + midedge elements on the first mesh of the verdict.
-    compliance   : compliance (J) by quadratic + hhj elements on each mesh.
-    recovery     : `Level.zz_membrane` + `Level.zz_bending` for each mesh."""
+    """Results of a random design, solved on two to four meshes. Elements are named membrane part + bending part.
+    width      : rule for the widths of the stripes.          share : share of the surface that is material.
+    vertices   : number of vertices of the uncut mesh.        triangles : number of triangles of the cut mesh.
+    per_member : mean width of the members, in mean edges of the uncut mesh.
+    facets     : median of L^2 / (R h): edge length L, radius of curvature R, thickness h.
+    quick      : compliance (J) by hybrid + hhj elements on the cut mesh.
+    midedge    : compliance (J) by quadratic + midedge elements on the first mesh.
+    compliance : compliance (J) by quadratic + hhj elements on each mesh.
+    recovery   : energy of the stress error on each mesh, divided by the compliance; see `recovery_errors`."""
 
     kind: str
     seed: int
@@ -63,7 +65,7 @@ class TrialRow:
 
     @property
     def levels(self) -> int:
-        """Number of meshes for the verdict on the design: two, or three if two give too large an error bound."""
+        """Number of meshes for the verdict on the design: two, or three if two meshes give too large an error bound."""
         return 2 if self._estimate_after(2).bound <= CONVERGED else 3
 
     @property
@@ -87,7 +89,7 @@ class TrialRow:
 
     @property
     def is_tested(self) -> bool:
-        """True if `truth` includes a finer mesh than the verdict on the design, and so is independent of it."""
+        """True if the design was also solved on a finer mesh than the meshes of the verdict."""
         return len(self.compliance) > self.levels
 
     @property
@@ -103,10 +105,11 @@ class TrialRow:
 
 @dataclass(frozen=True)
 class Summary:
-    """Statistics of the tested designs of a table. The errors are relative errors of the compliance.
-    designs, converged : number of designs, and of converged designs.    largest_error : largest error of the verdict.
+    """Statistics of random designs. Errors and error bounds are relative to the compliance.
+    designs      : number of designs.    converged : number of designs with a bound of at most `CONVERGED`.
     inside       : share of designs whose error is within the bound.     median_bound : median of all bounds.
-    quick_median, quick_most : median and 90 % quantile of the errors of one solve (`quick`)."""
+    largest_error : largest error of a verdict from several meshes.
+    quick_median, quick_most : median and 90 % quantile of the errors of a single solve on the cut mesh."""
 
     designs: int
     inside: float
@@ -118,7 +121,8 @@ class Summary:
 
 
 def summary(rows: Sequence[TrialRow]) -> Summary:
-    """Return the statistics of a table. Raises ValueError if `is_tested` is False for all rows."""
+    """Return the statistics of the designs that were solved on a finer mesh than the meshes of the verdict.
+    Raises ValueError if there is no such design."""
     rows = [row for row in rows if row.is_tested]
     if not rows:
         raise ValueError("no design was solved on a finer mesh than those of its verdict")
@@ -175,7 +179,8 @@ WIDTHS = ("plain", "constant", "graded")
 
 @dataclass(frozen=True)
 class Kind:
-    """Random designs on one surface: a shipped preset, changes to this preset, and limits of the stripes' frequency."""
+    """Random designs on one surface. preset : name of a shipped preset.
+    changes : changed values of the preset.    frequency : smallest and largest frequency of the stripes."""
 
     preset: str
     changes: dict[str, Any]
@@ -230,8 +235,8 @@ def random_design(kind: str, seed: int) -> Design:
 
 
 def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
-    """Return the results of a random design on up to `count` meshes. A large design gets a fourth mesh only if its
-    verdict uses three meshes. Raises DsfabError if the design cannot be built or does not carry its loads."""
+    """Return the results of `random_design(kind, seed)` on up to `count` finer and finer meshes.
+    Raises DsfabError if the design cannot be built or does not carry its loads."""
     design = random_design(kind, seed)
     setting = LoadedSurface.from_design(design)
     sheet, _, loads = attached_material(setting, design.slicing.cells.subset())
@@ -270,7 +275,7 @@ def _solve(setting: LoadedSurface, mesh: Sheet, forces: Mapping[str, Shares], *p
 
 
 def calibrate(count: int = 8, report: Callable[[str, int], None] | None = None) -> Iterator[TrialRow]:
-    """Yield the rows of the first `count` designs of each kind that can be built. This takes a quarter of an hour.
+    """Yield the results of `count` random designs of each kind; designs that cannot be built are skipped.
     report : function that receives the kind and the seed before each design."""
     for kind in KINDS:
         seed = solved = 0

@@ -25,12 +25,11 @@ class ComplianceEstimate:
 
 
 def estimate(values: Sequence[float], spread: float, recovery: float) -> ComplianceEstimate:
-    """Return the compliance and its error bound, extrapolated from compliances `values` on finer and finer meshes.
-    Each mesh has four times the triangles of the previous mesh. The elements (membrane + bending) are quadratic + hhj.
-    spread   : relative difference between quadratic + midedge and quadratic + hhj on the first mesh. The bound assumes
-               that each refinement halves this difference.
-    recovery : relative energy error of the stress on the finest mesh, see `Level.zz_membrane`.
-    Three meshes: mean of two extrapolated values, by the divisor `EXTRAPOLATION_DIVISOR` and by `limit_at_own_rate`."""
+    """Return the compliance and its error bound, extrapolated from several meshes.
+    values   : compliances (J) by quadratic + hhj elements (membrane + bending). Each mesh has four times the triangles
+               of the previous mesh.
+    spread   : compliance by quadratic + midedge elements on the first mesh, divided by values[0], minus 1.
+    recovery : energy of the stress error on the finest mesh, divided by the compliance; see `recovery_errors`."""
     of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # least factors in the bound, from calibration.csv
     if len(values) < 2:
         # for 19 of 20 designs, the relative error of the compliance is at most 1.7 x recovery
@@ -44,7 +43,8 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
 
 
 def limit_at_own_rate(values: Sequence[float]) -> float:
-    """Extrapolate by the ratio of the last two steps, within `STEP_RATIOS`. Ratio <= 0: use `EXTRAPOLATION_DIVISOR`."""
+    """Return the limit of values on finer and finer meshes, if the steps between values shrink by a constant ratio.
+    Ratio: that of the last two steps, within `STEP_RATIOS`; a fixed ratio for two values or steps of opposite signs."""
     step, before = values[-1] - values[-2], values[-2] - values[-3] if len(values) > 2 else 0.0
     if before * step <= 0:
         return values[-1] + step / EXTRAPOLATION_DIVISOR
@@ -61,7 +61,7 @@ meshes. Below the smallest ratio, the steps do not clearly decrease."""
 class ModeEstimate:
     """Lowest buckling factor, or lowest frequency (Hz).
     bound : error bound of `value`, divided by `value`; inf for one mesh.
-    ratio : first difference between successive meshes divided by the second one; None without three meshes."""
+    ratio : with three meshes, (second value - first value) / (third value - second value); else None."""
 
     value: float
     bound: float
@@ -74,12 +74,11 @@ class ModeEstimate:
 
 
 def mode_estimate(values: Sequence[float]) -> ModeEstimate:
-    """Estimate the lowest eigenvalue and its error bound from values on one to three meshes. Each mesh has four times
-    the triangles of the previous mesh. A step is the difference of the values on two successive meshes.
-    Two meshes: half of the step is added to the last value, and the bound is the whole step. Three meshes: the value is
-    extrapolated by the ratio of the first step to the last step, and the bound is the extrapolated part. If the ratio
-    is below `STEP_RATIOS[0]`, the value is that of the finest mesh. The bound is then twice the larger step; if the
-    ratio is at most -`STEP_RATIOS[0]`, twice the last step. The bound covers only errors of the mesh."""
+    """Estimate a buckling factor or frequency from its values on one to three meshes, coarse to fine.
+    Each mesh has four times the triangles of the previous mesh. The bound covers only errors of the mesh.
+    One mesh: the bound is infinite. Two meshes: half of the step between the values is added to the last value, and the
+    bound is the step. Three meshes: the ratio of the two steps gives the limit, and the bound is the distance to the
+    limit. If the steps do not clearly shrink, the last value stays, and the bound is twice a step."""
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
     finest, step = values[-1], values[-1] - values[-2]
@@ -100,9 +99,9 @@ REENTRANT_ANGLE = np.radians(30)  # a corner is reentrant if its angle exceeds 1
 
 @dataclass(frozen=True)
 class Extreme:
-    """Largest `value` of a quantity, its `place` (m), and the value that 99 % of the area does not exceed (`quantile`).
-    away : largest stress at places more than a rib's width from corners; at corners, stress grows with each refinement.
-           None for other quantities, or if no face is so far away."""
+    """Largest value of a quantity on a surface.
+    place    : point with this value, m.       quantile : value that 99 % of the area does not exceed.
+    away     : largest value far from corners (`off_corners`); None if not requested, or without such faces."""
 
     value: float
     place: tuple[float, float, float]
@@ -111,14 +110,14 @@ class Extreme:
 
     @property
     def settled(self) -> float:
-        """The largest value far from corners (`away`); if `away` is None, the largest value everywhere (`value`)."""
+        """Largest value far from corners (`away`), or the largest value everywhere if `away` is None."""
         return self.value if self.away is None else self.away
 
 
 def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> dict[str, Extreme]:
-    """Return extremes (Pa) of `stress` (von Mises), `tension` and `compression` (principal stresses, at least 0).
+    """Return the largest stresses (Pa) by name: stress (von Mises), tension and compression (principal, at least 0).
     supported : (n,) mask of supported vertices.
-    The value of a face is the largest value on its upper side, in its middle, or on its lower side."""
+    Each face counts with its largest value on the upper side, in the middle, and on the lower side."""
     principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
     values = {
         "stress": stress.largest,
@@ -143,7 +142,7 @@ def quantile(value: Floats, weight: Floats, share: float = 0.99) -> float:
 
 
 def off_corners(surface: Surface, supported: Bools) -> Bools:
-    """Return a mask (m,) of faces that are farther than a rib's width from reentrant corners and ends of supports."""
+    """Mark the faces (m,) farther than the mean rib width from reentrant corners and from ends of the supports."""
     corners = np.concatenate([inward_corners(surface), support_ends(surface, supported)])
     if not len(corners):
         return np.ones(surface.m, dtype=bool)
@@ -153,13 +152,13 @@ def off_corners(surface: Surface, supported: Bools) -> Bools:
 
 
 def rib_width(surface: Surface) -> float:
-    """Return the mean width of the members (m): twice the area divided by the length of all borders, or inf."""
+    """Return the mean width of the members, metres: 2 x area / length of all borders; inf without a border."""
     length = float(surface.edge_lengths[surface.edges.boundary].sum())
     return 2 * surface.area / length if length else float("inf")
 
 
 def inward_corners(surface: Surface) -> Ints:
-    """Return the border vertices (c,) at which the angle of the material exceeds 180 degrees by `REENTRANT_ANGLE`."""
+    """Return the numbers (c,) of the border vertices at which the material's angle exceeds 210 degrees."""
     X = surface.V[surface.F]
     ahead, back = np.roll(X, -1, axis=1) - X, np.roll(X, 1, axis=1) - X
     angle = np.arctan2(np.linalg.norm(np.cross(ahead, back), axis=2), (ahead * back).sum(axis=2))
@@ -170,7 +169,7 @@ def inward_corners(surface: Surface) -> Ints:
 
 
 def support_ends(surface: Surface, supported: Bools) -> Ints:
-    """Return the supported border vertices (c,) next to an unsupported border vertex."""
+    """Return the numbers (c,) of the supported border vertices that have an unsupported neighbour on the border."""
     ends = surface.edges.ends[surface.edges.boundary]
     mixed = ends[supported[ends].sum(axis=1) == 1]
     return np.unique(mixed[supported[mixed]])

@@ -35,17 +35,17 @@ from dsfab.surface import LoadCase, Surface
 
 
 class Shares(NamedTuple):
-    """Forces (newtons) of a load on a cut sheet. They are the same for every mesh of the cut sheet.
-    vertices : (n, 3) forces on the material around each vertex of the uncut surface.
-    faces    : (p, 3) forces on the material in the first p faces of the uncut surface. Later faces have no material."""
+    """Forces (N) of a load on a cut sheet, summed at vertices and faces of the uncut surface.
+    vertices : (n, 3) forces on the material around each vertex.
+    faces    : (p, 3) forces on the material in each of the first p faces; the later faces have no material."""
 
     vertices: Floats
     faces: Floats
 
 
 def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
-    """Return the forces of each load, assigned to places on the uncut surface.
-    loads : loads on the sheet. A force inside an uncut face is divided between the vertices of this face."""
+    """Return the forces of each load on a cut sheet, summed at vertices and faces of the uncut surface.
+    A point force inside an uncut face is divided between the vertices of this face."""
     areas, count = sheet.surface.areas[:, None], int(sheet.parent.max()) + 1
     shares_by_load = {}
     for name, load in loads.items():
@@ -58,12 +58,12 @@ def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
 def on_mesh(
     surface: Surface, sheet: Sheet, uncut_loads: Mapping[str, LoadCase], forces: Mapping[str, Shares]
 ) -> tuple[dict[str, LoadCase], dict[str, SpreadLoad]]:
-    """Return supports and loads for any mesh of a sheet that was cut from the uncut surface.
-    uncut_loads : supports and loads on the uncut surface.    forces : forces of these loads, by `shares`.
+    """Return the supports and loads of a cut sheet (any mesh), and the loads as forces per area.
+    surface     : uncut surface.    uncut_loads : supports and loads on the uncut surface, by case.
+    forces      : forces of these loads, from `shares`.
 
-    The force of a vertex spreads over the material around it, in proportion to the linear shape function of the uncut
-    mesh. So the load is the same on every mesh. It is not a point force, because the displacement under a point force
-    does not converge. A load on a face spreads evenly over the material of this face."""
+    The force at a vertex spreads over the material around the vertex, in proportion to the vertex's linear shape
+    function on the uncut mesh. The force on a face spreads evenly over the material of the face."""
     F, areas = sheet.surface.F, sheet.surface.areas
     hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # sum over the corners
     mass = np.asarray(hats.T @ areas)
@@ -82,10 +82,10 @@ PARABOLIC_SHEAR = 6 / 5  # energy factor of a parabola of shear stress over the 
 
 
 class RibSoftening(NamedTuple):
-    """Effects that make a solid softer than a thin sheet. Each value is a compliance divided by that of the thin sheet.
-    torsion : additional compliance if ribs twist as bars; inf if the solve with these ribs fails.
-    shear   : compliance by transverse shear, 6 q^2 / (5 G h) per square metre. q: shear force, averaged over faces
-              within half a thickness. G: shear modulus. h: thickness.
+    """Effects that make a solid softer than a thin sheet: compliances, divided by the compliance of the thin sheet.
+    torsion : additional compliance if ribs twist as bars; inf if this solve fails.
+    shear   : compliance by transverse shear: integral of 6 q^2 / (5 G h). q: shear force per length, averaged over
+              faces within half a thickness. G: shear modulus. h: thickness.
     bending : compliance by bending, multiplied by the square root of (thickness / mean rib width)."""
 
     torsion: float
@@ -101,7 +101,8 @@ def rib_softening(
     answers: Mapping[str, Equilibrium],
     stresses: Mapping[str, SheetStress],
 ) -> dict[str, RibSoftening]:
-    """Return how much softer a solid is than the thin sheet, by load case. A second solve lets ribs twist as bars."""
+    """Return effects that make a solid softer than the thin sheet, by load case.
+    spreads : loads as forces per area and per length.    answers, stresses : solutions, stresses of the thin sheet."""
     surface, h, material = sheet.surface, sheet.thickness, sheet.material
     try:
         barred = [answer.compliance for answer in solve_cases(sheet, loads, elements, spreads, bars=True).values()]
@@ -123,7 +124,7 @@ def rib_softening(
 
 
 def _means_within(surface: Surface, reach: float) -> csr_array:
-    """Return the matrix of area-weighted means of face vectors within `reach`. Opposite normals flip the vectors."""
+    """Return the matrix (m, m) that averages vectors on faces over the area within `reach`, metres, of each face."""
     tree = cKDTree(surface.centroids)
     pairs = tree.sparse_distance_matrix(tree, min(reach, 2 * surface.mean_edge), output_type="coo_matrix")
     face, neighbour = pairs.coords
@@ -133,13 +134,13 @@ def _means_within(surface: Surface, reach: float) -> csr_array:
 
 
 def theory_share(soft: RibSoftening) -> float:
-    """Return the largest expected value of the solid's compliance divided by that of the thin sheet, minus 1.
-    The factors 1.2 and 0.1 (bending) suffice for 70 designs that CalculiX solved as quadratic wedges (`solids.csv`)."""
+    """Return the fraction by which a solid's compliance may exceed that of the thin sheet: 1.2 (torsion + shear) +
+    0.1 bending. The factors suffice for 70 designs that CalculiX solved as solids (`solids.csv`)."""
     return 1.2 * (soft.torsion + soft.shear) + 0.1 * soft.bending
 
 
 MAIN_ELEMENTS, SPREAD_ELEMENTS = elements_of("compliance"), elements_of("spread")
-"""Main and further elements (membrane, bending) of a verdict. The errors of these pairs mostly have opposite signs."""
+"""Two pairs of membrane and bending elements; the errors of their compliances mostly have opposite signs."""
 QUICK_ELEMENTS = elements_of("compliance_once")  # elements for one solve (quick)
 BYTES_PER_UNKNOWN = {
     "PARDISO": {"hhj": 2200.0, "midedge": 1900.0, None: 1900.0},
@@ -151,15 +152,15 @@ PARDISO needs less, because it stores only half of a symmetric factor."""
 
 @dataclass(frozen=True)
 class Level:
-    """Results on one mesh. The main elements are `MAIN_ELEMENTS`, or `QUICK_ELEMENTS` for a single mesh.
+    """Results on one mesh, by load case. Main elements: the first pair of membrane and bending elements in `level`.
     triangles  : number of triangles.      unknowns : number of unknowns of the main elements.
-    compliance : compliance (J) by the main elements for each case.
-    midedge    : compliance (J) by `SPREAD_ELEMENTS` for each case; empty if not solved.
-    zz_membrane, zz_bending : relative energy errors of the main elements for each case, see `recovery_errors`.
-    residual   : largest relative residual of all solves, in the energy norm (see `Equilibrium`).
-    seconds    : time of all solves.       memory     : peak memory of the process so far, bytes.
-    stresses   : `stress_extremes` for each case.
-    softer     : `rib_softening` for each case; empty if not requested, and for a flat sheet that is solved in 2D."""
+    compliance : compliance (J) by the main elements.
+    midedge    : compliance (J) by `SPREAD_ELEMENTS`; empty if not solved.
+    zz_membrane, zz_bending : energies of stress errors divided by the compliance, see `recovery_errors`.
+    residual   : largest relative residual of all solves, in the energy norm.
+    seconds    : time of all solves.       memory   : peak memory of the process so far, bytes.
+    stresses   : largest stresses, see `stress_extremes`.
+    softer     : see `RibSoftening`; empty if not requested, or if a flat sheet is solved in 2D."""
 
     triangles: int
     unknowns: int
@@ -183,7 +184,7 @@ def level(
     ribs: bool = False,
 ) -> Level:
     """Solve the sheet on one mesh, for load cases with the same supports.
-    spreads : the loads as forces per area and per length.    pairs : pairs of membrane and bending elements.
+    spreads : the loads as forces per area and per length.    pairs : membrane and bending elements, main pair first.
     ribs    : True to add a second solve in which ribs twist as bars, see `RibSoftening`.
     Raises StaticsError if a solve fails."""
     start = time.perf_counter()
@@ -219,8 +220,8 @@ def level(
 def recovery_errors(
     surface: Surface, material: SheetMaterial, sheet_stress_field: SheetStress, answer: Equilibrium
 ) -> tuple[float, float]:
-    """Return the energies of two stress errors, membrane and bending, divided by the compliance. A stress error is
-    the difference between the stress and its average at vertices [Zienkiewicz and Zhu 1987]."""
+    """Return the energies of the membrane and bending stress errors, divided by the compliance. The stress error is
+    the difference between the stress and the smoothed stress [Zienkiewicz and Zhu 1987]."""
     if answer.compliance <= 0:
         return 0.0, 0.0
     C = np.linalg.inv(material.material.membrane(material.law)) * material.thickness
@@ -231,12 +232,12 @@ def recovery_errors(
 
 
 def _energy_norm(surface: Surface, difference: Floats, matrix: Floats) -> float:
-    """Return the integral of d . matrix . d; `difference` d (m, 3 corners, 3) is linear on each face."""
+    """Return the integral of d . matrix . d over the surface, for `difference` d (m, 3 corners, 3), linear on faces."""
     weighted = difference @ matrix
     sums = np.einsum("mi,mi->m", difference.sum(axis=1), weighted.sum(axis=1))
     return float((np.einsum("mci,mci->m", difference, weighted) + sums) @ surface.areas / 12)
 
 
 def memory_needed(unknowns: int, bending: str | None, solver: str) -> int:
-    """Return the expected memory (bytes) of a solve. solver : a name from `dsfab.core.sparse.solver_name`."""
+    """Return the expected memory (bytes) of a solve. bending : name of the bending element; None for a solve in 2D."""
     return int(BYTES_PER_UNKNOWN[solver][bending] * unknowns)

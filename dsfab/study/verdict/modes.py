@@ -38,9 +38,9 @@ MODE_ELEMENTS: Elements = elements_of("buckling")  # for buckling and frequencie
 class ModeLevel:
     """Lowest buckling factors and frequency on one mesh.
     triangles : number of triangles.
-    buckling  : lowest buckling factor of each case, None without compression; empty if not requested.
+    buckling  : lowest buckling factor of each case, None if the case does not buckle; empty if not requested.
     hertz     : lowest frequency (Hz); None if not requested.
-    local     : text about the lowest buckling mode, by case, if this mode is local; see `lowest_buckling`."""
+    local     : note by case, if the lowest buckling mode moves only a small part of the sheet."""
 
     triangles: int
     buckling: Mapping[str, float | None]
@@ -50,11 +50,11 @@ class ModeLevel:
 
 @dataclass(frozen=True)
 class ModeIntervals:
-    """Buckling factors and frequency, extrapolated from all meshes.
-    buckling : lowest factor of each case with its bound; cases that do not buckle are left out.
-    hertz    : lowest frequency with its bound; None if not requested or not found.
-    levels   : the meshes, coarse to fine.
-    assumed  : assumptions about the supports (`mode_supports`), or ''.
+    """Lowest buckling factors and lowest frequency with error bounds, extrapolated from several meshes.
+    buckling : lowest buckling factor by case; without cases that do not buckle.
+    hertz    : lowest frequency; None if not requested or not found.
+    levels   : results on each mesh, coarse to fine.
+    assumed  : sentence on assumptions about the supports, or ''.
     refusals : reasons why a value or a finer mesh is missing."""
 
     buckling: Mapping[str, estimates.ModeEstimate]
@@ -72,9 +72,9 @@ class ModeIntervals:
 def mode_intervals(
     setting: LoadedSurface, material: Sheet, request: ResultRequest, budget: float, progress: Progress | None = None
 ) -> ModeIntervals:
-    """Return the lowest buckling factor of each case and the lowest frequency of a sheet, as requested.
-    The cut mesh and the next finer mesh are solved. A third mesh follows if a bound exceeds `WIDEST_MODE_BOUND`.
-    budget : memory limit of a mesh, bytes.
+    """Return the lowest buckling factor of each case and the lowest frequency of a cut sheet, with error bounds.
+    Two meshes are solved. A third, finer mesh follows if a bound exceeds 5 %.
+    material : cut sheet.    request : requested results.    budget : memory limit of each solve, bytes.
     Errors are not raised, but listed in `refusals`."""
     levels: list[ModeLevel] = []
     refusals: list[str] = []
@@ -114,8 +114,9 @@ def mode_level(
     request: ResultRequest,
     carried: Floats | None = None,
 ) -> ModeLevel:
-    """Return the lowest buckling factors of `cases` and the lowest frequency on one mesh, as in `request`.
-    spreads : spread loads.  standing : supports.  carried : masses of loads.  Raises StaticsError if a solve fails."""
+    """Return the lowest buckling factor of each case and the lowest frequency on one mesh, if requested.
+    spreads : loads as forces per area and length.  standing : supports for modes.  carried : (n,) masses of loads, kg.
+    Raises StaticsError if a solve fails."""
     sheet, factor_cache = material.model_for(surface), FactorCache(2)
     K = sheet_stiffness(sheet, MODE_ELEMENTS)
     supports = standing.load

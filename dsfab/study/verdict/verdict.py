@@ -39,8 +39,9 @@ from dsfab.surface import LoadCase, Surface, pieces
 
 @dataclass(frozen=True, eq=False)
 class LoadedSurface:
-    """The uncut surface, and its loads by case.     made : material and thickness of the sheet.
-    permanent : the permanent loads besides the sheet's weight; their mass vibrates with the sheet."""
+    """The uncut surface and its loads.
+    made      : material and thickness of the sheet.    loads : supports and loads by case.
+    permanent : permanent loads besides the sheet's weight, whose mass vibrates with the sheet."""
 
     surface: Surface
     made: SheetMaterial
@@ -49,7 +50,7 @@ class LoadedSurface:
 
     @classmethod
     def from_design(cls, design: Design, share: float = 1.0) -> "LoadedSurface":
-        """Return the surface, cases and combinations of a design whose thickness is multiplied by `share`."""
+        """Return the surface and loads of a design. share : factor on the design's thickness."""
         statics = design.preset.statics
         material, surface = statics.sheet(share * statics.thickness), design.surface
         loads = {name: case.load.of_thickness(surface, share) for name, case in design.statics.cases.items()}
@@ -72,8 +73,8 @@ def whole_sheet(surface: Surface) -> Sheet:
 def attached_material(
     setting: LoadedSurface, material: Sheet
 ) -> tuple[Sheet, tuple[Dropped, ...], dict[str, LoadCase]]:
-    """Return the material that is connected to a support, the dropped pieces (largest first), and the loads.
-    Raises StaticsError without supports, for a free rigid motion, and for a load without support."""
+    """Return the material that is connected to a support, the other pieces (largest first), and the loads by case.
+    Raises StaticsError if no piece reaches a support, if material can move freely, or if a load is on a loose piece."""
     s, load = material.surface, next(iter(setting.loads.values()))
     count, label = pieces(s.F, s.edges)
     area = np.bincount(label, s.areas, count)
@@ -101,12 +102,12 @@ Depth = Literal["quick", "full"]
 @dataclass(frozen=True)
 class CaseVerdict:
     """The verdict on one load case or combination.
-    value  : compliance, J; nan without a solution.
+    value  : compliance, J; nan if nothing was solved.
     bound  : largest error of the value, divided by the value; inf if unknown.
     status : fail if the sheet does not carry the loads; pass if the bound is at most `CONVERGED`; else unknown.
-    spread : c / c0 - 1 on the first mesh: compliance c by quadratic + midedge, c0 by quadratic + hhj.
-    zz_membrane, zz_bending : errors on the finest mesh, see `Level`.
-    theory : fraction by which a solid may be softer than this thin sheet, see `theory_share`."""
+    spread : c / c0 - 1 on the first mesh; c, c0: compliance by quadratic + midedge and quadratic + hhj elements.
+    zz_membrane, zz_bending : energies of stress errors on the finest mesh, divided by the compliance.
+    theory : fraction by which a solid may be softer than this thin sheet."""
 
     name: str
     value: float
@@ -121,12 +122,12 @@ class CaseVerdict:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Result of `check`.
+    """Verdict on the compliance of a cut sheet, see `check`.
     depth      : quick (one mesh) or full (two or three meshes).
-    status     : worst status of all cases.       reason : reason for the status of the first case.
-    cases      : verdicts on the cases, the worst status first, then the largest compliance. The first case governs.
-    levels     : the solved meshes, coarse to fine.
-    dropped    : pieces of material that reach no support, largest first. They are not solved.
+    status     : status of the governing case.    reason : reason for this status.
+    cases      : verdicts by case, the worst status first, then the largest compliance. The first case governs.
+    levels     : results on each mesh, coarse to fine.
+    dropped    : pieces of material that reach no support, largest first; they were not solved.
     per_member : mean width of members divided by the uncut mesh's mean edge; inf for a closed sheet without openings.
     facets     : median of L^2 / (R h) of the uncut mesh: edge length L, radius of curvature R, thickness h.
     warnings   : sentences about a small `per_member` and a large `facets`."""
@@ -187,7 +188,8 @@ COUNT = {2: "two levels", 3: "three levels"}
 
 @dataclass
 class Refinement:
-    """The meshes that were solved to check a sheet's compliance.
+    """Solves of a sheet on finer and finer meshes, to check its compliance.
+    smooth   : curved surface that finer meshes follow.    budget : memory limit of each solve, bytes.
     stopped  : status and reason if the refinement ended early, else None.
     unsolved : True if the solver rejected the last mesh."""
 
@@ -201,7 +203,7 @@ class Refinement:
     unsolved: bool = False
 
     def refine(self, sheet: Sheet, loads: Mapping[str, LoadCase]) -> None:
-        """Solve finer and finer meshes until all cases pass or a limit is reached. loads : loads on the sheet."""
+        """Solve finer and finer meshes of the cut sheet until all cases pass or a limit is reached."""
         forces = shares(sheet, loads)
         bent = islice(meshes(sheet, self.smooth), MOST_MESHES)
         for mesh in [sheet] if self.depth == "quick" else bent:
@@ -292,15 +294,14 @@ def check(
     progress: Progress | None = None,
     cells: Sheet | None = None,
 ) -> Verdict:
-    """Return the compliance of a cut sheet under its loads with a bound, or the reason why it is unknown or fails.
-    subject : a design, or a `LoadedSurface`.
-    sheet   : material on the surface, with loose pieces; default: that of the design.
-    depth   : "quick": one solve on the unrefined mesh. "full": an extrapolation from two meshes, or from three if the
-              bound exceeds 2 %.
-    budget  : memory limit of a mesh, bytes.
-    cells   : cut mesh with openings; default: that of a design. If very thin triangles (needles) stop the solver, they
-              are removed from `cells`, and the solver runs again.
-    A sheet that does not carry its loads gets a verdict, not an error. Raises ValueError without a sheet."""
+    """Check the compliance of a cut sheet under its loads. Return the compliance with an error bound, or the reason
+    why the compliance is unknown or the sheet fails.
+    subject : a design, or a surface with loads.
+    sheet   : cut sheet; default: that of the design.
+    depth   : "quick": one solve on the cut mesh. "full": an extrapolation from two or three meshes.
+    budget  : memory limit of each solve, bytes.
+    cells   : mesh of the material and the openings, to repair very thin triangles if they stop the solver.
+    Raises ValueError for a `LoadedSurface` without a sheet."""
     start = time.perf_counter()
     setting = LoadedSurface.from_design(subject) if isinstance(subject, Design) else subject
     if sheet is None:
@@ -353,7 +354,7 @@ def _verdict(refinement: Refinement, sheet: Sheet, dropped: tuple[Dropped, ...],
 
 
 def facet_ratio(smooth: SmoothSurface, thickness: float) -> float:
-    """Return the median of L^2 / (R h), see `Verdict.facets`. The arc over an edge is L^2 / (8 R) high, see `bulge`."""
+    """Return the median of L^2 / (R h) over all edges: length L, radius of curvature R, thickness h."""
     return 8 * float(np.median(np.linalg.norm(smooth.bulge, axis=1))) / thickness
 
 

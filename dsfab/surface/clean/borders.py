@@ -20,7 +20,7 @@ FLAT = float(np.radians(150))
 
 @dataclass(frozen=True, eq=False)
 class EvenEdges:
-    """A mesh V (n, 3), F (m, 3) with straight borders, the number of moved vertices, and their largest move."""
+    """A mesh V (n, 3), F (m, 3) with straight borders. moved : number of moved vertices. most : largest move."""
 
     V: Floats
     F: Ints
@@ -29,9 +29,9 @@ class EvenEdges:
 
 
 def even_edges(V: Floats, F: Ints) -> EvenEdges:
-    """Return the mesh V (n, 3), F (m, 3) with straightened borders.
+    """Smooth the ragged parts of the borders of a mesh V (n, 3), F (m, 3). Ragged parts turn left and right many times.
     The mesh stays unchanged if an edge has more than two faces. A ragged part stays unchanged if one of its vertices
-    would move too far. `LEAST_TURNS`, `RAGGED_TURN` and `LARGEST_GAP` define a ragged part of a border."""
+    would move too far."""
     edges = edge_table(F)
     if not edges.boundary.any() or (edges.count > 2).any():
         return EvenEdges(V, F, 0, 0.0)
@@ -63,7 +63,7 @@ def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
 
 
 def _ragged_runs(turn: Floats) -> list[tuple[Ints, bool]]:
-    """Return border parts with alternating turns (radians, at vertices): vertex numbers, and True for whole borders."""
+    """Return the ragged parts of a closed border by its turns, radians: vertex indices, and True for a whole border."""
     large = np.flatnonzero(np.abs(turn) > RAGGED_TURN)
     if len(large) < LEAST_TURNS:
         return []

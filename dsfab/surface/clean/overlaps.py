@@ -26,8 +26,8 @@ from dsfab.surface.topology import EdgeTable, corners_of, edge_table, link_compo
 
 
 def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
-    """Mark pairs (p, 2) of vertices at one place that lie on a line where two sheets of faces F (m, 3) cross.
-    Each of the two vertices lies inside its sheet. At the ends of the line, a vertex may also lie on a border."""
+    """Mark the pairs (p,) of vertices on lines where two sheets of a mesh with faces F (m, 3) cross.
+    pairs : (p, 2) vertices at the same place, such as candidates for a merge."""
     edges = edge_table(F)
     n = int(max(F.max(), pairs.max())) + 1
     inner = np.zeros(n, dtype=bool)
@@ -43,7 +43,7 @@ def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
 
 
 def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
-    """Mark the corners of coinciding faces or quads, if vertex k becomes `became[k]`. Quad diagonals may differ."""
+    """Mark the corners of faces or quads that coincide if vertex k becomes `became[k]`. Quad diagonals may differ."""
     faces = became[F]
     _, group, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
     edges, is_twice = edge_table(faces), (count > 1)[group.ravel()]
@@ -92,9 +92,9 @@ class OverlappingFaces:
 def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
     """Return the faces of the mesh V (n, 3), F (m, 3) that lie on other faces in the same plane.
 
-    Planes closer than `WELD` times the mesh's largest dimension count as one plane. Two copies of a quad also overlap
-    if they are cut along different diagonals and are flat within `SAG`. An overlap counts if it contains one of the
-    seven `SAMPLES` of a face. The other faces of the mesh form one sheet, joined along edges.
+    Faces in one plane overlap if one of them covers at least one of seven sample points of the other face.
+    Planes closer than `WELD` times the mesh's largest dimension count as one plane. Two copies of a nearly flat quad
+    also overlap if they are cut along different diagonals.
 
     Method: rays along the normals, with a tree of boxes [Jacobson et al. 2018, libigl]."""
     edges = edge_table(F)
@@ -121,7 +121,8 @@ def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
 
 
 def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> Ints:
-    """Return triples: face, row of `SAMPLES`, and a face in the same plane over this sample. V : scaled to size 1."""
+    """Return triples (k, 3): a face, a row of `SAMPLES`, and another face in the same plane over this sample point.
+    V : vertices, scaled to size 1.    faces, samples : the faces and sample points to test."""
     P = V[F]
     normal = unit_vectors(area_vectors(V, F))
     reach = np.maximum(SAG * lengths(P - np.roll(P, 1, axis=1)).max(axis=1), WELD)[faces]
@@ -159,8 +160,7 @@ def _of_one_quad(F: Ints, face: Ints, cover: Ints) -> Bools:
 
 
 def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
-    """Mark faces (m,) that do not overlap each other, by `_covers`: first all faces without overlap, then neighbours of
-    marked faces. Neighbours with shorter edges come first, so that the order of faces does not change the result."""
+    """Mark faces (m,) that form one sheet without overlaps. covers : overlaps from `_covers`."""
     overlaps, chosen = dict[int, set[int]](), list[int]()
     for face, cover in np.stack(np.divmod(distinct(covers[:, 0] * len(F) + covers[:, 2]), len(F)), axis=1).tolist():
         overlaps.setdefault(face, set()).add(cover)
@@ -243,7 +243,7 @@ class ParallelParts:
 
 
 def parallel_parts(V: Floats, F: Ints) -> tuple[ParallelParts, ...]:
-    """Return the pairs of parts of a mesh V (n, 3), F (m, 3), in any unit, that are parallel to each other."""
+    """Return the pairs of parallel parts of a mesh V (n, 3), F (m, 3), in any unit, such as the two faces of a slab."""
     if not len(F):
         return ()
     edges = edge_table(F)
@@ -295,7 +295,8 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
 
 
 def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) -> Floats:
-    """Return the translation (3,) to the second part (area side^2); (0,) if none fits [Chen and Medioni 1992]."""
+    """Return the translation (3,) of the first part onto the second part; (0,) if no translation fits.
+    side : square root of the second part's area. Source: [Chen and Medioni 1992]."""
     P, n = V[first_part].mean(axis=1), area_vectors(V, first_part)
     area = lengths(n)
     n /= np.maximum(area, 1e-300)[:, None]
@@ -346,7 +347,8 @@ def _candidate_pairs(V: Floats, F: Ints, part: Ints, area: Floats) -> Iterator[t
 
 
 def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool = False) -> float | None:
-    """Return the median distance of two parts, None if not parallel. side^2 : area. even : need similar distances."""
+    """Return the median distance of two parts; None if they are not parallel.
+    side : square root of a part's area.    even : True if all distances must be similar."""
     ways = ((first_part, second_part), (second_part, first_part))
     gaps = np.concatenate([nearest_places(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])
@@ -358,7 +360,7 @@ def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool
 
 
 def parallel_remarks(V: Floats, F: Ints) -> Iterator[str]:
-    """Yield sentences on pairs of parallel sheets of V (n, 3), metres, F (m, 3), then on overlapping faces."""
+    """Yield warnings about a mesh V (n, 3), metres, F (m, 3): parallel sheets, then overlapping faces."""
     pairs = parallel_parts(V, F)
     for pair in pairs:
         yield _REMARKS[pair.kind].format(length(pair.gap))
@@ -367,8 +369,7 @@ def parallel_remarks(V: Floats, F: Ints) -> Iterator[str]:
 
 
 def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
-    """Yield sentences on overlapping faces of a mesh V (n, 3), F (m, 3), except the faces `reported` (k,).
-    Near vertices are merged first, as in the repair of the mesh."""
+    """Yield warnings about overlapping faces of a mesh V (n, 3), F (m, 3), except the faces `reported` (k,)."""
     sound = np.flatnonzero(in_reach(V)[F].all(axis=1))
     used, near = np.unique(F[sound], return_inverse=True)
     V, became = merged_vertices(V[used], WELD, partial(crossing_pairs, near.reshape(-1, 3)))

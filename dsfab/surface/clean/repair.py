@@ -49,7 +49,7 @@ class MendedMesh:
     repairs: tuple[str, ...] = ()
 
     def with_faces(self, keep: Ints, repair: str) -> "MendedMesh":
-        """Return the mesh with only the faces `keep` (k,). repair : sentence with {} for the number of lost faces."""
+        """Return the mesh with only the faces `keep` (k,). repair : text, with {} for the number of dropped faces."""
         lost = len(self.F) - len(keep)
         if not lost:
             return self
@@ -78,9 +78,8 @@ def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
 
 def sound_faces(V: Floats, F: Ints) -> MendedMesh:
-    """Return the mesh V (n, 3), F (m, 3), in any unit, with welded vertices and without unusable faces.
-    An unusable face has no area, repeats another face, or has an unusable corner. Such a corner is not finite or is
-    far from all other vertices."""
+    """Return the mesh V (n, 3), F (m, 3), in any unit, without unusable faces; vertices at one place are merged.
+    An unusable face has no area, repeats another face, or has a corner that is not finite or extremely far away."""
     finite = np.flatnonzero(np.asarray(np.isfinite(V).all(axis=1))[F].all(axis=1))
     mesh = MendedMesh(V, F).with_faces(finite, "dsfab dropped {} with corners that are not numbers")
     mesh = mesh.with_faces(np.flatnonzero(in_reach(V)[mesh.F].all(axis=1)), _ASTRAY)
@@ -93,7 +92,7 @@ def sound_faces(V: Floats, F: Ints) -> MendedMesh:
 
 
 def single_sheet(mesh: MendedMesh, metres: float) -> MendedMesh:
-    """Return the mesh with one copy of each sheet. A slab becomes its middle surface. metres : the mesh's unit in m."""
+    """Return the mesh with one copy of each sheet; slabs become their middle surfaces. metres : unit of V in m."""
     V, F, texts = single_sheets(mesh.V, mesh.F, metres)
     return _compact(MendedMesh(V, F, (*mesh.repairs, *texts))) if texts else mesh
 
@@ -134,7 +133,7 @@ def _join_at_points(mesh: MendedMesh) -> MendedMesh:
 
 
 def _single_faces(V: Floats, F: Ints) -> Ints:
-    """Keep one of each set of overlapping faces. Drop equal faces entirely if two other faces meet at their edge."""
+    """Return the faces (k,) that stay, if at most one face of each set of overlapping faces stays."""
     once = complement(overlapping_faces(V, F).whole, len(F))
     if len(once) == len(F):
         return once
@@ -197,7 +196,8 @@ and the face's height is below `LOW` times the mesh's mean edge. Higher faces ma
 
 
 def is_scan(V: Floats, F: Ints) -> bool:
-    """Return whether a mesh V (n, 3), F (m, 3) is a raw scan, according to `FINE`, `SEVERAL`, `NOISY` and `FOLDED`."""
+    """Return whether a mesh V (n, 3), F (m, 3) is a raw scan: a fine mesh with several small holes, with several edges
+    that have more than two faces, or with many folded faces."""
     F = F[in_reach(V)[F].all(axis=1)]
     if not len(F):
         return False
@@ -301,7 +301,7 @@ def _fill_holes(mesh: MendedMesh) -> MendedMesh:
 
 
 def _folded_faces(V: Floats, F: Ints) -> Bools:
-    """Return the faces (m,) whose normals point against the mean normal of their neighbours."""
+    """Mark the faces (m,) whose normals point against the mean normal of their neighbours."""
     return _cosines(V, F) < 0
 
 
@@ -336,7 +336,7 @@ def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
 
 
 def _collapse_edges(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
-    """Collapse shortest edges of `crumpled` faces to a lone boundary end, else the middle. Return V, vertex numbers."""
+    """Collapse short edges of `crumpled` faces (m,). Return the vertices, and the new number (n,) of each vertex."""
     edges, n = edge_table(F), len(V)
     rim, face_edges = on_boundary(edges, n), edges.of[crumpled]
     length = np.full(len(edges.ends), np.inf)

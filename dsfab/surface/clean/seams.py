@@ -40,11 +40,8 @@ def merged_vertices(
 ) -> tuple[Floats, Ints]:
     """Merge vertices V (n, 3) at one place. Return the remaining vertices, and the new number (n,) of each old vertex.
 
-    within : largest distance between merged vertices, divided by the mesh's largest dimension. The default removes the
-             rounding errors of `trimesh.slice_plane`.
-    apart  : function that takes pairs of vertices (p, 2) and marks the pairs (p,) that must stay separate.
-
-    `equal_merged` suffices for mesh files, because a file writes equal places with equal digits."""
+    within : largest distance between merged vertices, divided by the mesh's largest dimension.
+    apart  : function that takes pairs of vertices (p, 2) and marks the pairs (p,) that must stay separate."""
     alone = V, np.arange(len(V))
     if not len(V) or not np.isfinite(V).all():  # `Surface` reports infinite coordinates
         return alone
@@ -62,7 +59,8 @@ def merged_vertices(
 
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
-    """Return `targets` (vertices onto which others merge), limited to `reach`: long chains must not become points."""
+    """Return the vertex (n,) onto which each vertex merges, so that no vertex moves farther than `reach`.
+    pairs : (p, 2) near vertices.    targets : (n,) the vertices without this limit."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
         return targets
@@ -76,7 +74,7 @@ def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints
 
 
 def equal_merged(V: Floats, F: Ints) -> tuple[Floats, Ints]:
-    """Merge vertices V (n, 3) of faces F (m, 3) with equal coordinates, and sort the vertices; -0.0 equals 0.0."""
+    """Merge vertices V (n, 3) with equal coordinates; return the sorted vertices and the faces F (m, 3) on them."""
     fewer, became = np.unique(V + 0.0, axis=0, return_inverse=True)
     return fewer, became.ravel()[F]
 
@@ -87,8 +85,8 @@ def coincident(V: Floats) -> int:
 
 
 SAG = 1 / 15
-"""Largest width of a seam, divided by the length of a boundary edge beside it. The two sides of the seam have the same
-end points. The value is height / chord of an arc of 30 degrees."""
+"""Largest width of a seam between two patches, divided by the length of a boundary edge beside it; the height / chord
+of an arc of 30 degrees."""
 
 
 def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
@@ -128,8 +126,9 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
 
 
 def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
-    """Return pairs (k,), (k,): a boundary edge (row of `ends` (b, 2)) and a boundary vertex near it.
-    Largest distance: `within`; if any boundary is not a closed loop, the larger of `within` and `SAG` x edge length."""
+    """Return pairs of a boundary edge and a near boundary vertex: rows (k,) of `ends`, and vertices (k,).
+    ends   : (b, 2) vertices of each boundary edge.
+    within : largest distance; up to `SAG` x edge length if a boundary is not a closed loop."""
     a, b = V[ends].transpose(1, 0, 2)
     border, loops = np.unique(ends), (np.bincount(ends.ravel())[ends] == 2).all()
     long = lengths(b - a)
@@ -154,7 +153,7 @@ def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
 
 
 def _few_within(tree: cKDTree, places: Floats, radius: Floats, crowd: int = 8) -> tuple[Bools, Ints, Ints]:
-    """Mark balls around `places` with over `crowd` points. For the other balls, return pairs: a ball, a point in it."""
+    """Mark balls that contain more than `crowd` points. For other balls, return pairs of a ball and a point inside."""
     # the search omits points exactly at the upper bound
     distance, point = tree.query(places, crowd + 1, distance_upper_bound=np.nextafter(radius.max(), np.inf))
     inside = distance <= radius[:, None]
@@ -175,7 +174,7 @@ def _distinct_pairs(pairs: Ints, n: int) -> tuple[Ints, Ints]:
 
 
 def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
-    """Mark pairs (edge, vertex) on opposite sides of a seam, formed by two chains of border edges with equal ends."""
+    """Mark pairs (edge, vertex) on opposite sides of a seam: two chains of border edges with the same end points."""
     degree = np.bincount(ends.ravel())
     order = np.argsort(ends.ravel(), kind="stable")
     pairs = order[np.flatnonzero(degree[ends.ravel()[order]] == 2)].reshape(-1, 2) // 2
@@ -193,7 +192,7 @@ def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
 
 
 def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
-    """Insert vertices on at most one half-edge of each face. Faces become fans; the first part keeps the index."""
+    """Return the faces, divided into fans of triangles by vertices (k,) on half-edges (k,) of different faces."""
     start, end, across = (F.ravel()[next_half_edge(half, k)] for k in range(3))
     order = np.lexsort((positions_on_segments(V[vertex], V[start], V[end]), half))
     half, vertex, end, across = half[order], vertex[order], end[order], across[order]
@@ -206,7 +205,7 @@ def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
 
 
 def faces_with_area(V: Floats, F: Ints) -> Ints:
-    """Return the faces (k,) of V (n, 3), F (m, 3) whose area is not tiny compared with the longest edge squared."""
+    """Return the indices (k,) of the faces of V (n, 3), F (m, 3) whose area is not tiny relative to their edges."""
     P = V[F]
     longest = lengths(P - np.roll(P, 1, axis=1)).max(axis=1, initial=0)
     return np.flatnonzero(lengths(area_vectors(V, F)) > 1e-9 * longest**2)

@@ -45,7 +45,7 @@ FLAT = ("SOLID", "TRACE", "IMAGE", "UNDERLAY", "WIPEOUT", "ACAD_PROXY_ENTITY", "
 
 
 def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
-    """Return the curves of a DXF file (text or binary, blocks expanded), with the names of its layers and its unit.
+    """Return the curves and points of a DXF file (blocks expanded), with the names of its layers and its unit.
     Raises MalformedFileError for a file that is incomplete or not DXF, SurfaceError above the limits of `budget`."""
     document = _document(path)
     runs, dots, count = list[tuple[str, Floats, bool]](), list[tuple[str, Floats, bool]](), 0
@@ -63,8 +63,8 @@ def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
 
 def read_dxf_meshes(path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFile:
     """Return the meshes of a DXF file (3DFACE, MESH, polyface and polygon meshes), with blocks expanded.
-    only : names of layers and blocks, see `selected_parts`. Vertices at exactly the same place become one vertex.
-    Raises SurfaceError: no meshes, or above the limits of `budget`. MalformedFileError: incomplete, or not DXF."""
+    only : names of the layers and blocks to read; by default all. Vertices at the same place become one vertex.
+    Raises SurfaceError without meshes or above `budget`, MalformedFileError for incomplete files or other formats."""
     document = _document(path)
     V, corners, sizes, count = list[Floats](), list[Ints](), list[Ints](), 0
     drawing = _Entities(document, DrawingBudget(entities=budget.triangles, seconds=budget.seconds))
@@ -92,7 +92,6 @@ def read_dxf_meshes(path: Path, budget: Budget, only: Sequence[str] = ()) -> Tri
 
 
 def _content(entity: Any, layer: str) -> Content:
-    """Return the inventory entry of an entity without a mesh."""
     kind = entity.dxftype()
     if kind in SOLIDS:
         return Content("shape", "dropped", "in AutoCAD's own format, such as a solid")
@@ -102,7 +101,6 @@ def _content(entity: Any, layer: str) -> Content:
 
 
 def _document(path: Path) -> Any:
-    """Return the drawing in a file. Only damaged files need ezdxf's slow recovery. Raises MalformedFileError."""
     import ezdxf
     from ezdxf import recover
 
@@ -271,11 +269,11 @@ def _ends_meet(run: Floats) -> bool:
 
 def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floats, ...]:
     """Return the closed curves (k, 3) of a drawing, metres, on one layer or on all layers.
-    Touching lines and arcs form one curve.
+    Lines and arcs whose ends touch form one curve.
 
     unit : unit of the file's numbers; by default the unit that the file declares.
 
-    Raises SurfaceError for a missing file, layer, unit or closed curve, for open curves, and beyond `DrawingBudget`."""
+    Raises SurfaceError for a missing file, layer, unit or closed curve, for open curves, and for too large files."""
     path = Path(path)
     if path.suffix.lower() not in (".dxf", ".3dm"):
         raise SurfaceError(f"{path} is not a drawing that dsfab reads; give a .dxf or a .3dm file")
@@ -287,9 +285,9 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
 
 
 def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str, Marks]:
-    """Return the visible content of the layers named in `words`, without empty layers.
-    Upper and lower case count as equal. Raises SurfaceError for unreadable files.
-    metres : length of the file's unit in metres."""
+    """Return the visible points and curves of a drawing, by layer; empty layers are left out.
+    words  : names of the layers, in lower case; the file may have upper case.
+    metres : length of the file's unit in metres.    Raises SurfaceError for unreadable files."""
     path = Path(path)
     drawing = _drawing(path, path.stat().st_size, DrawingBudget())
     marks = {}
@@ -335,8 +333,8 @@ def _drawing(path: Path, size: int, budget: DrawingBudget) -> Drawing:
 
 
 def closed_loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Floats]:
-    """Join pieces of curves (k, 3) with common ends; yield closed curves without a repeated point.
-    Raises SurfaceError for open curves. where : words for the error's message."""
+    """Join curves (k, 3) with common ends. Yield closed curves; the first point is not repeated at the end.
+    Raises SurfaceError for open curves. where : name of file and layer, for the message."""
     corners = np.concatenate([[run.min(axis=0), run.max(axis=0)] for run in runs])
     tolerance = SAME_PLACE * float(np.linalg.norm(np.ptp(corners, axis=0)))
     ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # points 2 k, 2 k + 1 are the ends of runs[k]

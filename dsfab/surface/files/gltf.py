@@ -36,7 +36,8 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 @dataclass(frozen=True)
 class Buffers:
-    """Data buffers listed in a file's JSON `tree`. binary : buffer inside the file. beside : reads other files."""
+    """Data buffers of a glTF file.    tree : the file's JSON.    binary : buffer inside the file.
+    beside : function that returns the bytes of another file by name.    known : buffers that were read, by number."""
 
     tree: dict[str, Any]
     binary: bytes | None
@@ -135,7 +136,8 @@ _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
 def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes], only: Sequence[str] = ()) -> TriangleFile:
-    """Return the triangles of the scene in a binary file, metres with z up. only : names of parts, see `read_gltf`.
+    """Return the triangles of the scene in a binary glTF file, metres with z up.
+    only : names of the nodes and meshes to read; by default all.
     Raises MalformedFileError for a damaged or incomplete file, SurfaceError above the limits of `budget`."""
     if data[:4] != b"glTF":
         raise MalformedFileError("there is no glTF header")
@@ -165,10 +167,10 @@ def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes], only:
 def read_gltf(
     data: bytes, budget: Budget, read_neighbour: Callable[[str], bytes], only: Sequence[str] = ()
 ) -> TriangleFile:
-    """Return the triangles of a JSON file in metres, with coincident vertices merged, and the y axis turned to z.
-    read_neighbour : function that returns a file in the same folder.
-    only           : names of nodes and meshes, see `selected_parts`.
-    Raises MalformedFileError for a damaged file, SurfaceError beyond the budget."""
+    """Return the triangles of the scene in a glTF file (JSON), metres with z up; vertices at one place are merged.
+    read_neighbour : function that returns the bytes of a file in the same folder.
+    only           : names of the nodes and meshes to read; by default all.
+    Raises MalformedFileError for a damaged file, SurfaceError above the limits of `budget`."""
     if data[:4] == b"glTF":
         return read_glb(data, budget, read_neighbour, only)
     file = text_file(data)
@@ -245,7 +247,7 @@ class _Scene:
         yield from ((node["mesh"], matrix @ place) for place in instances)
 
     def _shown_nodes(self) -> Iterator[tuple[list[str], tuple[dict[str, Any], Floats]]]:
-        """Yield names and (node, matrix (4, 4)) for each shown node with a mesh. Names: of node, parents and mesh."""
+        """Yield for each visible node with a mesh: names of node, parents and mesh; and the node with its matrix."""
         nodes, scenes = self.tree.get("nodes", []), self.tree.get("scenes", [])
         inner = {child for node in nodes for child in node.get("children", [])}
         roots = [k for k in range(len(nodes)) if k not in inner]
@@ -272,7 +274,6 @@ class _Scene:
             waiting.extend((child, matrix, names, shown) for child in reversed(node.get("children", [])))
 
     def _instances(self, attributes: dict[str, int]) -> Iterator[Floats]:
-        """Yield the matrices of the instances of a mesh; without instances an identity matrix."""
         names = [name for name in ("TRANSLATION", "ROTATION", "SCALE") if name in attributes]
         tables = [accessor(self.tree, self.buffers, attributes[k], 4 if k == "ROTATION" else 3) for k in names]
         if not tables:

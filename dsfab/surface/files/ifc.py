@@ -27,10 +27,10 @@ LEVELS = 50  # Largest number of assemblies, storeys and buildings around an ele
 
 
 def read_ifc(path: Path, only: Sequence[str] = ()) -> TriangleFile:
-    """Return the triangles of all elements, such as roofs, slabs and plates, at their places, not joined.
-    Openings are cut out. Vertices are in the length unit of the file's project.
-    only : names of elements, classes (`IfcRoof`), presentation layers, storeys and assemblies, see `selected_parts`.
-    Raises MalformedFileError for a foreign file, SurfaceError for a file without elements with faces."""
+    """Return the triangles of all elements of a building, such as roofs, slabs and plates. Openings are cut out.
+    Vertices are in the length unit of the file's project. Neighbouring faces share no vertices.
+    only : names of the elements, classes (`IfcRoof`), layers, storeys and assemblies to read; by default all.
+    Raises MalformedFileError for a file that is not IFC, SurfaceError for a file without elements with faces."""
     import ifcopenshell
     import ifcopenshell.geom as geom
 
@@ -90,7 +90,7 @@ def _visible_elements(model: Any, counts: Counter[Content]) -> Iterator[tuple[li
 
 
 def _is_body(identifier: str, element: Any) -> bool:
-    """Return True if `identifier` is an element's shape: its `Body`, or if it has none, any name not in `NO_BODIES`."""
+    """Return True if the representation named `identifier` is the shape of an element, not for instance its axis."""
     identifiers = {shape.RepresentationIdentifier for shape in element.Representation.Representations}
     return identifier == "Body" if "Body" in identifiers else identifier not in NO_BODIES
 
@@ -109,7 +109,6 @@ def _is_hidden(layer: Any) -> bool:
 
 
 def _unit(model: Any) -> str | None:
-    """Return the length unit of the project, or "no stated unit", for which dsfab requires --unit."""
     from ifcopenshell.util.unit import get_project_unit
 
     unit = get_project_unit(model, "LENGTHUNIT")

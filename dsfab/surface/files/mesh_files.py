@@ -35,10 +35,9 @@ OVERFLOW = float(np.finfo(np.float64).max) ** 0.25  # Squares of areas overflow 
 
 
 def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
-    """Join the faces of a mesh at coincident vertices if they are separate only because of the file's format.
-    Return the file and a text about the repair. Faces are joined in two cases: no two faces share a vertex, as in STL
-    files, or each free edge coincides with another free edge. Other coincident vertices may be an intended joint and
-    stay apart. No edge gets more than two faces."""
+    """Merge vertices at the same place that only the file's format separates. Return the file, and a text for the user.
+    Vertices are merged in two cases: no two faces share a vertex, or each free edge coincides with another free edge.
+    The file stays unchanged if an edge would get more than two faces."""
     mesh = file.mesh
     corners, V = mesh.corners, mesh.V
     if not len(corners) or corners.min() < 0 or corners.max() >= len(V):
@@ -92,7 +91,7 @@ def _free_edges(mesh: Polygons, corners: Ints) -> Bools:
 
 @dataclass(frozen=True, eq=False)
 class RawMesh:
-    """Vertices V (n, 3) in the file's own numbers, faces F (m, 3), and the file's declarations.
+    """The mesh in a file: vertices V (n, 3) in the file's unit, and triangles F (m, 3).
     polygons : number of faces in the file, before dsfab cut them into triangles.
     unit     : unit that the file declares, or None.
     record   : texts about reading and repairs so far.
@@ -123,12 +122,11 @@ def raw_mesh(
 ) -> RawMesh:
     """Read a file in OBJ, PLY, STL, OFF, glTF, 3MF, 3DM, DXF, STEP, BREP or IFC format, according to the suffix.
 
-    most_triangles : limit on triangles; the limits on bytes, vertices and seconds follow from it (`reading.Budget`).
+    most_triangles : limit on triangles; the limits on bytes, vertices and seconds follow from this limit.
     unit           : unit of the coordinates, used only if dsfab does not know the unit that the file declares.
-    only           : names of the parts to read, see `selected_parts`; by default all parts.
+    only           : names of the parts to read; by default all parts.
 
-    The y axis of glTF files becomes z. Polygons are cut into triangles. STL and glTF vertices at exactly the same
-    place become one vertex. For other formats, see `with_shared_vertices`. Unused vertices are removed.
+    The y axis of glTF files becomes z. Polygons are cut into triangles. Unused vertices are removed.
 
     Raises SurfaceError for an unreadable file, a file beyond the limits, an unknown name, and an unknown unit if `unit`
     is not set."""

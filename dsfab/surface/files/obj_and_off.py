@@ -39,10 +39,9 @@ LINES_PER_CHECK = 1 << 14  # Number of lines between two checks of the counts of
 
 
 def read_obj(data: bytes, budget: Budget, only: Sequence[str] = ()) -> PolygonFile:
-    """Return the vertices and faces of an OBJ file. Textures and normals are ignored.
-    only : names of objects and groups, see `selected_parts`; faces outside them are counted.
-    Lines, points and free forms are only counted. Raises MalformedFileError with the number of a bad line,
-    SurfaceError above the limits of `budget`."""
+    """Return the vertices and faces of an OBJ file; lines, points and free forms are only counted.
+    only : names of the objects and groups to read; by default all.
+    Raises MalformedFileError for a line that cannot be read, SurfaceError above the limits of `budget`."""
     file = text_file(data)
     comments = declarations_in_comments(file.text, ("#",))
     if "\\\n" in file.text:
@@ -94,7 +93,7 @@ _Group = tuple[int, tuple[str, ...], tuple[str, ...]]
 
 
 def _named_faces(mesh: Polygons, groups: list[_Group], only: Sequence[str], counts: Counter[Content]) -> Polygons:
-    """Return the faces in the groups that the user names, or all. Count the groups and unselected parts in `counts`."""
+    """Return the faces in the groups named in `only`, or all faces. Count groups and other parts in `counts`."""
     ends = (*(start for start, _, _ in groups[1:]), len(mesh.sizes))
     runs = [(*group, end) for group, end in zip(groups, ends, strict=True) if group[0] < end]
     if only:
@@ -143,8 +142,8 @@ KINDS = {"OFF", "COFF", "NOFF", "CNOFF", "NCOFF", "STOFF", "STCOFF", "STNOFF", "
 
 
 def read_off(data: bytes, budget: Budget) -> PolygonFile:
-    """Return the vertices and faces of an OFF file; the reader ignores colours, normals and textures.
-    Raises MalformedFileError for a foreign or incomplete file, SurfaceError beyond the budget."""
+    """Return the vertices and faces of an OFF file, without colours, normals and textures.
+    Raises MalformedFileError for an incomplete file or another format, SurfaceError above the limits of `budget`."""
     file = text_file(data)
     lines = ((number, words) for number, line in file.numbered_lines(budget) if (words := line.split("#")[0].split()))
     n, m = _sizes(lines)

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 def surface_from(V: Any, F: Iterable[Any], unit: str = "m") -> Surface:
     """Return a surface from vertices V (n, 3), in `unit`, and polygons F: (m, 3), (m, 4), or lists of any length.
-    dsfab cuts polygons into triangles and orients faces as in `dsfab.read_surface`. Coincident vertices stay apart,
-    and vertices keep their numbers. Raises SurfaceError for meshes that `read_surface` also refuses."""
+    Polygons are cut into triangles, and faces get one orientation. Vertices keep their numbers.
+    Raises SurfaceError for invalid or repeated faces, and for edges with more than two faces."""
     mesh = _polygons(V, F)
     return oriented_surface(mesh.V * metres_per(unit), triangles(mesh).F)
 
@@ -74,7 +74,7 @@ def surface_of(mesh: Any, unit: str | None = None) -> Surface:
 
 
 def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
-    """Return vertices (n, 3) and faces (m, 3) of an STL file by trimesh, in the file's unit. Raises SurfaceError."""
+    """Return vertices (n, 3) and faces (m, 3) of an STL file, read by trimesh. Raises SurfaceError if trimesh fails."""
     import trimesh
 
     try:
@@ -87,7 +87,7 @@ def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
 
 
 def threemf_by_lib3mf(path: Path) -> tuple[Floats, Ints]:
-    """Return single-precision vertices (n, 3) and faces (m, 3) of a 3MF file by lib3mf. Raises SurfaceError."""
+    """Return vertices (n, 3) and faces (m, 3) of a 3MF file, read by lib3mf. Raises SurfaceError if lib3mf fails."""
     import lib3mf
 
     model, parts = lib3mf.get_wrapper().CreateModel(), list[tuple[Floats, Ints]]()

@@ -83,8 +83,8 @@ def _numbers_before_words(block: bytes) -> Floats:
 
 
 def text_element(numbers: Floats, position: int, element: PlyElement, budget: Budget) -> tuple[Columns, int]:
-    """Return the properties of an element whose records begin at index `position` of the numbers (c,), and the index
-    where they end. Raises MalformedFileError for a file that ends too early, or has a word in place of a number."""
+    """Return the properties of an element of a text file, and the index in `numbers` (c,) where its records end.
+    position : index where the records begin.    Raises MalformedFileError for a file that ends too early."""
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * len(element.properties) > len(numbers) - position:
@@ -140,8 +140,8 @@ def _text_walk(numbers: Floats, position: int, element: PlyElement, budget: Budg
 
 
 def binary_element(body: bytes, position: int, element: PlyElement, order: str, budget: Budget) -> tuple[Columns, int]:
-    """Return the properties of a binary element from byte `position`, and the end of the element.
-    order : '<' little endian, '>' big endian."""
+    """Return the properties of an element of a binary file, and the byte in `body` where its records end.
+    position : byte where the records begin.    order : '<' little endian, '>' big endian."""
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * sum(np.dtype(p.length or p.type).itemsize for p in element.properties) > len(body) - position:
@@ -317,7 +317,7 @@ def _whole(indices: NDArray[Any]) -> Ints:
 
 
 def ply_chunks(V: Floats, F: Ints, unit: str) -> Iterator[bytes]:
-    """Yield a binary file, little endian, in parts: header with the `unit` of V, V (n, 3) as doubles, F (m, 3)."""
+    """Yield a mesh V (n, 3), F (m, 3) as a binary PLY file in parts: header, vertices (64 bits), faces. unit : of V."""
     lines = [
         "ply",
         "format binary_little_endian 1.0",

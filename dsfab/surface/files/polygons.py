@@ -24,8 +24,8 @@ def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     corners : (c,) corners of all faces, face after face.
     sizes   : (f,) number of corners of each face.
 
-    If only one diagonal is inside the quad, the cut follows it. Otherwise the cut follows a fold, or else the shorter
-    diagonal. Equal diagonals: the cut begins at corner 0. A quad with a corner outside 0..n-1 is cut arbitrarily."""
+    If only one diagonal is inside the quad, the cut follows this diagonal. Otherwise the cut follows the shorter
+    diagonal, or the longer diagonal if the triangles then continue flat neighbours much better."""
     start = np.cumsum(sizes) - sizes
     Q = corners[start[quads][:, None] + np.arange(4)]
     P = V[_inside(Q, len(V))] if len(Q) and len(V) else np.zeros((len(Q), 4, 3))
@@ -89,8 +89,8 @@ TOGETHER = 1 << 12  # Number of polygons cut together; their data fit into the p
 
 
 def small_polygon_triangles(P: Floats) -> Ints:
-    """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons P (q, k, 3); k is 5 to `MOST_CORNERS_FOR_EARS`.
-    If a self-crossing polygon has no ear, the corner whose neighbours are nearest to each other is cut off."""
+    """Cut q polygons P (q, k, 3) into triangles (q, k - 2, 3), given as corners 0..k-1, by ear clipping.
+    The number of corners k is 5 to `MOST_CORNERS_FOR_EARS`. The shortest cuts come first."""
     parts = [_ear_triangles(P[start : start + TOGETHER]) for start in range(0, len(P), TOGETHER)]
     return np.concatenate(parts) if parts else np.empty((0, P.shape[1] - 2, 3), dtype=np.int64)
 
@@ -125,9 +125,8 @@ def _are_ears(P: Floats, normal: Floats) -> Bools:
 
 
 def large_polygon_triangles(P: Floats) -> Ints | None:
-    """Return triangles (k - 2, 3) of a polygon P (k, 3), as corners 0..k-1, seen along its normal.
-    Return None if the polygon crosses itself in this view, or has no area. Corners on straight sides also become
-    corners of triangles, because a neighbouring polygon may have a corner there."""
+    """Cut a polygon P (k, 3) into triangles (k - 2, 3), given as corners 0..k-1.
+    Return None if the polygon has no area, or crosses itself when seen along its normal."""
     flat, noise = _in_plane(P)
     x, y = flat.T
     area = float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
@@ -190,7 +189,7 @@ def _twice_areas(flat: Floats, F: Ints) -> Floats:
 
 
 def _corner_turns(flat: Floats) -> tuple[Floats, Bools]:
-    """Return each corner's distance to its neighbours' line (right: positive), and True for turns < 90 degrees."""
+    """Return each corner's distance (k,) from its neighbours' line, positive on the right; True for turns < 90 deg."""
     incoming, outgoing = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
     cut = np.linalg.norm(incoming + outgoing, axis=1)
     twice = incoming[:, 0] * outgoing[:, 1] - incoming[:, 1] * outgoing[:, 0]
@@ -262,9 +261,8 @@ class CutPolygons:
 
 
 def triangles(mesh: Polygons) -> CutPolygons:
-    """Cut polygons into triangles, by `quad_triangles`, `small_polygon_triangles` or `large_polygon_triangles`.
-    Polygons with fewer than three corners are dropped. A polygon with a missing or infinite vertex becomes a fan,
-    and the caller must refuse it."""
+    """Cut polygons into triangles. Polygons with fewer than three corners are dropped.
+    The vertices are not checked: a polygon with a missing or infinite vertex becomes a fan."""
     start = np.concatenate([[0], np.cumsum(mesh.sizes)[:-1]]).astype(np.int64)
     of3, of4 = np.flatnonzero(mesh.sizes == 3), np.flatnonzero(mesh.sizes == 4)
     cuts = [mesh.corners[start[of3][:, None] + np.arange(3)], quad_triangles(mesh.V, mesh.corners, mesh.sizes, of4)]

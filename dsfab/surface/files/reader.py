@@ -54,15 +54,14 @@ def read_surface(
     """Return the surface in a mesh file, or in a file of a CAD program (`MESH_SUFFIXES`), in metres.
 
     unit          : unit of the numbers in the file; by default the unit that the file declares, else metres.
-    up            : the file's axis that points to the sky; a GLB file is first rotated from y up to z up.
-    mend          : true to mend small faults first, see `dsfab.surface.clean.repair`.
-    max_triangles : limit on triangles; the other limits of reading follow from it.
-    repair        : true to convert a raw scan to a clean sheet first, see `dsfab.surface.clean.repair`.
+    up            : the file's axis that points to the sky; glTF files have z up after reading.
+    mend          : true to mend small faults first, such as small holes and repeated faces.
+    max_triangles : limit on triangles; the limits on bytes and time follow from this limit.
+    repair        : true to convert a raw scan to a clean sheet first.
     only          : names of the parts to read: layers, blocks, nodes, objects, assemblies; by default all parts.
 
-    dsfab flips as few faces as possible so that neighbours have one orientation and closed pieces face outward. A
-    Moebius strip keeps a seam where orientations differ. Several pieces, and pieces that touch in a boundary vertex,
-    are accepted. `describe` reports such pieces, and `surface_in_file` reports the repairs.
+    Faces are flipped so that neighbours have one orientation and closed pieces face outward. A Moebius strip keeps a
+    seam where orientations differ. The surface may have several pieces.
 
     Raises SurfaceError for
     - an unreadable file, and coordinates that are not finite;
@@ -81,13 +80,14 @@ def surface_in_file(
     repair: bool = False,
     only: Sequence[str] = (),
 ) -> SurfaceInFile:
-    """Return the surface in a file, and a record of how it was read and repaired; see `read_surface`."""
+    """Return the surface in a file, and a record of reading and repairs. Parameters and errors: see `read_surface`."""
     raw = raw_mesh(path, max_triangles, unit, only)
     return surface_of_file(path, mended_raw_mesh(raw, repair, unit) if mend or repair else raw, unit, up)
 
 
 def mended_raw_mesh(raw: RawMesh, scan: bool = False, unit: str | None = None) -> RawMesh:
-    """Mend a raw mesh, or repair a scan; return the mesh with its repairs. unit : by default the unit of the file."""
+    """Return a raw mesh without small faults, with a text for each repair. scan : true to repair a raw scan.
+    unit : unit of the vertices, for the texts; by default the unit of the file."""
     metres = metres_per(unit) if unit else raw.metres
     better = (repaired_scan if scan else mended_mesh)(raw.V, raw.F, metres)
     if not better.repairs:
@@ -96,7 +96,7 @@ def mended_raw_mesh(raw: RawMesh, scan: bool = False, unit: str | None = None) -
 
 
 def surface_of_file(path: str | Path, raw: RawMesh, unit: str | None = None, up: Up = "z") -> SurfaceInFile:
-    """Return the surface of a raw mesh; see `read_surface`."""
+    """Return the surface of a raw mesh, and a record of reading. path : name for messages. See also `read_surface`."""
     if not len(raw.F):
         raise SurfaceError(f"{path}: the repair removed all faces: {'; '.join(raw.record.repaired)}; check the mesh")
     V = upright_vertices(raw.V * (metres_per(unit) if unit else raw.metres), up)
@@ -111,7 +111,7 @@ def surface_of_file(path: str | Path, raw: RawMesh, unit: str | None = None, up:
 
 
 def flip_remark(before: Ints, after: Ints) -> tuple[str, ...]:
-    """Return a text with the number of faces (m, 3) that were flipped; nothing if none were."""
+    """Return a text with the number of flipped faces. before, after : (m, 3) faces. Without flips, return ()."""
     count = int((before != after).any(axis=1).sum())
     if not count:
         return ()
@@ -120,7 +120,8 @@ def flip_remark(before: Ints, after: Ints) -> tuple[str, ...]:
 
 
 def oriented_surface(V: Floats, F: Ints) -> Surface:
-    """Return the surface of V (n, 3), metres, and F (m, 3), with its faces oriented; see `read_surface`."""
+    """Return the surface of V (n, 3), metres, and F (m, 3), flipped to one orientation; closed pieces face outward.
+    Raises SurfaceError for repeated faces, edges with more than two faces, and parts that touch in an inner point."""
     surface = Surface(V, F)
     _check_manifold(F, surface.edges)
     turned = _oriented_faces(V, F, surface.edges)
@@ -128,7 +129,7 @@ def oriented_surface(V: Floats, F: Ints) -> Surface:
 
 
 def normalized_surface(surface: Surface) -> Surface:
-    """Return the surface oriented, without vertices that no face uses. Raises SurfaceError as `read_surface` does."""
+    """Return the surface oriented as by `oriented_surface`, without vertices that no face uses."""
     used, F = np.unique(surface.F, return_inverse=True)
     if len(used) < surface.n:
         return oriented_surface(surface.V[used], F.reshape(-1, 3))
@@ -173,10 +174,10 @@ def _inside_out(V: Floats, F: Ints, edges: EdgeTable) -> Bools:
 
 @dataclass(frozen=True)
 class MeshFacts:
-    """Facts about a mesh file, sound or not; faces are triangles, lengths are in metres, converted from `unit`.
-    unit_guess     : unit that the file declares, or a guess from the size of the numbers.
-    unit_said      : true if the file declares the unit.
-    faces          : number of faces; all other facts ignore faces with vertices that are not finite.
+    """Facts about a mesh file, sound or not. Lengths are in metres, converted from `unit`.
+    unit_guess     : unit that the file declares (`unit_said`), or a guess from the size of the numbers.
+    faces          : number of triangles; all other facts ignore faces with vertices that are not finite.
+    polygons       : number of faces in the file.    box, low : size, and smallest coordinates along x, y, z.
     volume         : cubic metres; None unless the mesh is closed and oriented.
     genus          : None unless the mesh is a single oriented manifold piece.
     faults         : reasons why the mesh is not an oriented manifold.

@@ -79,9 +79,8 @@ log = logging.getLogger(__name__)
 
 @contextmanager
 def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
-    """Context manager that converts any exception during the reading of a file into a SurfaceError with a message.
-    smaller : remedy in the message if memory is too small.
-    damaged : cause that the message states for an unknown error."""
+    """Context manager for reading a file: it converts any exception to a SurfaceError with a message for the user.
+    smaller : remedy to state if memory is too small.    damaged : cause to state for an unknown error."""
     kind = path.suffix[1:].upper()
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -104,8 +103,8 @@ def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
 class Content:
     """Things of one kind in a file, and what dsfab did with them.
     kind  : "mesh", "curve", "hidden object" ...
-    fate  : "taken": part of the surface. "marks": support, load or region. Ignored things are "beside" if they cannot
-            be parts of a surface, such as curves; they are "dropped" if the user may expect them in the surface.
+    fate  : "taken": part of the surface. "marks": support, load or region. "beside": ignored, and no part of a
+            surface, such as curves. "dropped": ignored, though the user may expect these things in the surface.
     about : words after the kind, such as a layer or a reason.
     count : number of these things."""
 
@@ -156,7 +155,7 @@ def _mark_layer(word: str) -> str:
 
 
 def contents(counts: Counter[Content]) -> tuple[Content, ...]:
-    """Return the inventory entries with counts. Merge entries for many hidden layers, and for many unselected names."""
+    """Return the inventory of a file from counts of its things. Many hidden layers, or unselected names, are joined."""
     shown = {thing: count for thing, count in counts.items() if count}
     for kind, start, plural in (("hidden object", "on layer ", "on {} layers"), (UNSELECTED, "of ", "of {} names")):
         similar = [thing for thing in shown if thing.kind == kind]
@@ -179,9 +178,9 @@ Part = TypeVar("Part")
 def selected_parts(
     parts: Iterable[tuple[Sequence[str], Part]], only: Sequence[str], counts: Counter[Content]
 ) -> Iterator[Part]:
-    """Yield the parts of a file that the user names, and count the other parts; without names, yield all parts.
-    parts : pairs of names and a part: first the part's own names, if any; then those of its layer, block or assembly.
-    only  : the user's names. Upper and lower case are equal, unless names in the file differ by case alone.
+    """Yield the parts of a file that the user names in `only`, and count other parts in `counts`.
+    parts : pairs of a part's names and the part. Layers, blocks or assemblies of the part also give names.
+    only  : the user's names; upper or lower case is free. Without names, all parts are yielded.
     Raises SurfaceError for a name that the file lacks."""
     if not only:
         yield from (part for _, part in parts)
@@ -274,9 +273,9 @@ class PolygonFile:
 
 @dataclass(frozen=True, eq=False)
 class TriangleFile:
-    """Triangles of a file: vertices V (n, 3) in the file's unit, faces F (m, 3), and remarks as in a `PolygonFile`.
-    unit    : unit that the file declares, or None; for a unit outside METRES_PER the user must set --unit.
-    content : inventory of the file."""
+    """Triangles of a file: vertices V (n, 3) in the file's unit, faces F (m, 3), and remarks about the file.
+    unit    : unit that the file declares, or None.    doubts : oddities that may be faults.
+    dropped : ignored parts.                           content : inventory of the file."""
 
     V: Floats
     F: Ints
@@ -326,7 +325,8 @@ BLOCK = 1 << 20  # Number of characters that are split into lines between two ch
 
 @dataclass(frozen=True)
 class TextFile:
-    """The text of a file (lines end with line feeds), remarks on likely faults, whether the last line is complete."""
+    """The text of a file, with line feeds at the ends of lines.
+    doubts : remarks on likely faults.    ended : True if the last line is complete."""
 
     text: str
     doubts: tuple[str, ...]
@@ -423,9 +423,9 @@ dsfab reports steps above `COARSE_STEP`. It refuses steps above `LARGEST_STEP`, 
 
 
 def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, str]:
-    """Return the coarsest rounding step of the coordinates V (n, 3) of faces F (m, 3) as a multiple of the mean edge,
-    and a sentence about the step in `unit`; 0 and "" for a fine step. Coarse steps occur far from the origin,
-    in 32-bit numbers or numbers with `DIGITS` digits."""
+    """Return the largest rounding step of the coordinates V (n, 3) of faces F (m, 3), divided by the mean edge, and a
+    sentence about the step; 0 and "" for a fine step. Coordinates far from the origin may be rounded to coarse steps.
+    unit : unit of V, for the sentence."""
     P = V[F].reshape(-1, 3)
     largest = np.abs(P).max(axis=0)
     if not np.isfinite(largest).all() or largest.max() <= FAR * np.ptp(P, axis=0).max():
@@ -463,10 +463,9 @@ class Drawing:
 
 @dataclass(frozen=True)
 class DrawingBudget:
-    """Limits of reading a drawing of outlines, far above the size of usual drawings.
+    """Largest values for reading a drawing.    bytes : size of the file.    seconds : time.
     entities : number of entities, including the entities of each inserted block.
-    points   : number of points of all curves.
-    depth    : depth of nested blocks.
+    points   : number of points of all curves.    depth : levels of nested blocks.
     started  : start of reading, seconds of the process's clock."""
 
     bytes: int = 50_000_000
@@ -492,7 +491,8 @@ _APART = "put the outlines into a separate drawing"  # Remedy in the messages ab
 
 
 def curve_points(spans: Floats, curve: Callable[[Floats], Floats]) -> Floats:
-    """Return points (k, 3) of a curve: the ends of spans (s,), and up to 1024 points per span for `CURVE_TOLERANCE`."""
+    """Return points (k, 3) on a curve, so dense that the polyline follows the curve within `CURVE_TOLERANCE`.
+    spans : (s,) parameters that divide the curve into parts.    curve : function from parameters (k,) to points."""
     count = 4
     while True:
         t = np.interp(np.arange(2 * count * (len(spans) - 1) + 1) / (2 * count), np.arange(len(spans)), spans)

@@ -41,9 +41,9 @@ _KINDS = {
 
 
 def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
-    """Return the curves of a 3DM file (blocks expanded), with the names of its layers and its unit.
+    """Return the curves and points of a 3DM file (blocks expanded), with the names of its layers and its unit.
     Raises SurfaceError if rhino3dm is missing or the file exceeds `budget`, MalformedFileError for a file of another
-    format. The library may crash on a damaged file; `separate_process.read_rhino_in_process` prevents this."""
+    format. The library may crash on a damaged file; `read_rhino_in_process` survives a crash."""
     require_rhino()
     import rhino3dm
 
@@ -64,9 +64,9 @@ def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
 
 
 def read_rhino_meshes(path: Path, budget: DrawingBudget, only: Sequence[str] = ()) -> TriangleFile:
-    """Return the meshes of a 3DM file, also those saved with its surfaces; blocks are expanded, vertices not joined.
-    only : names of layers (also `A::B`), blocks and objects, see `selected_parts`.
-    Raises SurfaceError for a file whose surfaces have no saved meshes. See `read_rhino` for other errors."""
+    """Return the meshes of a 3DM file, and the meshes saved with its surfaces. Blocks are expanded.
+    only : names of the layers (also `A::B`), blocks and objects to read; by default all.
+    Raises SurfaceError for a file without any mesh or above `budget`, MalformedFileError for a damaged file."""
     model = _model(path)
     drawing, parts, bare = _DrawnObjects(model, budget), list[tuple[Floats, Ints]](), 0
     named_parts = _by_selectable_names(list(drawing.surfaces())) if only else (((), x) for _, x in drawing.surfaces())
@@ -108,7 +108,8 @@ def _mesh_arrays(mesh: Any) -> tuple[Floats, Ints]:
 
 
 def read_rhino_json(text: str) -> TriangleFile:
-    """Return the mesh, without a unit, in Rhino's JSON of a geometry, as Grasshopper sends it. Raises SurfaceError."""
+    """Return the mesh in Rhino's JSON text of a geometry, as Grasshopper sends it. The mesh has no unit.
+    Raises SurfaceError for other texts and for geometries that are not meshes."""
     require_rhino()
     import rhino3dm
 
@@ -147,7 +148,7 @@ def _by_selectable_names(parts: list[tuple[_Groups, _Surface]]) -> Iterator[tupl
 
 class _DrawnObjects:
     """Iterator over the visible objects of a 3DM file; it yields the objects of a block at each insertion.
-    layers : names of each layer by its number: its path `A::B`, its own name, then those of the layers above.
+    layers : names of each layer by its number: its path `A::B`, its own name, names of the layers above.
     hidden_layers : true to include hidden layers.    counts : number of block insertions and hidden objects."""
 
     def __init__(self, model: Any, budget: DrawingBudget, hidden_layers: bool = False) -> None:
@@ -207,7 +208,6 @@ class _DrawnObjects:
                 yield (layers, (name,), *blocks), thing.Geometry, place, is_hidden
 
     def _block_objects(self, block: Any) -> list[Any]:
-        """Return the content of a block; raises MalformedFileError if the file lacks it, for example a linked block."""
         inside = [self.model.Objects.FindId(object_id) for object_id in block.GetObjectIds()] if block else []
         if not inside or None in inside:
             name = f"the block {block.Name!r}" if block else "a block"
@@ -234,8 +234,8 @@ def _points(curve: Any) -> Floats:
 
 
 def read_occt(path: Path, only: Sequence[str] = ()) -> TriangleFile:
-    """Return the triangles of all faces, not joined. STEP files give millimetres; BREP files have no unit.
-    only : names of parts and assemblies of a STEP file, see `selected_parts`.
+    """Return triangles of all faces in a STEP file (in millimetres) or BREP file (without a unit).
+    Neighbouring faces share no vertices.    only : names of STEP parts and assemblies to read; by default all.
     Raises MalformedFileError for a file that OCCT cannot read, and for a file without faces."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
@@ -354,7 +354,7 @@ def _visible_parts(path: Path, counts: Counter[Content]) -> Iterator[tuple[tuple
 def _parts_in(
     label: Any, place: Any, outer_names: tuple[str, ...], counts: Counter[Content]
 ) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Yield each visible part's names (with those of outer assemblies) and shape. Count hidden parts and assemblies."""
+    """Yield names (of part and outer assemblies) and shape of each visible part. Count hidden parts and assemblies."""
     from OCP.TDF import TDF_Label
     from OCP.XCAFDoc import XCAFDoc_ColorTool, XCAFDoc_ShapeTool
 

@@ -31,7 +31,7 @@ LIBRARIES = {"drawing": "Rhino's library", "meshes": "Rhino's library", "cad": "
 
 
 def read_rhino_in_process(path: Path, budget: DrawingBudget) -> Drawing:
-    """Return the drawing of `read_rhino`; raises MalformedFileError also if the library crashes."""
+    """Return the drawing in a 3DM file, as `read_rhino` does. Raises MalformedFileError also if the library crashes."""
     require_rhino()
     try:
         answer = json.loads(_program_output("drawing", path, budget.seconds))
@@ -47,7 +47,7 @@ def read_rhino_in_process(path: Path, budget: DrawingBudget) -> Drawing:
 
 
 def read_3dm(path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFile:
-    """Return the meshes of a 3DM file with coincident vertices merged; see `read_rhino_meshes`."""
+    """Return the meshes of a 3DM file; vertices at the same place are merged. See also `read_rhino_meshes`."""
     require_rhino()
     mesh = foreign_triangles("meshes", path, budget, only)
     V, F = equal_merged(mesh.V, mesh.F)
@@ -67,8 +67,8 @@ def read_cad(path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFi
 
 
 def foreign_triangles(kind: str, path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFile:
-    """Read a file in a process of its own. kind : "meshes" for 3DM, "cad" for STEP and BREP, "ifc".
-    only : names of parts, see `selected_parts`."""
+    """Return the triangles of a file that a separate process reads. kind : "meshes" (3DM), "cad" (STEP, BREP), "ifc".
+    only : names of the parts to read; by default all."""
     try:
         answer = _program_output(kind, path, budget.seconds + SECONDS[kind], only)
     except subprocess.TimeoutExpired:
@@ -103,7 +103,8 @@ def _raise_refusal(answer: dict[str, Any]) -> None:
 
 
 def main() -> None:
-    """Read a file in this process; the arguments are kind, path, seconds and names. Print JSON, or .npz for meshes."""
+    """Read the file that the command's arguments name: kind, path, seconds, names of parts.
+    Print the content: JSON for drawings, .npz for meshes."""
     kind, path, seconds, *only = sys.argv[1:]
     _limit(int(seconds), MEMORY[kind])
     facts, V, F = dict[str, Any](), np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)

@@ -44,8 +44,7 @@ CHUNK = 1 << 14  # Number of triangles or XML elements between two checks of the
 
 
 def read_stl(data: bytes, budget: Budget) -> TriangleFile:
-    """Return the triangles of an STL file, with coincident corners merged.
-    A file is binary if it has the length that its binary header announces; binary files may also begin with "solid".
+    """Return the triangles of an STL file, text or binary; vertices at the same place are merged.
     Raises MalformedFileError if the file is incomplete or not STL, SurfaceError if it exceeds `budget`."""
     count = struct.unpack_from("<I", data, 80)[0] if len(data) >= HEAD else -1
     announced = HEAD + EACH * count
@@ -107,10 +106,10 @@ Key = tuple[str, str]  # Name of a part of the file, and number of an object in 
 
 
 def read_3mf(data: bytes, budget: Budget, only: Sequence[str] = ()) -> TriangleFile:
-    """Return the triangles of all objects on the build plate of a 3MF file, in double precision, at their places.
-    only : names or part numbers of objects and items, see `selected_parts`.
-    Printing aids, such as supports, are ignored. Source: 3MF Consortium, core specification 1.4. Raises
-    MalformedFileError for a damaged file, SurfaceError beyond the budget."""
+    """Return the triangles of all objects on the build plate of a 3MF file, without printing aids such as supports.
+    only : names or part numbers of the objects and items to read; by default all.
+    Source: 3MF Consortium, core specification 1.4. Raises MalformedFileError for a damaged file, SurfaceError above the
+    limits of `budget`."""
     plate = _Plate(budget, _archive_texts(data, budget))
     for key in (*plate.unprinted, *(key for key, _, _ in plate.items)):
         plate.require_ends(key, 0)
@@ -261,10 +260,10 @@ _AID = Content("printing aid", "dropped", "that only the slicer uses")
 
 
 def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int, int]]]:
-    """Return the printing aids, such as supports, from the settings of a slicer program.
-    A key (object, component) stands for an aid that is a whole component; its list is empty. A key (object, "") has a
-    list with the first and last triangle of each aid in the object. Sources: Slic3r_PE_model.config [PrusaSlicer],
-    model_settings.config [Bambu Studio, OrcaSlicer]."""
+    """Return the printing aids, such as supports, that the settings of a slicer program name.
+    texts : content of the archive's files, by name.    Keys: (object, component) for an aid that is a whole component,
+    with an empty list; (object, "") for first and last triangle of each aid inside an object.
+    Sources: Slic3r_PE_model.config [PrusaSlicer], model_settings.config [Bambu Studio, OrcaSlicer]."""
     aids: dict[tuple[str, str], list[tuple[int, int]]] = {}
     for name in ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config"):
         try:

@@ -44,8 +44,8 @@ def case_names(loads: Sequence[Load]) -> list[str]:
 def load_cases(
     surface: Surface, supports: Sequence[Support], loads: Sequence[Load], weight: float = 0.0
 ) -> dict[str, LoadCase]:
-    """Return the load case of each case name; all cases have the same supports.
-    In all cases, `loaded` marks the concentrated loads of every case, because the pattern must carry all of them.
+    """Return the load cases by name; all cases have the same supports. weight : weight of the sheet, N/m2.
+    In all cases, `loaded` marks the vertices under concentrated loads of any case.
     Raises SurfaceError as `LoadCase.build` does, with the name of the case if there are several."""
     names = case_names(loads)
     if len(names) < 2:
@@ -61,7 +61,7 @@ def load_cases(
 
 
 def combined_case(cases: Mapping[str, LoadCase], factors: Mapping[str, float] | None = None) -> LoadCase:
-    """Return the sum of simultaneous cases with their factors; without factors, each case counts once."""
+    """Return the sum of load cases, each multiplied by its factor. factors : by name of the case; by default all 1."""
     first_case = next(iter(cases.values()))
     taken = dict.fromkeys(cases, 1.0) if factors is None else factors
     force = np.sum([factor * cases[name].force for name, factor in taken.items()], axis=0)
@@ -133,7 +133,7 @@ class _Variable:
 def action_mistakes(
     loads: Sequence[Load], actions: Mapping[str, ActionKind], rule: CombinationRule | None
 ) -> Iterator[str]:
-    """Yield a message for each wrong or missing kind of action of a case, and for too many combinations."""
+    """Yield a message for each case with a wrong or missing kind of action, and for too many combinations."""
     cases = case_names(loads)
     for case in actions:
         if case not in cases:
@@ -162,10 +162,9 @@ def action_mistakes(
 def en1990_combinations(
     loads: Sequence[Load], actions: Mapping[str, ActionKind], rule: CombinationRule, factors: DesignFactors
 ) -> list[Combination]:
-    """Return all combinations of the load cases, with distinct factors; ultimate limit states come first.
-    Each selection of variable cases is combined. Two cases of one kind in `ONE_AT_A_TIME` never act together. Each
-    selected case is the leading action once. Permanent loads count as favourable only with wind, because other loads
-    press down."""
+    """Return all combinations of the load cases by EN 1990; ultimate limit states come first.
+    Each selection of variable cases is combined with the permanent loads, and each selected case is the leading action
+    once. Two cases of one kind in `ONE_AT_A_TIME` never act together. Permanent loads are favourable only with wind."""
     permanent, groups = _permanent_and_groups(loads, actions, factors.psi)
     combinations: dict[tuple[str, tuple[tuple[str, float], ...]], Combination] = {}
     for chosen in product(*groups):

@@ -20,13 +20,12 @@ EDGE_ON = 1e-12  # A face with the normal n is parallel to a unit direction d if
 
 @dataclass(frozen=True)
 class Snow:
-    """A load per *plan* area, Pa, along the unit vector d of `direction`: a force s A |n . d| d on a face of area A.
-    n is the face's unit normal; s is the load with its shape factor [EN 1991-1-3, 5.2]. An open sheet carries snow on
-    all faces: pick only the upper part of an overhanging sheet. A closed surface carries snow only on upper faces.
-    shape   : "mu1" to multiply `pressure` (s_k on the ground) by `snow_shape_factor`; "" if `pressure` includes it.
-    kind    : "imposed" for people and services, as a load per plan area [EN 1991-1-1, 6.3].
-    covered : true if a covering closes the openings: members carry also the snow on the covering. If false, snow lies
-              only on members."""
+    """A snow load, or another load per *plan* area: a force s A |n . d| d on a face of area A and unit normal n.
+    s is `pressure` (Pa) with its shape factor, and d the unit vector of `direction` [EN 1991-1-3, 5.2]. An open sheet
+    carries snow on all picked faces, a closed surface only on upper faces.
+    shape   : "mu1" to multiply `pressure` (s_k on the ground) by `snow_shape_factor`; "": `pressure` includes a factor.
+    kind    : "snow"; or "imposed" for people and services [EN 1991-1-1, 6.3].
+    covered : true if a covering closes the openings, so that members also carry the snow on the covering."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -39,7 +38,7 @@ class Snow:
     shape: Literal["", "mu1"] = ""
 
     def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
-        """Return the traction (m, 3) of the snow, Pa. Its integral is `pressure` times the plan area of the faces."""
+        """Return the traction (m, 3) of the snow, Pa: force per area of each face. `weight` is not used."""
         _require_pressure(self.kind, self.pressure)
         d = unit_vector(self.direction, f"a load of kind '{self.kind}'")
         towards = -(outward_normals(surface) @ d)
@@ -76,8 +75,7 @@ class Wind:
     Normals n point to the outside, see `outward_normals`. By default, walls across the wind have the coefficients +0.8
     and -0.5 [EN 1991-1-4:2005, table 7.1, zones D and E, h/d = 1].
 
-    This load is a first estimate for choosing a pattern. It omits suction along roofs and side walls, and pressure
-    inside open halls. Add these as loads of kind `pressure` on picked faces.
+    This load is a first estimate: suction along roofs and side walls, and pressure inside open halls, are missing.
 
     covered : see `Snow`; an open lattice also has different coefficients [EN 1991-1-4, 7.11]."""
 
@@ -127,14 +125,13 @@ def outward_normals(surface: Surface) -> Floats:
 
 
 def faces_without_upper_side(surface: Surface) -> Bools:
-    """Return the faces (m,) of open pieces that are no roofs, see `outward_normals`."""
+    """Mark the faces (m,) of open pieces with a mean slope of 60 degrees or more, such as walls."""
     rise, is_closed, piece = _pieces_in_space(surface)
     return np.asarray((~is_closed & (np.abs(rise) <= ROOF_RISE))[piece])
 
 
 def _pieces_in_space(surface: Surface) -> tuple[Floats, Bools, Ints]:
-    """Return for each piece (k,) the mean vertical part of its normals and whether it is closed; and the piece (m,)
-    of each face."""
+    """Return the mean vertical part of each piece's normals, a mask of closed pieces, and the piece of each face."""
     count, piece = surface.pieces
     rise = np.bincount(piece, surface.normals[:, 2] * surface.areas) / np.bincount(piece, surface.areas)
     is_open = np.bincount(piece, surface.edges.boundary[surface.edges.of].any(axis=1), count) > 0
@@ -142,7 +139,7 @@ def _pieces_in_space(surface: Surface) -> tuple[Floats, Bools, Ints]:
 
 
 def picked_faces(surface: Surface, picker: Picker, kind: str) -> Bools:
-    """Return the faces (m,) whose corners are all picked; raises SurfaceError without such faces."""
+    """Mark the faces (m,) whose three corners are picked; raises SurfaceError if there is no such face."""
     faces = surface.faces_of(picker.vertices(surface))
     if not faces.any():
         raise SurfaceError(
@@ -168,7 +165,7 @@ SPREAD_PARTS = ("weight", "bare", "covered")  # Load parts that act on faces.
 
 @dataclass(frozen=True, eq=False)
 class LoadParts:
-    """Forces at the vertices of a surface, and tractions on its faces. On an uncut surface, they act on whole faces.
+    """Loads of a load case by origin: forces at the vertices of a surface, and tractions on its faces.
     point   : (n, 3) loads of kind force and line, newtons.
     weight  : (m, 3) weight of the sheet itself, in proportion to its material, Pa.
     bare    : (m, 3) loads that act on material alone, such as snow on an open lattice, Pa.
@@ -205,7 +202,7 @@ class LoadParts:
         )
 
     def on_share(self, weight: float | Floats = 1.0, bare: float | Floats = 1.0) -> Self:
-        """Return the loads with the parts `weight` and `bare` multiplied by shares of material, float or (m,)."""
+        """Return the loads with `weight` and `bare` multiplied by factors: one number, or one for each face (m,)."""
         shares = (np.asarray(share, dtype=np.float64).reshape(-1, 1) for share in (weight, bare))
         scaled = {part: getattr(self, part) * share for part, share in zip(SPREAD_PARTS, shares, strict=False)}
         return replace(self, **scaled)
@@ -223,7 +220,7 @@ class Force:
     name: Name = ""
 
     def forces(self, surface: Surface, weight: float) -> Floats:
-        """Return the forces (n, 3), newtons; they sum to `force`."""
+        """Return the forces (n, 3) at the vertices, newtons; the sum is `force`."""
         if not any(self.force):
             raise SurfaceError("a load of kind 'force' is zero; give force = [fx, fy, fz] in newtons")
         share = np.where(self.at.vertices(surface), surface.vertex_areas, 0.0)
@@ -235,7 +232,6 @@ class Force:
 @dataclass(frozen=True)
 class Pressure:
     """A pressure in pascals on the faces whose corners are all picked; a positive pressure acts against their normals.
-    Each corner takes a third of its face's force: the consistent load of linear triangles.
     covered : true if a covering carries the pressure over openings to the members (see `Snow`)."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -251,7 +247,7 @@ class Pressure:
         return (-self.pressure * surface.faces_of(self.at.vertices(surface)))[:, None] * surface.normals
 
     def forces(self, surface: Surface, weight: float) -> Floats:
-        """Return the forces (n, 3), newtons; they sum to -`pressure` times the vector area of the faces."""
+        """Return the forces (n, 3) at the vertices, newtons; the sum is -`pressure` times the faces' vector area."""
         if self.pressure == 0:
             raise SurfaceError("a load of kind 'pressure' is zero; give pressure in pascals")
         faces = picked_faces(surface, self.at, "pressure")
@@ -270,7 +266,7 @@ class SelfWeight:
     name: Name = ""
 
     def forces(self, surface: Surface, weight: float) -> Floats:
-        """Return the forces (n, 3), N, of a sheet of `weight` N/m2; their sum is weight times area."""
+        """Return the forces (n, 3) at the vertices, newtons. weight : weight of the sheet, N/m2."""
         if not weight > 0:
             raise SurfaceError(
                 f"a load of kind 'self_weight' needs a sheet with weight, not {weight:g} N/m2; give the "
@@ -286,7 +282,7 @@ class SelfWeight:
 @dataclass(frozen=True)
 class Cladding:
     """The weight of a covering (glass, membrane, boards): a permanent load in newtons per square metre of the surface.
-    It acts along `direction` (any length) on faces whose corners are all picked, and also on openings."""
+    The weight acts along `direction` (any length) on faces whose corners are all picked, and also on openings."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -307,7 +303,7 @@ class Cladding:
         return picked_faces(surface, self.at, "cladding")[:, None] * along
 
     def forces(self, surface: Surface, weight: float) -> Floats:
-        """Return the forces (n, 3), newtons; they sum to pressure times the area of the faces."""
+        """Return the forces (n, 3) at the vertices, newtons; the sum is `pressure` times the area of the faces."""
         return forces_at_corners(surface, self.traction(surface) * surface.areas[:, None])
 
 
@@ -372,11 +368,11 @@ class LoadCase:
     """Supports and loads on the vertices of one surface.
     fixed       : (n, 3) True if a vertex may not move along x, y, z.
     force       : (n, 3) force on each vertex, newtons.
-    loaded      : (n,) True at the vertices under a load of kind force or line; the pattern may `keep` them.
+    loaded      : (n,) True at the vertices under a load of kind force or line.
     spring      : (n, 3) stiffness of elastic supports along x, y, z, newtons per metre; by default none.
     clamped     : (e,) edges that may not rotate about themselves; by default none, (0,).
-    fixed_edges : (e, 3) True if points inside an edge may not move along x, y, z; (0, 3) to use `spanned_edges`.
-    parts       : the forces in parts (see `LoadParts`); None if all forces act on the vertices themselves."""
+    fixed_edges : (e, 3) True if points inside an edge may not move along x, y, z; (0, 3) if not specified.
+    parts       : the loads by origin; None if all forces act on the vertices themselves."""
 
     fixed: Bools
     force: Floats
@@ -398,8 +394,7 @@ class LoadCase:
 
     @classmethod
     def build(cls, surface: Surface, supports: Sequence[Support], loads: Sequence[Load], weight: float = 0.0) -> Self:
-        """Return the load case of all supports and loads together.
-        weight : weight of the sheet, newtons per square metre (density x thickness x gravity), for self-weight.
+        """Return the load case with all supports and loads. weight : weight of the sheet, N/m2, for self-weight.
         Raises SurfaceError
         - without a support or a load, and for pickers without vertices;
         - for loads that are zero, and for loads that act only in fixed directions."""

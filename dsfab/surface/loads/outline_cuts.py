@@ -20,14 +20,15 @@ TEST_POINTS = 7  # Number of points inside an edge for which dsfab tests on whic
 
 @dataclass(frozen=True, eq=False)
 class OutlinedSurface:
-    """A surface while it is cut along a line. on : (n,) vertices on the line. fixed : (n,) vertices on older lines."""
+    """A surface that is being cut along an outline.
+    on : (n,) mask of vertices on the outline.    fixed : (n,) mask of vertices on earlier outlines."""
 
     surface: Surface
     on: Bools
     fixed: Bools
 
     def with_halved_edges(self, edges: Bools, places: Floats | None = None) -> "OutlinedSurface":
-        """Divide marked edges (e,) in their middle, or at places (k, 3) on the outline."""
+        """Divide the edges in a mask (e,) in their middles, or at places (k, 3) on the outline."""
         surface = self.surface
         V, F, _ = halved_edges(surface.V, surface.F, surface.edges, edges)
         count = len(V) - surface.n
@@ -44,11 +45,11 @@ class OutlinedSurface:
         return replace(self, surface=Surface(V, self.surface.F), on=on_line)
 
     def depth(self, extent: Extent) -> Floats:
-        """Return how deep (n,) the vertices lie inside an extent, metres; exactly 0 on its outline."""
+        """Return how deep (n,) the vertices lie inside a part of space, metres; 0 on the outline, negative outside."""
         return np.where(self.on, 0.0, extent.depth(self.surface.V))
 
     def with_divided_faces(self, faces: Ints, places: Floats, on_line: bool) -> "OutlinedSurface":
-        """Divide each face (k,) into three triangles that meet at its place (k, 3). on_line : True on the outline."""
+        """Divide faces (k,) in three, at places (k, 3) inside. on_line : True if the places lie on the outline."""
         s, count = self.surface, len(faces)
         centre_vertices = s.n + np.arange(count)
         stay = np.delete(s.F, faces, axis=0)
@@ -67,8 +68,8 @@ class EdgeCrossings(NamedTuple):
 
 
 def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
-    """Return the points at which the outline crosses edges, by bisection. Most crossed edges have ends on opposite
-    sides of the outline. The other crossed edges have one end on the outline, and have points on its two sides."""
+    """Return the points where the outline of a part of space crosses edges. Crossed edges have points on opposite sides
+    of the outline."""
     s, depth = outlined.surface, outlined.depth(extent)
     sign = np.sign(depth[s.edges.ends])
     edge = np.flatnonzero(sign.prod(axis=1) < 0)
@@ -164,8 +165,8 @@ def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[Ou
 
 
 def _may_move(outlined: OutlinedSurface, vertices: Ints, places: Floats, tolerance: float) -> Bools:
-    """Return which vertices may move without a change of the boundary or the shape. The angle between the step and each
-    face may have a sine up to 0.2. tolerance : distance from a face or boundary that is always allowed, metres."""
+    """Mark the vertices (k,) that may move to places (k, 3) without a visible change of the shape or its boundary.
+    tolerance : distance from faces and boundary that is always allowed, metres."""
     s, around = outlined.surface, _FacesAt.from_surface(outlined.surface)
     allowed = ~(outlined.fixed | outlined.on)[vertices]
     for k in np.flatnonzero(allowed):
@@ -203,7 +204,7 @@ def _spoilt(s: Surface, V: Floats) -> Bools:
 
 
 def with_touched_vertices(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Mark vertices very close to the outline as its vertices, if they could not be moved onto it."""
+    """Mark vertices very close to the outline as vertices on the outline."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     ends, share = s.edges.ends[crossed.edge], crossed.share
     close_vertices = np.concatenate([ends[share < 0.05, 0], ends[share > 1 - 0.05, 1]])
@@ -213,10 +214,10 @@ def with_touched_vertices(outlined: OutlinedSurface, extent: Extent) -> Outlined
 
 
 def with_outline(surface: Surface, extent: Extent, fixed: Bools) -> OutlinedSurface:
-    """Return the surface with edges along the outline, where the limits of the space `extent` meet the surface.
-    fixed : (n,) vertices on earlier outlines, which stay in place. Old vertices come first in the result.
-    Corners of the outline become vertices. Edges follow curves of the outline within `LINE_TOLERANCE`. Raises
-    SurfaceError if the extent is so narrow that too many faces are needed."""
+    """Return the surface with edges along the outline, where the border of a part of space meets the surface.
+    extent : part of space.    fixed : (n,) mask of vertices on earlier outlines, which stay in place.
+    Old vertices come first. Corners of the outline become vertices. Raises SurfaceError if the part of space is so
+    narrow that too many faces are needed."""
     outlined = OutlinedSurface(surface, np.zeros(surface.n, dtype=bool), fixed)
     outlined = with_corners(_refine(outlined, extent, _coarse_edges), extent)
     outlined = replace(outlined, on=outlined.on | (np.abs(extent.depth(outlined.surface.V)) <= 1e-9 * surface.size))
@@ -259,7 +260,6 @@ def _refine(
 
 
 def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Mark the edges (e,) near the outline longer than `extent.width`: half the extent's width at narrow places."""
     s = outlined.surface
     depth, size, face_edges = np.abs(outlined.depth(extent)), s.edge_lengths, s.edges.of
     is_near = depth[s.F].min(axis=1) <= size[face_edges].max(axis=1)
@@ -296,7 +296,7 @@ def _border_edges(s: Surface, extent: Extent) -> Bools:
 
 
 def _turns_back(depth: Floats) -> Bools:
-    """Mark edges (k,) that cross an outline more than once. depth : (p, k) depth inside it at p points of each edge."""
+    """Mark edges (k,) that cross an outline more than once. depth : (p, k) depth inside, at p points of each edge."""
     sign = np.sign(depth)
     low, high = np.minimum.accumulate(sign), np.maximum.accumulate(sign)
     fell, rose = (high > 0) & (sign < 0), (low < 0) & (sign > 0)
@@ -307,7 +307,7 @@ def _turns_back(depth: Floats) -> Bools:
 
 
 def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
-    """Return faces (k,) that the outline crosses, and its distance (k,) from the middle between its two crossings."""
+    """Return faces that the outline crosses, and the outline's distance from the middle between its two crossings."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     place = np.full((len(s.edges.ends), 3), np.nan)
     place[crossed.edge] = crossed.place
@@ -318,7 +318,7 @@ def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
 
 
 def _divide_flat_faces(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Divide faces with all corners on outlines by a new vertex. Its position tells on which side its face lies."""
+    """Divide faces whose corners all lie on outlines at a new vertex off the outlines."""
     s, inner = outlined.surface, ~_outline_edges(outlined, extent)
     flat = np.flatnonzero((outlined.on | outlined.fixed)[s.F].all(axis=1))
     length = np.where(inner, s.edge_lengths, 0.0)[s.edges.of[flat]]

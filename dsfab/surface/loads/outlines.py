@@ -37,8 +37,8 @@ from dsfab.surface.topology import spanned_edges
 
 
 def depth_in(loops: Sequence[Floats], P: Floats) -> Floats:
-    """Return the distance (p,) of points P (p, 2) from the sides of polygons (k, 2); negative outside.
-    A point is inside if an odd number of polygons contain it. So a polygon inside a polygon bounds a hole."""
+    """Return the distance (p,) of points P (p, 2) from the sides of polygons `loops`, each (k, 2); negative outside.
+    A polygon inside a polygon bounds a hole."""
     start = np.concatenate(loops)
     end = np.concatenate([np.roll(loop, -1, axis=0) for loop in loops])
     space = np.zeros((2 * len(start), 3))
@@ -73,7 +73,7 @@ def enclosed_area(P: Floats) -> float:
 
 
 def bend_corners(P: Floats) -> Bools:
-    """Return the corners (k,) of a polygon (k, 2) at which it bends by 15 degrees or more; curves bend less."""
+    """Mark the corners (k,) of a polygon (k, 2) at which the outline bends by 15 degrees or more."""
     came, goes = P - np.roll(P, 1, axis=0), np.roll(P, -1, axis=0) - P
     cross = came[:, 0] * goes[:, 1] - came[:, 1] * goes[:, 0]
     angle = np.abs(np.arctan2(cross, np.einsum("ki,ki->k", came, goes)))
@@ -81,7 +81,7 @@ def bend_corners(P: Floats) -> Bools:
 
 
 def self_crossing(P: Floats) -> tuple[int, int, Floats] | None:
-    """Return the first two sides of a polygon (k, 2) that meet, except neighbours, and the place (2,); or None."""
+    """Return two sides (numbers) of a polygon (k, 2) that meet and are not neighbours, and the place (2,); or None."""
     k, Q = len(P), np.roll(P, -1, axis=0)
     for i in range(k - 2):
         j = np.arange(i + 2, k - (i == 0))
@@ -109,7 +109,7 @@ ONE_PLANE = 1e-3  # Largest distance of curves from their common plane, divided 
 
 
 class OutlineError(SurfaceError, ValueError):
-    """Error for an invalid outline. It is also a ValueError, so that pydantic adds the preset's key to the message."""
+    """Error for an invalid outline; also a ValueError, so that pydantic adds the preset's key to the message."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ class PlanPolygon:
         return Extent(depth, np.array([*uprights, *around]).reshape(-1, 2, 3), _width(P))
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,); raises SurfaceError if no vertex is picked."""
+        """Mark the picked vertices (n,); raises SurfaceError if no vertex is picked."""
         return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
 
 
@@ -159,7 +159,7 @@ class ClosedCurves:
     Horizontal curves are projected from above. Other curves are projected along the normal of their plane, like a door
     in elevation.
 
-    file   : DXF or 3DM; relative paths start at the preset's folder, in Python at the current folder.
+    file   : drawing, DXF or 3DM; relative paths start at the preset's folder, in Python at the current folder.
     layer  : layer of the curves; by default all layers.    unit : unit of the file's numbers; by default its own unit.
     curves : points of polygons, used in place of a file, metres.
     depth  : distance to both sides of the curves' plane, metres. By default, horizontal curves have no limit, and
@@ -188,7 +188,8 @@ class ClosedCurves:
         return tuple(np.array(curve, dtype=np.float64) for curve in self.curves or ())
 
     def extent(self, surface: Surface) -> Extent:
-        """Return prisms through the curves, normal to the plane of each curve. Raises SurfaceError for bad outlines."""
+        """Return the prisms above and below the curves, normal to each curve's plane.
+        Raises SurfaceError for curves that cross themselves or have no area."""
         planes: list[_Plane] = []
         for number, loop in enumerate(self.loops()):
             loop = without_repeats(loop)
@@ -202,14 +203,14 @@ class ClosedCurves:
         return Extent.union([plane.extent(surface, self.depth) for plane in planes])
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,). Raises SurfaceError if no vertex is picked, and for invalid outlines."""
+        """Mark the picked vertices (n,). Raises SurfaceError if no vertex is picked, and for invalid outlines."""
         return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
 
 
 @dataclass(frozen=True)
 class Brush:
-    """The space of a brush stroke: within `radius` (metres) of any point, or of the segment to the next point.
-    If the balls around two consecutive points do not overlap, no segment joins the points: a new stroke begins."""
+    """The space of brush strokes: all within `radius` (metres) of the polyline through the points.
+    A new stroke begins where two consecutive points are more than two radii apart."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     points: Annotated[tuple[Vector, ...], MinLen(1)]
@@ -229,7 +230,7 @@ class Brush:
         return Extent(depth, np.empty((0, 2, 3)), radius)
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,); raises SurfaceError if no vertex is picked."""
+        """Mark the picked vertices (n,); raises SurfaceError if no vertex is picked."""
         return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
 
 
@@ -286,7 +287,8 @@ class _Plane:
         return bool(np.abs(self.distances(loop)).max() < ONE_PLANE * size)
 
     def extent(self, surface: Surface, depth: float | None) -> Extent:
-        """Return the prism through the curves. depth : its depth to both sides, metres; None as in `ClosedCurves`."""
+        """Return the prism above and below the curves, normal to the plane. depth : height of the prism to each side of
+        the plane, metres; None: unlimited for horizontal curves, else up to the nearest part of the surface."""
         loops, normal = [self.projected(loop) for loop in self.loops], self.axes[2]
         low, high = (-depth, depth) if depth else (-np.inf, np.inf)
         if depth is None and not self.level:
@@ -303,7 +305,8 @@ class _Plane:
         return Extent(prism_depth, foot[:, None] + ends, min(_width(flat) for flat in loops))
 
     def _nearest_part(self, surface: Surface) -> tuple[float, float]:
-        """Return the prism's ends (m off its plane): halfway from the surface's nearest part to the next; else inf."""
+        """Return lower and upper end of the prism, metres from the plane, so that the prism contains only the surface's
+        nearest part; infinite if nothing lies behind this part."""
         reach, normal = np.abs(self.distances(surface.V)).max() + surface.size, self.axes[2]
         nearest_hits, behind = list[float](), list[float]()
         for p in self._sight_points():
@@ -350,14 +353,14 @@ Picker = Annotated[
 
 
 def has_outline(picker: Picker) -> bool:
-    """Return True if a picker selects all vertices inside a part of space, so that a region there has an outline."""
+    """Return True if a picker selects all vertices inside a part of space, so that a region has a smooth outline."""
     return isinstance(picker, PlanPolygon | ClosedCurves | Brush | Ball | Box | Side) and not getattr(
         picker, "boundary", False
     )
 
 
 def extent_of(picker: Picker, surface: Surface) -> Extent | None:
-    """Return the part of space whose content a picker selects; None for pickers of vertices or faces.
+    """Return the part of space in which a picker selects all vertices; None for pickers that do not select by space.
     Raises SurfaceError as `ClosedCurves.extent` does."""
     if isinstance(picker, PlanPolygon | ClosedCurves | Brush):
         return picker.extent(surface)
@@ -372,10 +375,8 @@ def extent_of(picker: Picker, surface: Surface) -> Extent | None:
 
 
 def edges_of(picker: Picker, surface: Surface) -> Bools:
-    """Return the edges (e,) that belong to the picked vertices of a picker.
-    A picker of the boundary has free edges only. Other pickers have the edges with both ends picked. If the picker has
-    a drawn outline, the middle of the edge must be inside, too. For named vertices, see `spanned_edges`. Raises
-    SurfaceError as the picker does."""
+    """Mark the edges (e,) between picked vertices; only free edges for a picker of the boundary.
+    With a drawn outline, the middle of an edge must be inside, too. Raises SurfaceError as the picker does."""
     picked, edges = picker.vertices(surface), surface.edges
     if isinstance(picker, VerticesLeft):
         return picker.edges(surface)

@@ -20,9 +20,9 @@ from dsfab.surface.topology import on_boundary
 
 @dataclass(frozen=True, eq=False)
 class Extent:
-    """A part of space.
-    depth   : function that returns the depth (k,) of points (k, 3) inside the part, metres; negative outside.
-    creases : (c, 2, 3) segments where two walls of the part meet, metres. On a surface, its outline has corners there.
+    """A part of space, such as a box, in which vertices are picked or a region lies.
+    depth   : function that returns the distance (k,) of points (k, 3) from the part's border, metres; negative outside.
+    creases : (c, 2, 3) ends of the segments where two walls of the part meet, metres.
     width   : about half the width of the part at narrow places, metres; the mesh must be finer."""
 
     depth: Callable[[Floats], Floats]
@@ -61,13 +61,14 @@ class Extent:
 
     @classmethod
     def below(cls, direction: Floats, height: float, width: float) -> "Extent":
-        """Return the space where the coordinate along a unit vector (3,) is below `height`, m. width : see `Extent`."""
+        """Return the space where the coordinate along a unit vector (3,) is below `height`, metres.
+        width : largest edge length for meshes near the border, metres."""
         return cls(lambda P: height - P @ direction, np.empty((0, 2, 3)), width)
 
 
 def pierced_faces(surface: Surface, a: Floats, b: Floats) -> tuple[Ints, Floats]:
-    """Return the faces (k,) that the segment from a to b (3,) meets, and their positions (k,), 0 to 1, ascending.
-    Faces parallel to the segment do not count [Moeller and Trumbore 1997]."""
+    """Return the faces (k,) that the segment from a to b (3,) meets, and the fraction (k,) of the segment, from a, at
+    which each face is met, ascending. Faces parallel to the segment do not count [Moeller and Trumbore 1997]."""
     P, Q, R = (surface.V[surface.F[:, k]] for k in range(3))
     ray, u, v = np.broadcast_to(b - a, P.shape), Q - P, R - P
     normal, to = cross(ray, v), a - P
@@ -97,13 +98,13 @@ class _HasPick(Protocol):
 
 @dataclass(frozen=True)
 class All:
-    """Every vertex."""
+    """All vertices of the surface."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pick: Literal["all"] = "all"
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,)."""
+        """Mark the picked vertices (n,)."""
         return np.ones(surface.n, dtype=bool)
 
 
@@ -125,7 +126,7 @@ class Box:
         return _in_metres([self.min, self.max], surface, self.relative)
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,); raises SurfaceError if the box is empty, or if min is beyond max."""
+        """Mark the picked vertices (n,); raises SurfaceError if the box is empty, or if min is beyond max."""
         low, high = self.corners(surface)
         if (low > high).any():
             raise SurfaceError(f"{picker_words(self)} has min beyond max; swap them")
@@ -153,7 +154,7 @@ class Ball:
         return _in_metres([self.center], surface, self.relative)[0], self.radius * scale
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,); raises SurfaceError if no vertex is picked."""
+        """Mark the picked vertices (n,); raises SurfaceError if no vertex is picked."""
         center, radius = self.metres(surface)
         return within_reach(self, surface, np.linalg.norm(surface.V - center, axis=1), radius)
 
@@ -171,11 +172,11 @@ class Side:
     pick: Literal["side"] = "side"
 
     def reach(self, surface: Surface) -> float:
-        """Return the width of the picked strip along the axis, metres."""
+        """Return the width of the picked strip, measured along the axis, metres."""
         return self.depth * (float(np.ptp(surface.V[:, "xyz".index(self.axis)])) if self.relative else 1.0)
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,), at least one."""
+        """Mark the picked vertices (n,), at least one."""
         x = surface.V[:, "xyz".index(self.axis)]
         away = x - x.min() if self.end == "min" else x.max() - x
         return within_reach(self, surface, away, self.reach(surface))
@@ -183,7 +184,8 @@ class Side:
 
 @dataclass(frozen=True)
 class Nearest:
-    """The vertex nearest to each point, metres. relative : true if points are fractions of the surface's box (0-1)."""
+    """The vertex nearest to each of some points, metres.
+    relative : true if the points are fractions of the surface's box, 0 to 1 along each axis."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     points: Annotated[tuple[Vector, ...], MinLen(1)]
@@ -195,7 +197,7 @@ class Nearest:
         return _in_metres(self.points, surface, self.relative)
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,): for each point, the nearest vertex. Raises SurfaceError without points."""
+        """Mark the picked vertices (n,): for each point, the nearest vertex. Raises SurfaceError without points."""
         picked = np.zeros(surface.n, dtype=bool)
         for point in self.places(surface):
             picked[np.linalg.norm(surface.V - point, axis=1).argmin()] = True
@@ -206,8 +208,8 @@ class Nearest:
 class Boundary:
     """The vertices of all free edges, of one boundary loop, or of a part of a loop.
     loop   : number of the loop: 0 is the longest in metres, 1 the next.
-    points : places near free edges, in place of a number, metres. One place picks the nearest loop. Three places pick
-             a part of this loop: its start, a place on it, its end."""
+    points : places near the boundary, metres, in place of a number. One place picks the nearest loop. Three places pick
+             a part of the nearest loop: start, a place between, end."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     loop: Literal["all"] | Annotated[int, Ge(0)] = "all"
@@ -222,7 +224,7 @@ class Boundary:
             )
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,). Raises SurfaceError if the surface is closed or lacks loop number `loop`."""
+        """Mark the picked vertices (n,). Raises SurfaceError if the surface is closed or lacks loop number `loop`."""
         loops = surface.loops
         if not loops:
             raise SurfaceError(f"{picker_words(self)} picks no vertex: the surface is closed; use another picker")
@@ -237,7 +239,7 @@ class Boundary:
         return picked
 
     def _named_loop(self, surface: Surface) -> list[Ints]:
-        """Return the loop (k,) nearest to the first point; with three points, only its part from 1 to 3 through 2."""
+        """Return the boundary loop nearest to the first point, or the part from first through second to third point."""
         away = [np.linalg.norm(surface.V[loop] - self.points[0], axis=1).min() for loop in surface.loops]
         loop = surface.loops[int(np.argmin(away))]
         if len(self.points) == 1:
@@ -259,7 +261,7 @@ class Facing:
     pick: Literal["facing"] = "facing"
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,); raises SurfaceError if no vertex is picked."""
+        """Mark the picked vertices (n,); raises SurfaceError if no vertex is picked."""
         require_two_sides(surface, np.ones(surface.m, dtype=bool), picker_words(self))
         d, N = unit_vector(self.direction, picker_words(self)), surface.vertex_normals
         degrees = np.degrees(np.arctan2(np.linalg.norm(np.cross(N, d), axis=1), N @ d))
@@ -277,7 +279,7 @@ class Vertices:
     pick: Literal["vertices"] = "vertices"
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,); raises SurfaceError for an index that the surface does not have."""
+        """Mark the picked vertices (n,); raises SurfaceError for an index that the surface does not have."""
         indices = np.array(self.indices, dtype=np.int64)
         bad = indices[(indices < 0) | (indices >= surface.n)]
         if len(bad):
@@ -292,7 +294,7 @@ class Vertices:
 
 @dataclass(frozen=True)
 class VerticesLeft(Vertices):
-    """Picked vertices that remain after the removal of voids. ends : (k, 2) edges between them, smaller index first."""
+    """Picked vertices that remain after voids are cut out. ends : (k, 2) the edges between these vertices."""
 
     ends: tuple[tuple[int, int], ...] = ()
 
@@ -304,7 +306,7 @@ class VerticesLeft(Vertices):
 
 
 def unit_vector(direction: Vector, whose: str) -> Floats:
-    """Return the direction (3,) with length 1; raises SurfaceError for the zero vector."""
+    """Return a direction (3,) with length 1. Raises SurfaceError for a zero vector. whose : owner, for the message."""
     d = np.array(direction, dtype=np.float64)
     length = np.linalg.norm(d)
     if not np.isfinite(length) or length == 0:
@@ -319,7 +321,8 @@ def _in_metres(points: Sequence[Vector], surface: Surface, relative: bool) -> Fl
 
 
 def within_reach(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
-    """Return the vertices (n,) at distances `away` (n,) up to `reach`, metres; raises SurfaceError if none exist."""
+    """Mark the vertices (n,) whose distances `away` (n,) are at most `reach`, metres.
+    Raises SurfaceError if no vertex is marked. picker : for the message."""
     picked = away <= reach + PICKER_TOLERANCE * surface.size
     return _require_picked(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m out of reach")
 
@@ -332,7 +335,7 @@ def _require_picked(picker: _HasPick, surface: Surface, picked: Bools, why: str)
 
 
 def picker_words(picker: _HasPick) -> str:
-    """Return the picker as in a preset, without defaults and with long values shortened."""
+    """Return a picker as a text for messages, without defaults and with long values shortened."""
     items = ((f.name, getattr(picker, f.name)) for f in fields(picker))  # type: ignore[arg-type]
     values = ", ".join(
         f"{name} = {_short(value)}"

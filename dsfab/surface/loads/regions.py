@@ -21,7 +21,7 @@ from dsfab.surface.topology import corner_fans, edge_table
 
 
 class RegionError(SurfaceError, ValueError):
-    """Error for a region that contradicts itself. Because it is a ValueError, pydantic reports it with its key."""
+    """Error for a region whose values contradict each other; also a ValueError, for pydantic."""
 
 
 @dataclass(frozen=True)
@@ -29,12 +29,12 @@ class PatternRegion:
     """A part of the surface with its own treatment.
 
     at    : picker that selects the region. A region by plan, curve, brush, ball, box or side has a smooth edge.
-    do    : keep, the region is solid; void, it is empty; rim, it has a solid band inside its edge.
-    width : width of the band along the surface, metres; by default pattern.rim, else 1/8 of the region's width.
+            The edge of any other region is halfway between picked and unpicked vertices.
+    do    : "keep": a solid region. "void": a hole. "rim": a solid band along the inside of the region's edge.
+    width : width of the band, metres; by default pattern.rim, else 1/8 of the region's width.
     name  : text for messages.
 
-    The edge of a region by any other picker is halfway between picked and unpicked vertices. Raises RegionError for a
-    width without a band, and for a band without an outline."""
+    Raises RegionError for a `width` without do = "rim", and for do = "rim" in a region without a smooth edge."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     at: Picker
@@ -52,25 +52,24 @@ class PatternRegion:
             )
 
     def faces(self, surface: Surface) -> Bools:
-        """Return the region's faces (m,) on a surface cut along its outline. Raises SurfaceError as its picker does."""
+        """Mark the region's faces (m,) on a surface with edges along the outline. Raises SurfaceError as `at` does."""
         extent = extent_of(self.at, surface)
         return surface.faces_of(self.at.vertices(surface)) if extent is None else extent.depth(surface.centroids) > 0
 
     def cut_as(self, region: "PatternRegion") -> bool:
-        """Return whether this region and `region` cut a surface in the same way."""
+        """Return whether this region and `region` cut the same lines and the same holes into a surface."""
         return (self.at, self.do == "void") == (region.at, region.do == "void")
 
 
 def region_key(regions: Sequence[PatternRegion], k: int) -> str:
-    """Return the name of a region for messages: 'pattern.region.0 (door)'."""
+    """Return the name of region number k for messages: 'pattern.region.0 (door)'."""
     return f"pattern.region.{k}" + (f" ({regions[k].name})" if regions[k].name else "")
 
 
 class RegionedSurface(NamedTuple):
-    """A surface that is cut along the outlines of regions. A void is a region without material.
-    surface  : the surface without the faces in voids.
-    taken    : (k,) area of each region that is a void, else 0, m2.
-    whole    : the surface with the faces in voids.
+    """A surface that is cut along the outlines of regions. Voids are regions without material.
+    surface  : the surface without voids.    whole : the surface with the faces in voids.
+    taken    : (k,) area that each region removes, m2; 0 for regions that are no voids.
     vertices : (n,) index in `whole` of each vertex of `surface`."""
 
     surface: Surface
@@ -80,8 +79,8 @@ class RegionedSurface(NamedTuple):
 
 
 def with_regions(surface: Surface, regions: Sequence[PatternRegion]) -> RegionedSurface:
-    """Return the surface with edges along outlines of regions, without voids. In `whole` (with the voids), the old
-    vertices come first. Raises SurfaceError with the name of a region off the surface, or if voids remove all faces."""
+    """Cut a surface along the outlines of regions, and remove the voids. In `whole`, the old vertices come first.
+    Raises SurfaceError for a region that misses the surface, and if voids remove all faces."""
     extents, nothing = _extents(surface, regions), np.zeros(surface.n, dtype=bool)
     outlined = OutlinedSurface(surface, nothing, nothing)
     for k in _voids_first(regions):

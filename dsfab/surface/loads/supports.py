@@ -62,17 +62,16 @@ Hold = Literal["xyz", "xy", "xz", "yz", "x", "y", "z", ""]
 
 
 class SupportError(SurfaceError, ValueError):
-    """Error for a support with wrong values. It is a ValueError, so that pydantic adds the key of the support."""
+    """Error for a support with wrong values; also a ValueError, for pydantic."""
 
 
 @dataclass(frozen=True)
 class Support:
     """Vertices that may not move: `[[surface.support]]  at = { pick = "side", axis = "z", end = "min" }  hold = "xyz"`.
-    hold   : fixed directions, along the surface's own axes: by default all, or none if a `spring` is set.
+    hold   : letters of the axes along which the vertices are fixed; by default xyz, or none if a `spring` is set.
     spring : total stiffness along x, y and z, newtons per metre, shared by the vertices in proportion to their areas.
-    clamp  : true to prevent also the rotation of the picked edges (`edges_of`) about their own line.
-    name   : text for lists of supports; it does not affect results.
-    `clamp` leaves the inner edge of a face with two boundary edges free, because this edge lies inside the sheet.
+    clamp  : true to prevent also the rotation of the picked edges about their own line.
+    name   : text for lists of supports.
     Raises SupportError for a support without effect, a negative spring, or a spring along a fixed direction."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -101,15 +100,15 @@ class Support:
             )
 
     def fixed_directions(self, surface: Surface) -> Bools:
-        """Return the rigidly fixed directions (n, 3) of the vertices."""
+        """Return a mask (n, 3): True where a vertex may not move along x, y or z."""
         return np.asarray(self.at.vertices(surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
 
     def fixed_edges(self, surface: Surface) -> Bools:
-        """Return the fixed directions (e, 3) of points inside edges. A finer mesh has vertices at these points."""
+        """Return a mask (e, 3): True where the points inside an edge may not move along x, y or z."""
         return np.asarray(edges_of(self.at, surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
 
     def springs(self, surface: Surface) -> Floats:
-        """Return the stiffness (n, 3), N/m, whose sum is `spring`. Raises SurfaceError for vertices without faces."""
+        """Return the springs' stiffness (n, 3), N/m; the sum is `spring`. Raises SurfaceError if no face is there."""
         if self.spring is None:
             return np.zeros((surface.n, 3))
         share = np.where(self.at.vertices(surface), surface.vertex_areas, 0.0)
@@ -118,7 +117,7 @@ class Support:
         return np.asarray((share / share.sum())[:, None] * np.array(self.spring))
 
     def clamped_edges(self, surface: Surface) -> Bools:
-        """Return the clamped edges (e,); raises SurfaceError if `clamp` is set but no edge exists."""
+        """Mark the clamped edges (e,); raises SurfaceError if `clamp` is set but no edge has both ends picked."""
         if not self.clamp:
             return np.zeros(len(surface.edges.ends), dtype=bool)
         edges = surface.edges

@@ -27,7 +27,7 @@ FREE, ON_CURVE, FIXED = 0, 1, 2  # Kinds of vertices: free on the surface, on a 
 
 @dataclass(frozen=True, eq=False)
 class NetFaces:
-    """Faces F (m, 3) of a net, and their edges."""
+    """Faces F (m, 3) of a mesh during remeshing, and the edges of these faces."""
 
     F: Ints
 
@@ -38,10 +38,10 @@ class NetFaces:
 
 @dataclass(frozen=True, eq=False)
 class Net:
-    """Mesh during remeshing: vertices V (n, 3), metres, faces, and the vertices on feature curves, called nodes.
-    kind  : (n,) `FREE`, `ON_CURVE` or `FIXED`.    size : (n,) desired edge length at each vertex, metres.
-    node  : (k,) the vertices along each curve, curve after curve.
-    curve : (k,) the curve of each node.    at : (k,) positions of nodes along `FeatureCurves`, metres."""
+    """Mesh during remeshing: vertices V (n, 3), metres, and faces. Boundaries and creases are called curves.
+    kind  : (n,) `FREE`, `ON_CURVE` or `FIXED`.    size : (n,) wanted edge length at each vertex, metres.
+    node  : (k,) the vertices along curves, curve after curve.
+    curve : (k,) the curve of each node.    at : (k,) position of each node along `FeatureCurves`, metres."""
 
     V: Floats
     faces: NetFaces
@@ -83,7 +83,7 @@ class Net:
 
     @property
     def links(self) -> Ints:
-        """Indices (l,) of the nodes that are followed by a node of the same curve."""
+        """Indices (l,) of the nodes (vertices along curves) that are followed by a node of the same curve."""
         return np.flatnonzero(self.curve[1:] == self.curve[:-1])
 
     @property
@@ -98,7 +98,7 @@ class Net:
 
     @property
     def along_curves(self) -> Bools:
-        """Edges (e,) along a curve."""
+        """Mask (e,) of the edges along boundaries and creases."""
         marks = np.zeros(len(self.edges.ends), dtype=bool)
         marks[self.link_edges] = True
         return marks
@@ -115,11 +115,10 @@ class Net:
 
 
 def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) -> Bools:
-    """Return which candidates (c,) for a change of the mesh cost less than every other candidate with a common vertex.
-    touched : (c, k) vertices of each candidate.
-    cost    : (c,) cost of each candidate. Costs are rounded to eight levels, so that many candidates are selected at
-              once. A hash gives the order within a level [Knuth 1973, multiplicative hashing].
-    edges   : (e, 2) edges of the mesh, to compare also candidates at neighbouring vertices; else None."""
+    """Mark the candidates (c,) for a mesh change that cost less than every other candidate at their vertices.
+    touched : (c, k) vertices that each candidate changes.    n : number of vertices.
+    cost    : (c,) cost of each candidate, rounded to eight levels; a hash decides within a level [Knuth 1973].
+    edges   : (e, 2) edges of the mesh, to compare also candidates at neighbouring vertices; None: not compared."""
     if not len(cost):
         return np.zeros(0, dtype=bool)
     spread = np.ptp(cost)
@@ -132,8 +131,8 @@ LONGEST = 4 / 3  # Edges longer than this multiple of their wanted length are ha
 
 
 def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Halve the long edges of the net once. Also halve edges along curves if they are too far from their curve.
-    edge : longest wanted edge length, metres; the tolerance for curves is a fraction of it."""
+    """Halve the long edges of the net once, and also edges along a curve that are too far from the curve.
+    edge : longest wanted edge length, metres; tolerances are fractions of this length."""
     length = edge_lengths(net.V, net.edges.ends)
     deviation, positions = curves.deviation(net.at[net.links], net.at[net.links + 1])
     missing = deviation > TOLERANCE * edge
@@ -144,7 +143,7 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _leading(net: Net, long: Bools, length: Floats) -> Bools:
-    """Return `long` edges with at least 70 % of the length of each face's longest `long` edge; in thin faces 100 %."""
+    """Mark the `long` edges (e,) with at least 70 % of each face's longest `long` edge; in thin faces 100 %."""
     faces = np.flatnonzero(faces_at(net.edges.of, long))
     edge = net.edges.of[faces]
     marked_length = np.where(long, length, -1.0)[edge]
@@ -156,7 +155,8 @@ def _leading(net: Net, long: Bools, length: Floats) -> Bools:
 
 
 def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions: Floats) -> Net:
-    """Divide the edges `halves` (e,) in the middle; edges along curves at `split_positions` (l,) that are not nan."""
+    """Divide the edges in the mask `halves` (e,) in the middle, or at positions on their curves.
+    split_positions : (l,) positions for edges along curves, metres; nan for the middle."""
     V, F, _ = halved_edges(net.V, net.F, net.edges, halves)
     added = len(V) - net.n
     size = np.concatenate([net.size, net.edge_sizes[halves]])
@@ -197,7 +197,8 @@ class _Collapses:
 
 
 def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, batches: int = 12) -> Net:
-    """Collapse the short edges of the net in batches. The tolerance for curves is a fraction of `edge`, metres."""
+    """Collapse the short edges of the net, in up to `batches` rounds.
+    edge : longest wanted edge length, metres; tolerances are fractions of this length."""
     for batch in range(batches):
         collapses, cost = _candidates(net, curves, edge, backwards=batch % 2 == 1)
         pairs = np.stack([collapses.kept, collapses.gone], axis=1)
@@ -210,7 +211,8 @@ def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, bat
 
 
 def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -> tuple[_Collapses, Floats]:
-    """Return collapses of short edges, and costs. Free vertices meet halfway; else the one of higher `kind` stays."""
+    """Return possible collapses of short edges, and their costs (c,): length divided by wanted length.
+    Two free vertices meet halfway; otherwise, the vertex of the higher `kind` stays."""
     edges = net.edges
     cost = edge_lengths(net.V, edges.ends) / net.edge_sizes
     chosen = np.flatnonzero(cost < SHORTEST)
@@ -227,7 +229,7 @@ def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -
 
 
 def _keeps_curves(net: Net, curves: FeatureCurves, target: Ints, gone: Ints, edge: float) -> Bools:
-    """Mark curve vertices `gone` that may merge into `target`: the joining edge must be near the curve, short, new."""
+    """Mark curve vertices `gone` (c,) that may merge into `target` (c,), with a short new edge near the curve."""
     position = np.zeros(net.n, dtype=np.int64)
     position[net.node] = np.arange(len(net.node))
     k = np.clip(position[gone], 1, max(len(net.node) - 2, 1))
@@ -294,7 +296,8 @@ LEAST_ANGLE = np.radians(25)  # Radians. A flip must not reduce the smallest ang
 
 
 def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
-    """Flip edges that are not on curves, in up to `rounds` rounds, to improve valences or to get Delaunay triangles."""
+    """Flip edges that are not on curves, in up to `rounds` rounds.
+    by_valence : True for about six edges at each vertex, False for Delaunay triangles."""
     angles = np.empty(0) if by_valence else _face_angles(net.V, net.F)
     for _ in range(rounds):
         edges = net.edges
@@ -338,7 +341,7 @@ def _face_angles(V: Floats, F: Ints) -> Floats:
 
 
 def _sound(V: Floats, quad: Ints) -> Bools:
-    """Return a mask (q,) of edges that may flip: no face turns by over 37 degrees, and no angle becomes too small."""
+    """Mark the edges (q,) that may flip: no face turns by over 37 degrees, and no angle becomes too small."""
     a, b, c, d = quad.T
     old_faces, new_faces = ((a, b, c), (b, a, d)), ((a, d, c), (d, b, c))
     before = area_vectors(V, np.stack(old_faces[0], axis=1)) + area_vectors(V, np.stack(old_faces[1], axis=1))
@@ -364,8 +367,7 @@ def angles_at(V: Floats, apex: Ints, first_end: Ints, second_end: Ints) -> Float
 
 def with_ears_flipped(surface: Surface) -> Surface:
     """Return the surface with the inner edge of each ear flipped, so that the new edge starts at the ear's tip.
-    An ear is a flat triangle with two border edges and an angle over 150 degrees at its tip. On a curved border, the
-    ear's inner edge looks like a crease that the shape does not have."""
+    An ear is a flat triangle with two border edges, and an angle over 150 degrees between these edges, at the tip."""
     edges, n = surface.edges, surface.n
     pairs = np.concatenate([edges.pairs, edges.pairs[:, ::-1]])
     bare = edges.boundary[edges.of].reshape(-1, 3).sum(axis=1) == 2
@@ -384,15 +386,13 @@ def with_ears_flipped(surface: Surface) -> Surface:
 
 
 LOW = 1 / 8
-"""Height limit of a low border face, divided by its border edge. In lower faces, the error of the normal is larger than
-the change of a curved surface's normal along the border edge."""
+"""Height limit of a low border face, divided by its border edge; the normals of lower faces have large errors."""
 
 
 def without_rim_slivers(surface: Surface, smooth: bool = False) -> Surface:
-    """Return the surface without low border faces, whose normals are errors of rounding or of the mesh.
-    Faces lower than `TOLERANCE` times their border edge are removed; the new border passes through the third corner,
-    which was inside the surface.
-    smooth : also collapse faces lower than `LOW` at a curved border, see `_collapsed_tips`."""
+    """Return the surface without very thin faces at the border, which have wrong normals.
+    Faces lower than `TOLERANCE` times their border edge are removed; the new border passes through the third corner.
+    smooth : also collapse faces lower than `LOW` times their border edge, at a curved border."""
     chosen, _, _, tip = _low_border_faces(surface, TOLERANCE)
     chosen = chosen[np.unique(tip, return_index=True)[1]]  # remove only one face at each vertex
     surface = Surface(surface.V, np.delete(surface.F, chosen, axis=0)) if len(chosen) else surface
@@ -403,8 +403,8 @@ def without_rim_slivers(surface: Surface, smooth: bool = False) -> Surface:
 
 
 def _low_border_faces(surface: Surface, ratio: float) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return faces (c,) with only one border edge a-b and a height below `ratio` times this edge, lowest first. Return
-    also a, b and the third corner, which lies inside the surface above the edge."""
+    """Return the faces (c,) with only one border edge a-b and a height below `ratio` times this edge, lowest first.
+    Return also the vertices a (c,), b (c,), and the inner corner (c,), which is not on the border."""
     V, F, edges = surface.V, surface.F, surface.edges
     bare = edges.boundary[edges.of].reshape(-1, 3)
     side = bare.argmax(axis=1)  # the border edge starts at corner `side`
@@ -418,10 +418,9 @@ def _low_border_faces(surface: Surface, ratio: float) -> tuple[Ints, Ints, Ints,
 
 
 def _collapsed_tips(surface: Surface) -> Ints | None:
-    """Return the vertex (n,) onto which each vertex moves: the third corners of low border faces move to the nearer end
-    of the border edge. Return None if no corner moves.
-    A corner moves only if the curve of the border explains its height over the border edge. It stays at a crease and at
-    a side of the bounding box. It also stays if a face would become low (`LOW`), or rotate more than the border."""
+    """Return the vertex (n,) onto which each vertex merges, so that low faces at a curved border vanish; else None.
+    The inner corner of a low face merges with the nearer end of the border edge. A corner stays at a crease, at a side
+    of the bounding box, and where another face would become low or turn much."""
     V, F, edges, n = surface.V, surface.F, surface.edges, surface.n
     faces, a, b, tip = _low_border_faces(surface, LOW)
     to_a, to_b = (edge_lengths(V, np.stack([tip, end], axis=1)) for end in (a, b))
@@ -453,9 +452,8 @@ def _collapsed_tips(surface: Surface) -> Ints | None:
 
 
 def _border_turns(surface: Surface, faces: Ints, a: Ints, b: Ints, tip: Ints) -> tuple[Floats, Bools]:
-    """Return by how much the border turns out of the surface along the border edges a-b of low faces, radians (c,), and
-    whether this turn explains the height of the tip: the height is at most twice that of an arc over a-b with the turn.
-    Turns at corners of the border do not count."""
+    """Return the angle (c,), radians, by which the border bends out of the surface at border edges a-b of low faces,
+    and True (c,) where this bend explains the height of the inner corner `tip` (c,) over the edge."""
     V, F, edges = surface.V, surface.F, surface.edges
     weighted = np.zeros((surface.n, 3))
     rest = np.delete(np.arange(len(F)), faces)

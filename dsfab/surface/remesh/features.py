@@ -18,7 +18,8 @@ FINE = 1 / 80  # Largest averaging radius for a scan's normals in `design_featur
 
 
 class SmoothVertices(NamedTuple):
-    """Vertices (k,) where two edges (k, 2) meet, the bend there (k,), radians, and the shorter edge's length (k,)."""
+    """Vertices (k,) where two edges of a line meet.    edges : (k, 2) indices of the edges.
+    turn : (k,) bend of the line at the vertex, radians.    arm : (k,) length of the shorter edge."""
 
     vertex: Ints
     edges: Ints
@@ -27,7 +28,7 @@ class SmoothVertices(NamedTuple):
 
 
 def vertices_of_two_edges(V: Floats, ends: Ints) -> SmoothVertices:
-    """Return the vertices of V (n, 3) at which exactly two of the edges (e, 2) meet."""
+    """Return the vertices of V (n, 3) at which exactly two of the edges `ends` (e, 2) meet."""
     order = np.argsort(ends.ravel(), kind="stable")
     vertex = ends.ravel()[order]
     start = np.flatnonzero(np.diff(vertex, prepend=-1))
@@ -41,9 +42,9 @@ def vertices_of_two_edges(V: Floats, ends: Ints) -> SmoothVertices:
 
 
 def design_features(surface: Surface, edge: float) -> Bools:
-    """Return the boundaries, seams and creases (e,), without short, slight creases from slivers or noise.
-    A crease is slight if the mean normals on its two sides differ by less than `DULL`. The means cover a radius r:
-    `edge`, metres, or two mean edges in a scan. A crease is short if its length is below 2 r."""
+    """Mark the edges (e,) on boundaries, seams and creases, without short, slight creases from slivers or noise.
+    A crease is slight if the mean normals on its two sides differ by less than `DULL`.
+    edge : wanted edge length of a new mesh, metres; short creases are below about two such edges."""
     sharp = sharp_edges(surface)
     marks = border_edges(surface) | sharp
     crease = np.flatnonzero(sharp)
@@ -83,12 +84,12 @@ def _mean_bends(surface: Surface, crease: Ints, radius: float) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class FeatureCurves:
-    """The boundaries and creases of a surface: curves between corners, one after another on an axis of arc length.
-    points : (p, 3) the vertices of all curves in their order, metres.
+    """The boundaries and creases of a surface as curves between corners. All curves share an axis of arc length.
+    points : (p, 3) the vertices along all curves, curve after curve, metres.
     at     : (p,) position of each point on the axis, metres.
-    curve  : (p,) the curve of each point.
-    vertex : (p,) the vertex of the surface at each point.
-    fixed  : (q,) vertices of the surface that stay: corners, and the extremes of its box."""
+    curve  : (p,) number of each point's curve.
+    vertex : (p,) vertex of the surface at each point.
+    fixed  : (q,) vertices of the surface that stay: corners, and extremes in x, y or z."""
 
     points: Floats
     at: Floats
@@ -97,20 +98,21 @@ class FeatureCurves:
     fixed: Ints
 
     def place(self, positions: Floats) -> Floats:
-        """Return the points (k, 3) at positions (k,) on the axis, metres."""
+        """Return the points (k, 3) of the curves at positions (k,) on the axis of arc length, metres."""
         k = np.clip(np.searchsorted(self.at, positions, side="right"), 1, len(self.at) - 1)
         t = np.clip((positions - self.at[k - 1]) / (self.at[k] - self.at[k - 1]), 0, 1)[:, None]
         return (1 - t) * self.points[k - 1] + t * self.points[k]
 
     def points_between(self, start: Floats, end: Floats) -> tuple[Ints, Ints]:
-        """Find the points inside intervals, `start` to `end` (k,), of the axis. Return pairs (j,): interval, point."""
+        """Return pairs (j,), (j,) of an interval, `start` to `end` (k,), metres, and a point inside this interval."""
         low, high = np.searchsorted(self.at, start, side="right"), np.searchsorted(self.at, end, side="left")
         count = np.maximum(high - low, 0)
         which = np.repeat(np.arange(len(start)), count)
         return which, np.arange(len(which)) - (np.cumsum(count) - count)[which] + low[which]
 
     def deviation(self, start: Floats, end: Floats) -> tuple[Floats, Floats]:
-        """Return the curve's largest distance (k,) from each chord, metres, and its position (k,) on the axis."""
+        """Return the largest distance (k,) of the curve from each chord, metres, and the position (k,) of the farthest
+        point. start, end : (k,) positions of the chords' ends on the axis of arc length, metres."""
         which, point = self.points_between(start, end)
         distance = distances_from_segments(self.points[point], self.place(start)[which], self.place(end)[which])
         largest = np.zeros(len(start))
@@ -122,8 +124,8 @@ class FeatureCurves:
 
 
 def feature_curves(surface: Surface, edge: float) -> FeatureCurves:
-    """Return the boundaries, the creases and the seams of a one-sided surface, for edges of `edge` metres.
-    Fixed vertices are ends and branches of curves, sharp bends, and the extremes of the surface in x, y or z."""
+    """Return the boundaries and creases of a surface, and the seams of a one-sided surface.
+    edge : wanted edge length of a new mesh, metres; creases that are short for these edges are left out."""
     ends = surface.edges.ends[design_features(surface, edge)]
     extremes = np.concatenate([surface.V.argmin(axis=0), surface.V.argmax(axis=0), surface.pinches])
     corners = np.zeros(surface.n, dtype=bool)
@@ -150,7 +152,7 @@ def _corners(V: Floats, ends: Ints, edge: float) -> Bools:
 
 
 def _chains(ends: Ints, corners: Bools) -> list[Ints]:
-    """Return the vertices (k,) of each curve from corner to corner along edges (e, 2); closed curves need no corner."""
+    """Return the vertices (k,) of each curve from corner to corner, or of each closed curve, along edges (e, 2)."""
     around: dict[int, list[int]] = {}
     for a, b in ends.tolist():
         around.setdefault(a, []).append(b)

@@ -32,7 +32,7 @@ def centroid(surface: Surface) -> Floats:
 
 
 def round_axis(surface: Surface, axes: Floats) -> Floats | None:
-    """Return the axis, out of `axes` (3, 3), about which the area's inertia is rotationally symmetric; else None."""
+    """Return the axis, out of `axes` (3, 3), about which the moments of inertia are as for a round surface; or None."""
     x = surface.centroids - centroid(surface)
     inertia = [float(surface.areas @ (x @ axis) ** 2) for axis in axes]
     for k in range(3):
@@ -51,8 +51,8 @@ def far_directions(x: Floats, size: float, count: int = 1) -> Floats:
 
 
 def planes_through(axis: Floats, directions: Floats) -> Iterator[Floats]:
-    """Yield normals of planes through an axis. Each plane mirrors the first of `directions` (d, 3) onto one of the
-    first 24 directions, or onto its opposite."""
+    """Yield normals of planes through an axis. Each plane mirrors the first of `directions` (d, 3) onto a direction
+    among the first 24, or onto the opposite of this direction."""
     for direction in directions[:24]:
         for through in (directions[0] + direction, np.cross(axis, directions[0] + direction)):
             if (length := np.linalg.norm(through)) > INERTIA_TOLERANCE:
@@ -60,8 +60,8 @@ def planes_through(axis: Floats, directions: Floats) -> Iterator[Floats]:
 
 
 def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) -> Floats:
-    """Return the group (g, 3, 3) that the generators (3, 3) generate, the identity first.
-    Raises OverflowError if it has more than `largest` elements."""
+    """Return all products (g, 3, 3) of the mirrors and rotations `generators` (3, 3), the identity first.
+    Raises OverflowError for more than `largest` products."""
     elements = np.empty((largest + 1 + len(generators), 3, 3))
     elements[0], count, walked = np.eye(3), 1, 0
     while walked < count:
@@ -94,8 +94,8 @@ class Mirrors:
 
     @classmethod
     def from_surface(cls, nearest_on: NearestOnSurface, edge: float, smooth: bool) -> Self | None:
-        """Return the mirrors of a surface; None if it has no mirrors, or if it is not oriented.
-        edge   : edge length of the new mesh, metres; `IMAGE_TOLERANCE` refers to it.
+        """Return the mirrors of a surface; None without mirrors, or for a surface that is not oriented.
+        edge   : edge length of the new mesh, metres; tolerances are fractions of this length.
         smooth : true to compare the smooth surface through the vertices, false to compare the facets."""
         if len(misoriented_edges(nearest_on.surface.F, nearest_on.surface.edges)):
             return None
@@ -119,7 +119,7 @@ class _MirrorTest:
 
     @cached_property
     def centre(self) -> Floats:
-        """Middle (3,) of the box, metres. A coordinate far from the centroid's is taken from the centroid instead."""
+        """Middle (3,) of the bounding box, metres. A coordinate far from the centroid is replaced by the centroid's."""
         middle = (self.surface.V.min(axis=0) + self.surface.V.max(axis=0)) / 2
         area = centroid(self.surface)
         return np.where(np.abs(middle - area) < IMAGE_TOLERANCE * self.edge, middle, area)
@@ -149,7 +149,7 @@ class _MirrorTest:
         return np.concatenate([a, a[line] + t[:, None] * (b - a)[line]])
 
     def holds(self, normal: Floats) -> bool:
-        """Return whether the surface, with its sides, boundaries and creases, coincides with its mirror image."""
+        """Return whether the surface coincides with its mirror image. normal : (3,) unit normal of the mirror plane."""
         s, R, limit = self.surface, mirror(normal), IMAGE_TOLERANCE * self.edge
         if np.ptp(s.V @ normal) < self.edge:
             return False
@@ -225,7 +225,8 @@ PLANE_TOLERANCE = 1e-3  # Tolerance, in edge lengths, for vertices on mirror pla
 
 @dataclass(frozen=True, eq=False)
 class Chamber:
-    """The part of a surface on one side of each mirror plane. Unit normals `toward` (k, 3) point to this side."""
+    """The part of a surface on one side of all mirror planes.    whole : the surface.
+    toward : (k, 3) unit normals of the planes, towards the part.    edge : edge length of the new mesh, metres."""
 
     whole: Surface
     mirrors: Mirrors
@@ -234,7 +235,7 @@ class Chamber:
 
     @classmethod
     def from_mirrors(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
-        """Return the part between mirrors that contains a weighted vertex sum; this choice rotates with the surface."""
+        """Return one of the equal parts of a surface between mirrors. A rotated surface gives the same part."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
         return cls(surface, mirrors, np.where(mirrors.normals @ mix < 0, -1.0, 1.0)[:, None] * mirrors.normals, edge)
 
@@ -254,7 +255,7 @@ class Chamber:
         return np.asarray(np.abs(self.toward @ (V - self.mirrors.centre).T) < 1e-9 * self.whole.size)
 
     def moved_into_planes(self, V: Floats, planes: Bools) -> Floats:
-        """Move points V (p, 3) into mirror planes. planes : (k, p) True if a point belongs to a plane."""
+        """Return points V (p, 3), moved into mirror planes. planes : (k, p) True if a point belongs to a plane."""
         moved = V.copy()
         for _ in range(2 * len(self.toward)):  # a point that moves into one plane can leave another plane
             for normal, in_plane in zip(self.toward, planes, strict=True):
@@ -262,8 +263,8 @@ class Chamber:
         return moved
 
     def all_sides(self, V: Floats, F: Ints) -> tuple[Surface, Ints] | None:
-        """Return the whole surface, made of copies of the vertices V (p, 3) and faces F of this part; and, for each
-        vertex, its index (n,) in V. Return None if the topology or the length of the boundary would change."""
+        """Return the whole surface from mirrored copies of this part V (p, 3), F, and each vertex's index (n,) in V.
+        Return None if the topology or the length of the boundary would change."""
         n, centre = len(V), self.mirrors.centre
         images = [(V - centre) @ R.T + centre for R in self.mirrors.group]
         faces = [F[:, ::-1] if np.linalg.det(R) < 0 else F for R in self.mirrors.group]

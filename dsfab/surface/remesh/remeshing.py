@@ -42,18 +42,18 @@ def remeshed_surface(
     """Return the surface with nearly equilateral triangles whose edges are about `edge` metres long.
 
     finest : least edge length on curved parts, metres; 0 for no shorter edges on curved parts.
-    smooth : true for new vertices on the smooth surface through the old vertices, false for new vertices on its facets.
+    smooth : true for new vertices on the smooth surface through the old vertices, false for new vertices on old facets.
     sizes  : fields of wanted edge lengths, metres, each on a mesh of this surface; the shortest length counts.
 
-    - Boundaries, and creases of more than 30 degrees, move by at most a fiftieth of `edge`. Their corners do not move.
+    - Boundaries, and creases of more than 30 degrees, move by at most a fiftieth of `edge`. Corners do not move.
     - The bounding box, the numbers of pieces and holes, and the orientation of the faces do not change.
-    - Creases from slivers and noise, flat border triangles (ears), and slivers at the border are removed.
+    - Creases from noise, and very thin triangles (slivers) at the border, are removed.
     - Edges are shorter between close boundaries or creases.
-    - With `finest`, normals rotate by about 15 degrees along an edge. Equal surfaces give equal meshes.
+    - With `finest`, normals rotate by about 15 degrees along an edge.
     - Without `sizes`, a surface with mirror symmetries (within a twentieth of `edge`) gets an exactly symmetric mesh.
       The bounding box of this mesh is exact to a fiftieth of `edge`.
 
-    See `design_features`, `with_ears_flipped`, `without_rim_slivers` and [Vlachos et al. 2001]. Raises SurfaceError for
+    Source of the smooth surface: [Vlachos et al. 2001]. Raises SurfaceError for
     - invalid lengths, and edges that are longer than the surface or need over `MOST_TRIANGLES` triangles;
     - repeated faces, and edges of more than two faces."""
     _check(surface, edge, finest)
@@ -78,12 +78,11 @@ def _smallest_angle(surface: Surface) -> float:
 
 
 def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
-    """Mesh one part of a symmetric surface and mirror it; None without mirrors, for small parts or changed topology."""
+    """Return the surface, remeshed on one side of its mirrors and copied to the other sides; None if not possible."""
     surface = nearest_on.surface
     mirrors = Mirrors.from_surface(nearest_on, edge, smooth)
     chamber = Chamber.from_mirrors(surface, mirrors, edge) if mirrors else None
     piece = chamber.piece if chamber else None
-    # a part with fewer than 100 triangles is not mirrored, because its triangles would be uneven
     if chamber is None or piece is None or piece.area < 100 * np.sqrt(3) / 4 * edge**2:
         return None
     net = _net(NearestOnSurface(piece), sizes, edge)
@@ -105,7 +104,7 @@ def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Se
 
 
 def _places_on_curves(net: Net, nearest_on: NearestOnSurface, edge: float, smooth: bool) -> Floats:
-    """Return vertex places: curve vertices move to nearby curves; unless `smooth`, other vertices move to faces."""
+    """Return places (n, 3): vertices on curves move onto near curves; unless `smooth`, other vertices onto faces."""
     surface = nearest_on.surface
     lines = surface.edges.ends[design_features(surface, edge)]
     goal = net.V.copy() if smooth else _places(net.V, nearest_on, smooth)
@@ -150,7 +149,7 @@ def _even_net(
 
 
 def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Halve long edges until none remains. Flips and collapses after each round remove needle-shaped faces."""
+    """Halve long edges until no long edge remains, with flips and collapses after each round."""
     net = with_short_edges_collapsed(net, curves, edge)
     for _ in range(60):
         finer = with_long_edges_halved(net, curves, edge)
@@ -162,7 +161,7 @@ def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _shortest_lengths(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
-    """Return the least edge length (k,), metres, of fields `sizes` at points (k, 3). `trees` search their surfaces."""
+    """Return the shortest wanted edge length (k,), metres, of several fields `sizes` at points (k, 3)."""
     candidates = []
     for tree in trees:
         if tree_lengths := [field.length for field in sizes if field.surface is tree.surface]:

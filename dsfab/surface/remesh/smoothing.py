@@ -18,8 +18,8 @@ CORNERS = ((0, 1), (1, 2), (2, 0))  # First and second corner of each half-edge 
 
 
 class SmoothPatches:
-    """Curved point-normal triangles on the facets of a surface [Vlachos et al. 2001].
-    A vertex on a crease has a normal for each side. At boundaries and creases, patches follow the straight edges."""
+    """A smooth curved patch over each face of a surface [point-normal triangles, Vlachos et al. 2001].
+    Patches go through the vertices. At boundaries and creases (sharp edges), they keep the straight mesh edges."""
 
     def __init__(self, surface: Surface) -> None:
         self._V, self._F = surface.V, surface.F
@@ -28,7 +28,7 @@ class SmoothPatches:
         self._controls = _controls(surface.V[surface.F], normals, features[surface.edges.of])
 
     def points(self, face: Ints, place: Floats) -> Floats:
-        """Map the points `place` (k, 3) of flat faces (k,) to points (k, 3) of the curved patches, metres."""
+        """Return points (k, 3) of the curved patches, metres. place : (k, 3) points of the flat faces (k,), metres."""
         P = self._V[self._F[face]]
         b = barycentric(P, place)
         controls = self._controls[face]
@@ -50,7 +50,6 @@ def barycentric(P: Floats, place: Floats) -> Floats:
 
 
 def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
-    """Return two control points per edge (m, 6, 3) in tangent planes; those of `straight` edges stay on the edge."""
     controls = np.empty((len(P), 6, 3))
     for k, ends in enumerate(CORNERS):
         for end, (i, j) in enumerate((ends, ends[::-1])):
@@ -61,7 +60,7 @@ def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
 
 
 def _corner_normals(surface: Surface, features: Bools) -> Floats:
-    """Return normals (m, 3, 3) at face corners: angle-weighted means of the vertex's faces between `features` edges."""
+    """Return the normals (m, 3, 3) at face corners: means over the vertex's faces up to the creases `features` (e,)."""
     fan = corner_fans(surface.F, surface.edges, apart=features).ravel()
     count = int(fan.max()) + 1
     weighted = (face_angles(surface.V, surface.F)[:, :, None] * surface.normals[:, None]).reshape(-1, 3)
@@ -90,9 +89,9 @@ class NearestOnSurface:
 
 
 def with_even_vertices(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Move free vertices in their tangent planes to weighted means of the centres of their faces.
-    The weight of a face is its area divided by its squared wanted edge length. Curve vertices move to even steps along
-    their curves."""
+    """Return a mesh (net) with vertices moved so that triangles become more even. edge : wanted edge length, metres.
+    A vertex moves in its tangent plane to a weighted mean of the centres of its faces (weight: area / squared wanted
+    edge length). A vertex on a boundary or a crease moves along this curve."""
     V, F, n = net.V, net.F, net.n
     doubled = area_vectors(V, F)
     weight = lengths(doubled) / net.size[F].mean(axis=1) ** 2
@@ -109,7 +108,7 @@ def with_even_vertices(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def with_vertices_on(net: Net, nearest: NearestOnSurface) -> Net:
-    """Move the free vertices of the net onto the surface."""
+    """Return the mesh with its free vertices (not on boundaries or creases) moved onto the surface of `nearest`."""
     goal, free = net.V.copy(), np.flatnonzero(net.kind == FREE)
     goal[free] = nearest(net.V[free])[1]
     return with_vertices_at(net, goal, net.at)
@@ -121,7 +120,6 @@ def _corner_sums(F: Ints, values: Floats, n: int) -> Floats:
 
 
 def _even_steps(net: Net, curves: FeatureCurves, edge: float) -> Floats:
-    """Return new positions (k,) of the curve nodes: their distances become proportional to the wanted edge lengths."""
     places = net.at.copy()
     for parity in (0, 1):
         k = np.arange(1 + parity, max(len(places) - 1, 1 + parity), 2)
@@ -138,8 +136,9 @@ def _even_steps(net: Net, curves: FeatureCurves, edge: float) -> Floats:
 
 
 def with_vertices_at(net: Net, goal: Floats, positions: Floats) -> Net:
-    """Move vertices to goals (n, 3), metres, and curve nodes to positions (k,).
-    The vertices of a face stay if their moves would rotate the face by over 60 degrees."""
+    """Return the mesh with its vertices at new places, `goal` (n, 3), metres.
+    A vertex stays where it is if its move would rotate a face by over 60 degrees.
+    positions : (k,) arc lengths, metres, of the vertices on boundaries and creases at their new places."""
     old_areas, V = area_vectors(net.V, net.F), goal.copy()
     face = np.arange(len(net.F))
     retreats = 6  # rounds that move vertices of over-rotated faces back; after these rounds, all vertices move back

@@ -40,8 +40,8 @@ def _above_ground(field: Field, k: float) -> Field:
 
 @shape
 def camel_head(height: Length = 1.0, edge: Length = 0.028) -> Surface:
-    """A camel's head on its neck, open at the foot of the neck: a disc, its boundary in the plane z = 0.
-    With long edges, the shape has no mouth and no nostrils, and its ears are thicker and not hollow.
+    """A camel's head on its neck. The foot of the neck is open; its boundary is in the plane z = 0.
+    With long edges, the shape has no mouth, no nostrils, and solid ears.
     height : height from the boundary to about the tips of the ears, metres."""
     neck = limb([(-0.26, 0, -0.15), (-0.25, 0, 0.06), (-0.17, 0, 0.3), (-0.09, 0, 0.55), (-0.05, 0, 0.74)],
         [0.165, 0.155, 0.135, 0.12, 0.11], 0.1)  # fmt: skip
@@ -83,9 +83,9 @@ def _ear(wide: float) -> Field:
 
 @shape
 def duck_ring(length: Length = 1.86, edge: Length = 0.06) -> Surface:
-    """A swimming ring with the head and the tail of a duck, genus 1, looking towards -x; y is up.
-    The shape resembles Bob of Keenan Crane's 3D Model Repository.
-    length : length from beak to tail, metres; by default Bob's length."""
+    """A swimming ring with the head and the tail of a duck, genus 1. The duck looks towards -x; y is up.
+    The shape resembles the model Bob of Keenan Crane's 3D Model Repository.
+    length : length from beak to tail, metres."""
 
     def ring(P: Floats) -> Floats:
         x, y, z = P.T
@@ -106,7 +106,7 @@ def duck_ring(length: Length = 1.86, edge: Length = 0.06) -> Surface:
 
 @shape
 def mouse(length: Length = 0.12, edge: Length = 0.0028) -> Surface:
-    """A computer mouse, genus 0: a wheel and two buttons in front, at +x; the left button, at +y, is pressed."""
+    """A computer mouse, genus 0. The wheel and two buttons are at the +x end; the left button (+y) is pressed."""
     shell = smooth_union([ellipsoid((0, 0, 0), (0.5, 0.29, 0.27)), ellipsoid((-0.12, 0, 0), (0.37, 0.27, 0.34))], 0.15)
     well = ellipsoid((0.27, 0, 0.26), (0.15, 0.07, 0.09))
     wheel = ellipsoid((0.27, 0, 0.17), (0.1, 0.045, 0.1))
@@ -130,7 +130,7 @@ def _rising(t: Floats) -> Floats:
 
 @shape
 def climbing_hold(width: Length = 0.2, edge: Length = 0.0055) -> Surface:
-    """A climbing hold, genus 1: its back on the wall at x = 0, a hole for the bolt along x, the grip at the top."""
+    """A climbing hold, genus 1. Its flat back is at x = 0, its grip at the top; a bolt hole runs along x."""
     lump = smooth_union(
         [ellipsoid((0.03, 0, -0.06), (0.3, 0.5, 0.3)), ellipsoid((0.2, 0, 0.14), (0.16, 0.4, 0.15))], 0.12
     )
@@ -214,7 +214,7 @@ OPENINGS = (0.22, 0.5, 0.78)  # Heights of the tower's openings, as shares of it
 
 @shape
 def bridge(span: Length = 30.0, rise: Annotated[float, Gt(0.02), Le(0.25)] = 0.13, edge: Length = 0.5) -> Surface:
-    """A bridge along x, genus 0: a deck, an arch, and a wall between deck and arch; its abutments end at z = 0.
+    """A bridge along x, genus 0: a deck, an arch, and a wall between deck and arch. It stands on z = 0.
     span : length of the deck, metres.
     rise : rise of the arch's underside, divided by the span."""
     crown = rise + 0.075
@@ -253,7 +253,8 @@ def _slab(u: Floats, v: Floats, half: float, rounding: float) -> Floats:
 def twisty_tower(
     height: Length = 30.0, twist: Annotated[float, Ge(-180), Le(180)] = 120.0, edge: Length = 0.6
 ) -> Surface:
-    """A slab that twists by `twist` degrees as it rises, with three openings, genus 3, on z = 0."""
+    """A tower: an upright slab with three openings, genus 3, standing on z = 0.
+    twist : rotation of the slab from foot to top, degrees."""
     slab = rounded_box((0, 0, 0.5), (0.19, 0.12, 0.6), 0.07)
     openings = [limb([(0, -0.5, z), (0, 0.5, z), (0, 0.6, z)], [0.085] * 3) for z in OPENINGS]
     for opening in openings:
@@ -266,7 +267,8 @@ def twisty_tower(
 
 
 def twisted_solid(field: Field, turn: float) -> Field:
-    """Return the field of a solid twisted about z: points (k, 3) turn by `turn` radians per unit of height."""
+    """Twist a solid about the z axis, by `turn` radians per unit of height.
+    field : function of points (k, 3) that returns their approximate distances (k,) from the solid."""
 
     def field_there(P: Floats) -> Floats:
         c, s = np.cos(turn * P[:, 2]), np.sin(turn * P[:, 2])
@@ -281,8 +283,8 @@ LOWEST, HIGHEST = -0.4426307, 2.0  # Heights of the lowest points and of the pea
 @shape
 def boys_surface(height: Length = 3.0, edge: Length = 0.16) -> Surface:
     """Boy's surface, parametrised by Bryant and Kusner [Kusner 1987] over the unit disc. It stands on z = 0, peak up.
-    Opposite points of the unit circle have the same image but stay separate, so that the surface is a disc with two
-    sides. Three layers of the surface meet in a triple point. No solid of constant thickness exists there."""
+    Opposite points of the unit circle have the same place but are different vertices, so the mesh is a disc.
+    The surface crosses itself. No solid of constant thickness exists at the triple point, where three layers meet."""
     check_density(4 * height**2, edge)
     chart = BoyChart(height)
     rows = 24
@@ -295,12 +297,12 @@ def boys_surface(height: Length = 3.0, edge: Length = 0.16) -> Surface:
 
 @dataclass(frozen=True)
 class BoyChart:
-    """Chart of Boy's surface. The coordinates are complex numbers in the unit disc; its border is the unit circle."""
+    """Boy's surface as a function of points of the unit disc (real and imaginary part of a complex number)."""
 
     height: float
 
     def place(self, X: Floats) -> Floats:
-        """(k, 3) points of the surface at disc coordinates (k, 2)."""
+        """Return the points (k, 3) of the surface, metres, at points X (k, 2) of the unit disc."""
         w = X[:, 0] + 1j * X[:, 1]
         a = w**6 + np.sqrt(5) * w**3 - 1
         g = np.stack(
@@ -310,7 +312,8 @@ class BoyChart:
         return np.asarray(self.height * (P * [1, -1, -1] - [0, 0, LOWEST]) / (HIGHEST - LOWEST))
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """Return disc coordinates (k, 2) of surface points after moves `step` (k, 3); X (k, 2): before the moves."""
+        """Return the disc coordinates (k, 2) of surface points that move by about `step` (k, 3), metres.
+        X : (k, 2) disc coordinates before the move. border : (k,) marks of points that stay on the unit circle."""
         small = 1e-6
         places = self.place(X)
         J = np.stack([(self.place(X + small * e) - places) / small for e in np.eye(2)], axis=2)

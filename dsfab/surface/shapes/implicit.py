@@ -23,13 +23,13 @@ from dsfab.surface.shapes.meshing import check_density
 from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults, on_boundary, smoothing_neighbours
 
 LONGEST, SHORTEST = 4 / 3, 4 / 5  # Edges over 4/3 of the wanted length are halved, edges under 4/5 collapse.
-ROUNDS, POLISH = 5, 10  # Numbers of rounds that add and remove vertices, then of rounds of flips and moves.
+ROUNDS, POLISH = 5, 10  # First 5 rounds add and remove vertices; then 10 rounds only flip edges and move vertices.
 LEAST_TURN_COSINE = 0.3  # Cosine of the largest rotation of a face in one step, about 70 degrees.
 FOLDED = -0.5  # Largest cosine of the angle between the normals of two faces in a fold (120 degrees).
 
 
 class MeshChart(Protocol):
-    """A smooth surface. Coordinates X (n, k) define its points: for example two parameters, or x, y and z."""
+    """A smooth surface whose points have k coordinates X (n, k): for example two parameters, or x, y and z."""
 
     def place(self, X: Floats) -> Floats:
         """Return the points (n, 3), metres, of the surface at coordinates X (n, k)."""
@@ -42,10 +42,11 @@ class MeshChart(Protocol):
 
 
 def remeshed_chart(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[Floats, Ints]:
-    """Return vertices (n, 3) and faces of nearly equilateral triangles, about `edge` metres wide, on a chart's surface.
-    X : (k, c) vertices of any oriented manifold mesh of the surface, in the chart's coordinates.
-    F : (m, 3) faces of this mesh; its genus and its boundaries stay.
-    Raises SurfaceError if the edge is longer than details of the surface."""
+    """Mesh a smooth surface with nearly equilateral triangles. Return vertices (n, 3), metres, and faces (m', 3).
+    chart : the smooth surface.    edge : wanted edge length, metres.
+    X     : (k, c) vertices of a first mesh of the surface (oriented manifold), in the chart's coordinates.
+    F     : (m, 3) faces of the first mesh. The new mesh has the same genus and boundaries.
+    Raises SurfaceError if the edge is too long for details of the surface."""
     for round_ in range(ROUNDS):
         before = len(F)
         X, F = _split(chart, X, F, LONGEST * edge)
@@ -185,7 +186,7 @@ def _relax(chart: MeshChart, X: Floats, F: Ints) -> Floats:
     return chart.move(X, 0.8 * step, border)
 
 
-Field = Callable[[Floats], Floats]  # Points (q, 3) -> approximate distances (q,) from a solid, m, negative inside.
+Field = Callable[[Floats], Floats]  # Maps points (q, 3) to approximate distances (q,) from a solid, negative inside.
 Point = Sequence[float] | Floats
 EDGE_CORRECTION = 0.9  # Remeshing makes edges too long; the wanted length is multiplied by this.
 
@@ -195,13 +196,14 @@ def _norm(Q: Floats) -> Floats:
 
 
 def ball(centre: Point, radius: float) -> Field:
-    """Return the field of a ball, its signed distance; lengths in metres."""
+    """Return the signed distance from a ball as a function of points (q, 3); lengths in metres."""
     c = np.array(centre)
     return lambda P: _norm(P - c) - radius
 
 
 def ellipsoid(centre: Point, radii: Point, axes: Floats | None = None) -> Field:
-    """Return the field of an ellipsoid, its approximate distance. axes : (3, 3) directions of the radii, or x, y, z."""
+    """Return the approximate signed distance from an ellipsoid as a function of points (q, 3); lengths in metres.
+    axes : (3, 3) unit directions of the three radii, in rows; by default x, y, z."""
     c, r, R = np.array(centre), np.array(radii), np.eye(3) if axes is None else axes
 
     def field(P: Floats) -> Floats:
@@ -213,8 +215,9 @@ def ellipsoid(centre: Point, radii: Point, axes: Floats | None = None) -> Field:
 
 
 def limb(points: Sequence[Point], radii: Sequence[float], soft: float = 0.3) -> Field:
-    """Return the field of a tube with round ends along a polyline; its radius is linear between the corners.
-    soft : width of the fillets at the tube's joints, divided by the smallest radius."""
+    """Return the signed distance from a tube along a polyline, with round ends, as a function of points (q, 3).
+    points, radii : corners of the polyline, and the tube's radius at each corner; the radius is linear in between.
+    soft          : width of the fillets at the corners, divided by the smallest radius."""
     parts = [_cone(*ends) for ends in zip(points[:-1], points[1:], radii[:-1], radii[1:], strict=True)]
     return smooth_union(parts, soft * min(radii)) if len(parts) > 1 else parts[0]
 
@@ -234,9 +237,9 @@ def _cone(a: Point, b: Point, at_a: float, at_b: float) -> Field:
 
 
 def rounded_box(centre: Point, halves: Point, rounding: float, axes: Floats | None = None) -> Field:
-    """Return the field of a rounded box; lengths in metres.
-    halves : half of each side, roundings included.
-    axes   : (3, 3) directions of the sides, in rows."""
+    """Return the signed distance from a box with rounded edges as a function of points (q, 3); lengths in metres.
+    halves : half of each side length.    rounding : radius of the edges.
+    axes   : (3, 3) unit directions of the sides, in rows; by default x, y, z."""
     c, h, R = np.array(centre), np.array(halves) - rounding, np.eye(3) if axes is None else axes
 
     def field(P: Floats) -> Floats:
@@ -247,12 +250,12 @@ def rounded_box(centre: Point, halves: Point, rounding: float, axes: Floats | No
 
 
 def smooth_minimum(a: Floats, b: Floats, k: float) -> Floats:
-    """Return the minimum (n,) of two values, rounded if they differ by less than k [polynomial, Quilez 2013]."""
+    """Return a smooth minimum (n,) of a and b (n,). Where they differ by k or more, it is exact [Quilez 2013]."""
     return np.asarray(np.minimum(a, b) - np.maximum(k - np.abs(a - b), 0) ** 2 / (4 * k))
 
 
 def smooth_union(fields: Sequence[Field], k: float) -> Field:
-    """Return the field of a union, with inner corners filled over a width of about k metres."""
+    """Unite solids, each given as a signed distance of points (q, 3), with fillets about k metres wide between them."""
 
     def field(P: Floats) -> Floats:
         value = fields[0](P)
@@ -264,12 +267,14 @@ def smooth_union(fields: Sequence[Field], k: float) -> Field:
 
 
 def smooth_difference(field: Field, cut: Field, k: float) -> Field:
-    """Return the field of a solid minus a second solid `cut`; the edge of the cut is rounded by about k metres."""
+    """Cut the solid `cut` out of the solid `field`; the edge is rounded by about k metres.
+    The solids and the result are signed distances as functions of points (q, 3)."""
     return lambda P: -smooth_minimum(-field(P), cut(P), k)
 
 
 def mirror_union(field: Field, axis: int = 1) -> Field:
-    """Return the field of a solid's half on the positive side of an axis, united with the mirror image of this half."""
+    """Replace the half of a solid with negative coordinates along `axis` by the mirror image of the positive half.
+    The solid and the result are signed distances as functions of points (q, 3)."""
 
     def field_of_both(P: Floats) -> Floats:
         Q = P.copy()
@@ -281,7 +286,7 @@ def mirror_union(field: Field, axis: int = 1) -> Field:
 
 @dataclass(frozen=True)
 class LevelSet:
-    """Chart of the surface on which a field is zero. Its coordinates are x, y and z; its border is at z = floor."""
+    """The surface on which a function of x, y, z (`field`) is zero. Its border, if any, is at z = floor."""
 
     field: Field
     reach: float
@@ -293,7 +298,7 @@ class LevelSet:
         return X
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """Return X + step (n, 3), moved onto the surface by two Newton steps with the gradient at X + step.
+        """Return the points X + step (n, 3), metres, moved onto the surface by two Newton steps.
         border : (n,) marks of points on the border, which keep z = floor."""
         P = X + step
         down = border & (self.floor is not None)
@@ -310,10 +315,10 @@ class LevelSet:
 
 
 def skin(field: Field, low: Point, high: Point, edge: float, floor: float | None = None) -> Surface:
-    """Return the zero set of a field, in even triangles about `edge` metres wide, normals outward.
+    """Return the surface of a solid as a mesh of even triangles about `edge` metres wide, normals outward.
+    field     : signed distance from the solid, a function of points (q, 3).
     low, high : corners of a box around the solid, metres.
-    floor     : height of a plane that cuts the solid, metres; None for a closed surface. The surface is open at the
-                plane.
+    floor     : None for a closed surface, or the height (m) of a level plane at which the surface ends with a boundary.
     Raises SurfaceError if `edge` is too long for the solid's details, or so short that the mesh is too large."""
     bottom, top = np.array(low, dtype=np.float64), np.array(high, dtype=np.float64)
     if floor is not None:

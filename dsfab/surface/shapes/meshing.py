@@ -19,7 +19,7 @@ ROW = np.sqrt(3) / 2  # Ratio of height to edge of an equilateral triangle.
 
 
 def shape(function: Callable[P, Surface]) -> Callable[P, Surface]:
-    """Decorate a function that returns a shape, so that it checks its arguments against their annotated bounds."""
+    """Decorate a function that returns a surface: arguments outside their annotated bounds raise SurfaceError."""
     bounds = {
         name: [m for m in getattr(parameter.annotation, "__metadata__", ()) if isinstance(m, (Gt, Ge, Lt, Le))]
         for name, parameter in inspect.signature(function, eval_str=True).parameters.items()
@@ -58,19 +58,20 @@ def _check(what: str, value: object, bound: object) -> None:
 
 
 def check_density(area: float, edge: float) -> None:
-    """Raise SurfaceError for an edge that gives over two million vertices on `area` square metres."""
+    """Raise SurfaceError if a mesh of an area (m2) with this edge length (m) has over two million vertices."""
     vertices = area / (ROW * edge**2)
     if vertices > 2_000_000:
         raise SurfaceError(f"edge = {edge:g} m would give about {vertices:.2g} vertices; use a longer edge")
 
 
 def pieces_of(length: float, edge: float, multiple: int = 1, least: int = 1) -> int:
-    """Return the number of edges that fit a length; the number is a multiple of `multiple` and at least `least`."""
+    """Return the number of parts, about `edge` long, into which to divide a length.
+    The number is a multiple of `multiple` and at least `least`."""
     return max(least, multiple * round(length / (edge * multiple)))
 
 
 def staggered_rows(columns: int, rows: int) -> tuple[Floats, Ints]:
-    """Return vertices (n, 2) on the unit square, and faces in `rows` rows between staggered lines of vertices.
+    """Mesh the unit square with `rows` rows of triangles between lines of vertices. Return vertices (n, 2) and faces.
 
     x---x---x      even lines: columns + 1 vertices
     |\\ / \\ / \\ |     odd lines: one vertex more, half edges at both ends
@@ -93,7 +94,8 @@ def staggered_rows(columns: int, rows: int) -> tuple[Floats, Ints]:
 
 
 def ring_turns(counts: Ints) -> list[Floats]:
-    """Return the angles (k,) of each ring's vertices, in full turns. Rings with equal counts differ by half a step."""
+    """Return the angles (k,) of the vertices of each ring, 0 to 1 for a full turn. counts : vertices of each ring.
+    Neighbouring rings with equal counts differ by half a step."""
     turns, shift = [], 0.0
     for j, count in enumerate(counts):
         shift = 0.5 - shift if j and count == counts[j - 1] else 0.0
@@ -102,9 +104,9 @@ def ring_turns(counts: Ints) -> list[Floats]:
 
 
 def ring_faces(turns: list[Floats], closed: bool = False) -> Ints:
-    """Return faces (m, 3) between rings of vertices at angles (k,), in full turns; a ring of one vertex is a pole.
-    Each face joins an edge of a ring to the nearest vertex of the neighbouring ring. Faces are counter-clockwise if
-    later rings lie outside.
+    """Return faces (m, 3) that fill the bands between neighbouring rings of vertices.
+    Faces are counter-clockwise if later rings lie outside. A ring of one vertex is a pole.
+    turns  : angles (k,) of the vertices of each ring, 0 to 1 for a full turn.
     closed : true to join the last ring to the first."""
     start = np.cumsum([0] + [len(t) for t in turns])
     pairs = [(j, j + 1) for j in range(len(turns) - 1)] + ([(len(turns) - 1, 0)] if closed else [])

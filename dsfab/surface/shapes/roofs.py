@@ -14,8 +14,8 @@ from dsfab.surface.shapes.meshing import ROW, Length, check_density, pieces_of, 
 
 @shape
 def plate(length: Length = 6.0, width: Length = 4.0, edge: Length = 0.12) -> Surface:
-    """A flat rectangle, length along x and width along y, centred on the origin at z = 0, of area length x width.
-    Staggered rows of nearly equilateral triangles, symmetric in x and y."""
+    """A flat rectangle: length along x, width along y, centred on the origin at z = 0.
+    The mesh is symmetric in x and y, in rows of nearly equilateral triangles."""
     check_density(length * width, edge)
     uv, F = staggered_rows(pieces_of(length, edge), pieces_of(width, ROW * edge, multiple=2, least=2))
     x, y = (uv - 0.5).T * [[length], [width]]
@@ -53,11 +53,8 @@ def elliptic_paraboloid(
     length: Length = 12.0, width: Length = 8.0, rise: Length = 1.6, crown: Length = 0.8, edge: Length = 0.22
 ) -> Surface:
     """A parabola moved along a second parabola, over a rectangle: length along x, width along y, corners at z = 0.
-
-    rise  : height of the middle.
+    rise  : height of the middle.    edge : edge length at the middle.
     crown : height of the middles of the two long sides. The middles of the short sides are at rise - crown.
-    edge  : length of edges at the middle.
-
     Equation: z = rise - crown (2 x / length)^2 - (rise - crown) (2 y / width)^2."""
     if crown >= rise:
         raise SurfaceError(
@@ -77,10 +74,10 @@ def elliptic_paraboloid(
 
 
 def mesh_region(rim: Floats, inside: Callable[[Floats, float], Bools], edge: float) -> tuple[Floats, Ints]:
-    """Return vertices (n, 2) and counter-clockwise faces of a region of the plane.
-    rim    : (k, 2) points along the boundary, about `edge` apart; they stay in place and come first.
-    inside : function of points (q, 2) and a distance; it marks the points at least this far inside the rim.
-    Method: Delaunay triangles of the rim and a hexagonal lattice. Smoothing would reduce the smallest angle."""
+    """Mesh a region of the plane. Return vertices (n, 2), first the points `rim`, and counter-clockwise faces (m, 3).
+    rim    : (k, 2) points along the boundary of the region, about `edge` apart.
+    inside : function of points (q, 2) and a distance; it marks the points at least this far inside the boundary.
+    Method: Delaunay triangles of the boundary points and a hexagonal lattice."""
     from scipy.spatial import Delaunay  # imported here, because the import takes a tenth of a second
 
     reach = int(np.ceil(2 * np.abs(rim).max() / edge)) + 2
@@ -104,15 +101,13 @@ def pavilion(
     foot: Length = 1.6,
     edge: Length = 0.28,
 ) -> Surface:
-    """A spherical shell on `feet` feet, open between them; Saarinen's Kresge Auditorium (1955) stands on three feet.
-
+    """A spherical shell on feet, with an arch between neighbouring feet (example: Saarinen's Kresge Auditorium, 1955).
     span    : diameter of the circle through the feet, at z = 0.
     rise    : height of the crown.
-    opening : height of the arches between the feet at their middle.
+    opening : height of the middle of each arch.
+    feet    : number of feet.
     foot    : width of each foot along the circle.
-
-    The sphere goes through crown and feet; a plane cuts it at each arch. The shell is symmetric about every foot, with
-    normals up. The mesh is created in the stereographic plane, which preserves angles and circles."""
+    At each arch, a plane cuts the sphere. The shell is symmetric about every foot; normals point up."""
     _check(span, rise, opening, feet, foot)
     radius = (span**2 / 4 + rise**2) / (2 * rise)
     check_density(2 * np.pi * radius * rise, edge)
@@ -140,8 +135,8 @@ def _check(span: float, rise: float, opening: float, feet: int, foot: float) -> 
 
 
 class _Wedge:
-    """Half a foot and half an arch of a shell in the stereographic plane, from angle 0 (foot) to `half` (mid-arch).
-                  x top      crown: top of the shell; top: top of the arch; ground: end at the ground.
+    """Half a foot and half an arch of a shell in the stereographic plane: a sector of the angle `half` (radians).
+                  x top      crown: top of the shell; top: middle of the arch; ground: middle of the foot.
               /    \\        The arch is a circular arc; if it bends inward, its centre is outside the shell.
     crown x----------x ground"""
 
@@ -158,7 +153,7 @@ class _Wedge:
         self.centre = self.to_centre * np.array([np.cos(half), np.sin(half)])
 
     def rim(self) -> tuple[Floats, Ints, Ints]:
-        """Return the outline (k, 2) from the shell's top, and the point indices of each of its two straight sides."""
+        """Return the sector's outline (k, 2), and the indices of its points on each of its two straight sides."""
         ray = np.linspace(0, self.ground, 1 + self._count(self.ground))
         back = np.linspace(self.top, 0, 1 + self._count(self.top))[1:-1]
         foot = np.linspace(0, self.half_foot, 1 + self._count(self.ground * self.half_foot))[1:]

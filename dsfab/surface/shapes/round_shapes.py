@@ -21,9 +21,9 @@ def cylinder(radius: Length = 2.0, height: Length = 6.0, edge: Length = 0.2) -> 
 
 @shape
 def dome(span: Length = 10.0, rise: Length = 3.0, oculus: Annotated[float, Ge(0)] = 0.0, edge: Length = 0.2) -> Surface:
-    """A spherical cap: `span` across at z = 0, `rise` at the crown, with an opening of radius `oculus`, 0 for none.
-    Area: 2 pi R h for R = (span^2 / 4 + rise^2) / (2 rise), with h the height from springing to oculus. A dome with a
-    rise of half the span is a hemisphere."""
+    """A spherical cap. span : diameter at z = 0. rise : height of the crown.
+    oculus : radius of a round opening at the top; 0 for no opening.
+    Area: 2 pi R h for R = (span^2 / 4 + rise^2) / (2 rise), and h the height from z = 0 to the opening."""
     if oculus > 0.45 * span:
         raise SurfaceError(f"dome: oculus = {oculus:g} m is too wide; use less than 0.45 x span")
     radius = (span**2 / 4 + rise**2) / (2 * rise)
@@ -39,13 +39,12 @@ def dome(span: Length = 10.0, rise: Length = 3.0, oculus: Annotated[float, Ge(0)
 
 @shape
 def catenoid(waist: Length = 1.5, rim: Length = 6.0, edge: Length = 0.2) -> Surface:
-    """A trumpet canopy on a waist: the catenoid r = a cosh(z / a), the minimal surface of revolution, normals up.
-    It begins upright at z = 0 with radius a = waist. It ends with radius `rim` at the height h = a arccosh(rim / a).
+    """A trumpet-shaped canopy: the catenoid r = a cosh(z / a), a minimal surface, normals up.
+    It begins at z = 0 with the radius a = waist. It ends at the height h = a arccosh(rim / a) with the radius `rim`.
     Area: pi a (h + a/2 sinh(2 h / a))."""
     if rim < 1.05 * waist:
         raise SurfaceError(f"catenoid: rim = {rim:g} m must be wider than 1.05 x waist = {waist:g} m")
     height = waist * np.arccosh(rim / waist)
-    # heights z at which the arc length a sinh(z / a) grows in equal steps
     arc = waist * np.sinh(height / waist)
     check_density(np.pi * (waist + rim) * arc, edge)
     z = waist * np.arcsinh(np.linspace(0, arc, 1 + pieces_of(arc, ROW * edge, least=3)) / waist)
@@ -93,8 +92,8 @@ def _superellipse(p: float) -> tuple[Floats, Floats, float]:
 
 
 def surface_of_revolution(r: Floats, z: Floats, edge: float, outward: bool = False) -> Surface:
-    """Return the surface of revolution of a profile of radii r (k,) and heights z (k,), metres, with a ring per point.
-    Radius 0 is a pole. Each ring has a multiple of six vertices, about `edge` apart.
+    """Return the surface of revolution of a profile, with a ring of vertices about `edge` apart at each profile point.
+    r, z    : (k,) radii and heights of the profile points, metres; radius 0 is a pole.
     outward : true to flip the normals. Without a flip, they point up where the radius grows along the profile."""
     counts: Ints = np.array([pieces_of(2 * np.pi * x, edge, multiple=6, least=6) if x else 1 for x in r])
     turns = ring_turns(counts)
@@ -108,8 +107,7 @@ def surface_of_revolution(r: Floats, z: Floats, edge: float, outward: bool = Fal
 @shape
 def sphere(radius: Length = 2.0, edge: Length = 0.2) -> Surface:
     """A sphere around the origin: an icosahedron with every edge divided in f parts, projected onto the sphere.
-    Class I subdivision [Clinton 1971] of any frequency f: 10 f^2 + 2 vertices, 20 f^2 faces. A vertex is at each pole.
-    """
+    It has 10 f^2 + 2 vertices, the two poles among them, and 20 f^2 faces [class I subdivision, Clinton 1971]."""
     area = 4 * np.pi * radius**2
     check_density(area, edge)
     corners, faces = _icosahedron()
@@ -132,7 +130,6 @@ def _icosahedron() -> tuple[Floats, Ints]:
 
 
 def _subdivide(corners: Floats, faces: Ints, f: int) -> tuple[Floats, Ints]:
-    """Divide every face into f^2 flat triangles. Points with equal integer barycentric weights become one vertex."""
     i, j = (x.ravel() for x in np.meshgrid(np.arange(f + 1), np.arange(f + 1), indexing="ij"))
     inside = i + j <= f
     index = np.full((f + 1, f + 1), -1)
@@ -154,8 +151,8 @@ def _subdivide(corners: Floats, faces: Ints, f: int) -> tuple[Floats, Ints]:
 
 @shape
 def torus(major: Length = 3.0, minor: Length = 1.2, edge: Length = 0.22) -> Surface:
-    """A ring around the z axis: tube of radius `minor` along a circle of radius `major`, normals outward.
-    Area: 4 pi^2 major minor. Volume: 2 pi^2 major minor^2. Raises SurfaceError unless major > minor."""
+    """A ring around the z axis: a tube of radius `minor` along a circle of radius `major`, normals outward.
+    Area: 4 pi^2 major minor. Volume: 2 pi^2 major minor^2. Raises SurfaceError if minor is 0.95 major or more."""
     if minor >= 0.95 * major:
         raise SurfaceError(f"torus: minor = {minor:g} m leaves no hole; use less than 0.95 x major = {major:g} m")
     check_density(4 * np.pi**2 * major * minor, edge)

@@ -21,7 +21,8 @@ Extra = Feet | Ring | Holes | Trim | SplitBodies
 
 
 def with_extras(solid: Solid, extras: Sequence[Extra], base: Base) -> Solid:
-    """Apply extras to a solid, in order; `notes` of the result counts faces that intersect because of rounding.
+    """Apply extras (feet, ring beams, holes, ...) to a solid in their order.
+    If rounding makes faces intersect, `notes` of the result gives their number.
     Raises SolidError if an extra has no effect or removes everything, or if the result is not a solid."""
     if not extras:
         return solid

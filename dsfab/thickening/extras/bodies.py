@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """The uncut surface, and the sheet that was cut from it; both help to place feet, ring beams, holes and so on.
+    """A surface, and the sheet that was cut from this surface; they give the places of feet, ring beams and holes.
     between : function that turns marks (n,) of the surface's vertices into marks (n',) of the sheet's vertices."""
 
     surface: Surface
@@ -27,7 +27,8 @@ class Base:
     between: Callable[[Bools], Bools]
 
     def parts(self, marks: Bools) -> list[Floats]:
-        """Return the points (k, 3) of the sheet at marked vertices (n,) of the surface, for each connected part."""
+        """Return the sheet's points (k, 3), metres, where vertices of the surface are marked (n,).
+        Connected faces with these points form a part; the list has an array for each part."""
         marked = self.between(marks)
         touching = marked[self.sheet.F].any(axis=1)
         if not touching.any():
@@ -41,7 +42,7 @@ class Base:
         return points
 
     def nearest(self, point: Floats) -> str:
-        """Return the vertex of the sheet nearest to a point (3,), metres, as text."""
+        """Return the coordinates of the sheet's vertex nearest to a point (3,), metres, as text for a message."""
         x, y, z = self.sheet.V[cKDTree(self.sheet.V).query(point)[1]]
         return f"({x:.4g}, {y:.4g}, {z:.4g})"
 
@@ -50,14 +51,14 @@ ROUND = 48  # Number of sides of the prisms for round holes and dowels.
 
 
 def positive(extra: object, *names: str) -> None:
-    """Raise SolidError for lengths `names` of an extra (foot, hole, ...) that are not positive."""
+    """Raise SolidError if an attribute of an extra (foot, hole, ...) is not positive. names : names of attributes."""
     for name in names:
         if not getattr(extra, name) > 0:
             raise SolidError(f"thickening.extra {getattr(extra, 'kind', '')!r}: {name} must be a positive length")
 
 
 def unit(vector: Vector, whose: str) -> Floats:
-    """Return the vector (3,) scaled to length 1; raises SolidError for a zero vector."""
+    """Return the vector (3,) scaled to length 1. Raises SolidError, with the vector's name `whose`, if it is zero."""
     length = float(np.linalg.norm(vector))
     if not length > 0:
         raise SolidError(f"{whose} is a zero vector; give a direction")
@@ -78,7 +79,7 @@ def united_bodies(bodies: list["manifold3d.Manifold"]) -> "manifold3d.Manifold":
 
 
 def drill(point: Floats, axis: Floats, diameter: float, length: float) -> "manifold3d.Manifold":
-    """Return a round prism along an axis (3,), with its centre at a point (3,); diameter and length in metres."""
+    """Return a cylinder for a hole: its centre at a point (3,), its axis along `axis` (3,); lengths in metres."""
     import manifold3d
 
     z = unit((float(axis[0]), float(axis[1]), float(axis[2])), "thickening.extra: axis")

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Holes:
-    """`kind = "holes"`: round holes through the solid.
-    at       : points on the middle of the sheet, metres.
+    """`kind = "holes"`: round holes through the solid, all in one direction.
+    at       : middles of the holes: points on the sheet, metres.
     diameter : diameter of the holes, metres.
-    axis     : direction of the drill.
-    depth    : depth of the drilled hole, half of it on each side of the point, metres."""
+    axis     : direction of the holes.
+    depth    : length of each hole, metres; half of it lies on each side of the point."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     at: tuple[Vector, ...]
@@ -58,7 +58,8 @@ class Trim:
     kind: Literal["trim"] = "trim"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Keep the solid in a box and behind a plane (away from `normal`), as given; SolidError for missing values."""
+        """Return the part of the solid behind the plane (on the side opposite to `normal`) and inside the box.
+        Raises SolidError if neither plane nor box is given, or if a value is missing."""
         plane, corners = (self.point, self.normal), (self.low, self.high)
         if (None in plane and any(plane)) or (None in corners and any(corners)) or not (any(plane) or any(corners)):
             raise SolidError("thickening.extra 'trim' needs point and normal of a plane, or low and high of a box")
@@ -74,12 +75,12 @@ class Trim:
 
 @dataclass(frozen=True)
 class SplitBodies:
-    """`kind = "split"`: cut the solid into parts that fit a machine, moved apart, with holes for dowels in the cuts.
-    bed   : largest size of a part along x, y, z, metres; parts have equal sizes along each axis.
-    apart : distance between the parts, metres.
-    dowel : diameter of the dowels, metres; 0 for no dowels.
-    deep  : depth of the dowels in each part, metres.
-    Each cut face gets a hole at its widest place, if its width there is at least twice the dowel's diameter."""
+    """`kind = "split"`: cut the solid into parts that fit a machine, and move the parts away from each other.
+    bed   : largest size of a part along x, y, z, metres. Cuts divide the solid equally along each axis.
+    apart : gap between neighbouring parts after the move, metres.
+    dowel : diameter of dowel holes in the cut faces, metres; 0 for no dowels.
+    deep  : depth of a dowel hole in each of the two parts, metres.
+    A cut face has a hole at its widest place, if its width there is at least twice the dowel's diameter."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     bed: Vector
@@ -135,7 +136,6 @@ def _cells(face: "manifold3d.CrossSection", u: Floats, v: Floats) -> list["manif
 
 
 def _innermost(region: "manifold3d.CrossSection", margin: float) -> Floats | None:
-    """Return a point as far inside a region as possible, by bisection; None if the region is too narrow."""
     import manifold3d
 
     def inset(by: float) -> "manifold3d.CrossSection":

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Feet:
-    """`kind = "feet"`: a vertical block (z) under each part of the sheet with picked vertices, united with the sheet.
-    at     : picker of vertices that get feet.
-    height : depth of a block below the lowest picked vertex of its part, metres.
-    margin : border of a block around the picked vertices, metres.
-    sink   : height of a block above the lowest vertex, metres, so that block and sheet overlap."""
+    """`kind = "feet"`: a block (box) under each group of neighbouring picked vertices, united with the solid.
+    at     : picker of the vertices that stand on feet.
+    height : distance from the lowest picked vertex down to the bottom of the block (along z), metres.
+    margin : distance by which the block extends beyond the picked vertices in x and y, metres.
+    sink   : distance from the lowest picked vertex up to the top of the block, metres."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     at: Picker
@@ -48,15 +48,15 @@ class Feet:
         return standing
 
 
-STRAIGHT = 1e-9  # A loop bends at a vertex if its unit direction or its unit normal changes by more than this.
+STRAIGHT = 1e-9  # A loop is straight at a vertex if its unit direction and unit normal change by less than this.
 
 
 @dataclass(frozen=True)
 class Ring:
     """`kind = "ring"`: a beam along boundary loops of the uncut surface, united with the solid.
-    width  : width along the surface, half of it on each side of the boundary, metres.
-    height : height across the surface, metres.
-    at     : picker; loops with a picked vertex get a beam. By default, all loops do."""
+    width  : size of the beam along the surface, metres; half of it lies on each side of the boundary.
+    height : size of the beam normal to the surface, metres.
+    at     : picker of vertices; a loop with a picked vertex has a beam. By default, all loops have beams."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     width: Real
@@ -65,7 +65,7 @@ class Ring:
     kind: Literal["ring"] = "ring"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Return the solid with a beam along each boundary loop that `at` picks; raises SolidError if there is none."""
+        """Return the solid with its beams. Raises SolidError if `at` picks no loop, or a beam misses the solid."""
         positive(self, "width", "height")
         marks = np.ones(base.surface.n, dtype=bool) if self.at is None else self.at.vertices(base.surface)
         loops = [loop for loop in base.surface.loops if marks[loop].any()]
@@ -97,8 +97,9 @@ def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifol
 
 
 def bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
-    """Return points (k, 3) where a loop bends, and direction and normal (k, 3) of the sides that begin at these points.
-    The cross product normal x direction points into the surface, also on a one-sided strip."""
+    """Return the k bends of a boundary loop: points (k, 3), metres, unit directions (k, 3) and unit normals (k, 3).
+    Each bend begins a straight side of the loop, with this direction. The normal is that of the surface beside it.
+    The cross product normal x direction points into the surface."""
     V, edges = surface.V, surface.edges
     ends = np.sort(np.stack([loop, np.roll(loop, -1)], axis=1), axis=1)
     edge = np.searchsorted(edges.ends @ [surface.n, 1], ends @ [surface.n, 1])
@@ -115,11 +116,11 @@ def bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
 
 
 def closed_bar(P: Floats, along: Floats, normal: Floats, width: float, height: float) -> tuple[Floats, Ints]:
-    """Return a closed bar: vertices (4 k, 3), faces (8 k, 3), counter-clockwise from outside.
-    P      : (k, 3) corners of the centre line.
+    """Return the mesh of a rectangular bar along a closed polyline: vertices (4 k, 3), metres, and faces (8 k, 3).
+    P      : (k, 3) corners of the polyline, metres.
     along  : (k, 3) unit directions of the sides that begin at these corners.
-    normal : (k, 3) unit normals of these sides.
-    The sections at corners lie in the bisecting planes, stretched so that the bar has a constant width."""
+    normal : (k, 3) unit normals of these sides; the bar's height is along the normals.
+    At corners, the bar is mitred, with a constant width."""
     before = np.roll(along, 1, axis=0)
     sharpest = 0.2  # smallest cosine of half the bend angle; a mitre is then five bar widths long
     middle = before + along

@@ -21,11 +21,11 @@ from dsfab.thickening.skin import is_fine, rounding_step
 
 @dataclass(frozen=True, eq=False)
 class OffsetLayer:
-    """A thickened surface before void cells are removed.
-    uncut   : an edge-manifold surface, faces consistently oriented.
+    """A surface and its mesh after the cut, both with half-thickness vectors.
+    uncut   : the surface before the cut; an edge-manifold mesh, faces consistently oriented.
     D       : (n, 3) half-thickness vectors of `uncut`, metres.
-    cells   : all cells of the cut surface, material and void.
-    carried : (n', 3) interpolated half-thickness vectors of `cells`, metres.
+    cells   : the mesh after the cut; its faces, called cells, are material or void.
+    carried : (n', 3) half-thickness vectors of `cells`, metres, interpolated from D.
     parent  : (m',) the face of `uncut` that contains each cell."""
 
     uncut: Surface
@@ -63,13 +63,14 @@ class Boxes:
     key: Ints
 
     def neighbours(self, box: Ints, step: Ints) -> Ints:
-        """Return the numbers (k,) of the boxes at a grid step (3,) from each given box; -1 without such a box."""
+        """Return the numbers (k,) of the boxes that lie `step` (3,) grid places from boxes (k,); -1 without a box."""
         _, ny, nz = self.grid.shape
         return np.asarray(self.grid.ravel()[self.key[box] + (step[0] * ny + step[1]) * nz + step[2]])
 
 
 def boxes_of(layer: OffsetLayer, error: float, count: int) -> Boxes:
-    """Sort the faces of the uncut surface into about `count` equal boxes. A box is larger than any thickened face."""
+    """Sort the faces of the uncut surface into about `count` equal boxes, each larger than any thickened face.
+    error : bound of the rounding errors of coordinates, metres."""
     uncut = layer.uncut
     middle = uncut.centroids
     size = lengths(layer.D) * (1 + abs(layer.shift))
@@ -107,9 +108,10 @@ Three = tuple[Floats, Floats, Floats]
 
 
 def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Floats, Floats]:
-    """Return a mask (m',) of prisms (thickened cells) that may be folded, a cosine per box (k,), and prism radii (m',).
-    A box's cosine is the smallest cosine of the angles between its axis and the skin normals of its prisms. A radius is
-    the largest distance (m) from a prism's middle to its corners."""
+    """Return three properties of prisms (thickened cells). error : bound of the rounding errors, metres.
+    1. A mask (m',) of the prisms that may be folded.
+    2. For each box (k,), the smallest cosine of the angles between its axis and the skin normals of its prisms.
+    3. The radius (m',) of each prism: largest distance from its middle to its corners, metres."""
     F, m = layer.cells.F, layer.cells.m
     upper = np.ascontiguousarray((layer.cells.V + (layer.shift + 1) * layer.carried).T)
     lower = np.ascontiguousarray((layer.cells.V + (layer.shift - 1) * layer.carried).T)
@@ -128,8 +130,8 @@ def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Float
 
 
 def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
-    """Return a mask of prisms that may fold, their smallest cosines between skin normals and `axis`, and their radii.
-    Errors e of corners (xyz, 3, m) give errors <= 3 r^2 e in determinants of lengths r, 4 s e in normals of sides s."""
+    """Return the results of `prisms` for each prism. upper, lower : (xyz, 3, m) corners of the skins.
+    Errors e of corners give errors <= 3 r^2 e in determinants of lengths r, and 4 s e in normals of sides s."""
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]
     reach = np.sqrt(np.maximum((A**2).sum(axis=0), (B**2).sum(axis=0)).max(axis=0)) + error
@@ -158,7 +160,8 @@ def _dot(a: Three, b: Floats | Three) -> Floats:
 
 
 def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
-    """Mark boxes (k,) whose axis is within 90 degrees of all skin normals of the box and of the boxes around it."""
+    """Return a mask (k,) of the boxes whose axis is within 90 degrees of all skin normals in the box and around it.
+    cosine : (k,) smallest cosine of the angles between a box's axis and the skin normals in the box."""
     spread = np.arccos(np.clip(cosine, -1, 1))
     visible = spread < np.pi / 2
     every = np.arange(len(visible))
@@ -171,7 +174,8 @@ def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
 
 
 def boxes_with_simple_rims(layer: OffsetLayer, boxes: Boxes, accepted: Bools, error: float) -> Bools:
-    """Mark accepted boxes (k,) whose cylinder is encircled once by the rim of the block (box and boxes around it)."""
+    """Return a mask (k,) of the `accepted` boxes around whose cylinder the rim of the block goes exactly once.
+    The block is the box and the boxes around it; the cylinder contains the thickened faces of the box."""
     uncut = layer.uncut
     thick = lengths(layer.D) * (1 + abs(layer.shift)) + error
     accepted, turns = accepted.copy(), np.zeros(len(boxes.axis), dtype=np.int64)
@@ -224,9 +228,9 @@ def _rims(uncut: Surface, boxes: Boxes, accepted: Bools) -> list[tuple[Ints, Int
 
 
 def proven_cells(layer: OffsetLayer) -> Bools:
-    """Return the cells (m',) whose prism surely meets no other prism, whichever diagonals divide the prism's sides.
-    This also holds for vertices that files round to single precision (if `is_fine`). With more than 5 % folded prisms,
-    no cell is returned."""
+    """Return a mask (m',) of the cells whose prism (thickened cell) surely meets no other prism.
+    This also holds for vertices rounded to single precision (if `is_fine`), and for all diagonals of a prism's sides.
+    With more than 5 % folded prisms, no cell is marked."""
     cells, uncut = layer.cells, layer.uncut
     if len(misoriented_edges(uncut.F, uncut.edges)):
         return np.zeros(cells.m, dtype=bool)

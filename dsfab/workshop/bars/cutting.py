@@ -35,7 +35,7 @@ class BarStock:
         return (self.bar + self.plate) / 2
 
     def bolt_stations(self, bar: LatticeBar) -> tuple[tuple[float, ...], float]:
-        """Return distances from a bar's beginning to its bolts and the plate's end (m); none if a bar is too short."""
+        """Return the distances (m) from a bar's end to its bolts, and to the plate's end; () and 0 if too short."""
         clear, room = BAR_CLEARANCE * self.bolt, bar.length / 2
         for *steps, end_distance in BOLT_SPACINGS:
             stations = clear + self.bolt * np.cumsum(steps)
@@ -72,7 +72,7 @@ def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats
 
 
 def mitre_length(bar: LatticeBar, end: BarEnd, stock: BarStock) -> float:
-    """Return the length (m) that mitres at one end cut off a bar's side; the larger length of both sides."""
+    """Return the length (m) that the oblique cuts (mitres) at an end remove from the more shortened side of a bar."""
     half = bar.bay.width / 2
     cuts = [(b - abs(a[1]) * half) / a[0] for a, b in _mitres(end, stock, BAR_CLEARANCE * stock.bolt)]
     return float(np.clip(max(cuts, default=0.0), 0.0, bar.length))
@@ -125,9 +125,8 @@ def plate_arms(joint: Joint, lattice: BarLattice, stock: BarStock) -> "list[Plat
 @dataclass(frozen=True)
 class PlateArm:
     """Arm of a flat node plate.
-    azimuth : direction of the bar, radians.
-    dip     : angle of the fold, radians.
-    after   : angle to the next arm, radians.
+    bar     : name of the bar on the arm.    azimuth : direction of the arm, counter-clockwise, radians.
+    dip     : angle of the fold, radians.    after   : angle to the next arm, radians.
     fold, holes, end, root : metres from the node to the fold, the holes, the arm's end, and the bar's beginning."""
 
     bar: str

@@ -56,9 +56,8 @@ class Leg:
 
 @dataclass(frozen=True, eq=False)
 class Footing:
-    """Ground contact of a structure.
-    supports : (q, 3) supported points, metres.
-    up       : (3,) unit vector.
+    """Supports of a structure on the ground.
+    supports : (q, 3) supported points, metres.    up : (3,) upward unit vector.
     reach    : metres; a node stands on a support within `reach` plus 0.75 times the width of the node's widest member.
     anchor   : diameter of the anchors, metres."""
 
@@ -72,12 +71,13 @@ class Footing:
 
     @classmethod
     def from_supports(cls, surface: Surface, load: LoadCase, up: Floats, anchor: float) -> "Footing | None":
-        """Return the ground contact of a surface; None without supports, or if the anchors' diameter is 0."""
+        """Return the supports of a surface on the ground; None without supports, or if the anchors' diameter is 0."""
         points = surface.V[load.fixed.any(axis=1) | load.spring.any(axis=1)]
         return cls(points, up, float(surface.mean_edge), anchor) if len(points) and anchor else None
 
     def legs(self, points: Floats, normals: Floats, widths: Sequence[float]) -> dict[int, Leg | None]:
-        """Return the `Leg` of each node (q, 3) near a support, by node number; None at slopes under 5 degrees."""
+        """Return, by node number, the leg of each node near a support; None where the slope is under 5 degrees.
+        points, normals : (q, 3) of all nodes. widths : (q,) width of the widest member at each node, metres."""
         away = np.asarray(cKDTree(self.supports).query(points)[0])
         legs: dict[int, Leg | None] = {}
         limits = self.reach + 0.75 * np.asarray(widths)  # largest distance from a node to its support (m)
@@ -94,7 +94,8 @@ class Footing:
 def leg_plates(
     graph: MemberGraph, layering: Layering, footing: Footing, thickness: float
 ) -> tuple[list[FlatPart], list[str]]:
-    """Return plates (thickness in m) with legs under strips at supports, and names of nodes too level for a leg."""
+    """Return plates with legs, which hold strips at supports, and names of nodes where the slope is too small.
+    thickness : thickness of the plates, metres."""
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
     members = [[graph.by_id[name] for name in node.members] for node in nodes]
     widths = [max(member.mean_width for member in node_members) for node_members in members]
@@ -165,9 +166,8 @@ class BarEnd:
 
 @dataclass(frozen=True, eq=False)
 class LatticeBar:
-    """Straight bar of a bay.
-    points  : (2, 3) both ends of the bar's line, metres.
-    normals : (2, 3) normals of the bar at both ends.
+    """Straight bar that replaces a bay (part of a member between two nodes).
+    points  : (2, 3) ends of the bar's centre line, metres.    normals : (2, 3) normals of the bar at its ends.
     sagitta : largest distance of the member's axis from the bar, metres."""
 
     bay: Bay
@@ -191,7 +191,7 @@ class LatticeBar:
 
     @cached_property
     def twist(self) -> float:
-        """Angle (radians) from the normal at the first end to that at the second, right-handed about the direction."""
+        """Angle (radians) from the normal of the first end to the normal of the second end, about the direction."""
         begin_normal, end_normal = self.normals
         return float(np.arctan2(np.cross(begin_normal, end_normal) @ self.direction, begin_normal @ end_normal))
 
@@ -199,7 +199,7 @@ class LatticeBar:
 @dataclass(frozen=True, eq=False)
 class Joint:
     """Node with its bars and its plate.
-    bars : counter-clockwise pairs (bar number, end); end is 0 if the bar starts at this node, and 1 if it ends here.
+    bars : pairs of a bar number and an end, counter-clockwise; end 0: the bar begins at this node, 1: it ends here.
     half : half width of the plate's arms, metres.
     root : approximate distance from the node to the folds, metres.
     leg  : arm of the plate that stands on the ground, if any (see `Leg`)."""
@@ -249,14 +249,13 @@ class BarLattice:
 
 @dataclass(frozen=True, eq=False)
 class _BayEnds:
-    """Ends of b bays: node number (2 b,), width (2 b,) in metres, and number of the bay's opposite end (2 b,)."""
+    """The 2 b ends of b bays: node number (2 b,), width (2 b,) in metres, and number (2 b,) of the opposite end."""
 
     node: Ints
     width: Floats
     opposite: Ints
 
     def dip(self, directions: Floats, N: Floats) -> Floats:
-        """Return the angle (2 b,) of directions (2 b, 3) below the planes of nodes with normals N (n, 3), radians."""
         sines = np.einsum("qi,qi->q", directions, N[self.node]) / np.linalg.norm(directions, axis=1)
         return np.asarray(-np.arcsin(sines))
 
@@ -295,7 +294,6 @@ def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: fl
 
 
 def _level_directions(directions: Floats, N: Floats) -> Floats:
-    """Return unit vectors (q, 3): directions (q, 3) projected into the planes square to normals (q, 3)."""
     level = directions - np.einsum("qi,qi->q", directions, N)[:, None] * N
     return np.asarray(level / np.linalg.norm(level, axis=1)[:, None])
 
@@ -311,8 +309,6 @@ def _counter_clockwise(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints,
 
 
 def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
-    """Return half the width of a node plate's arms, and their folds' distance from the node (m). Small angles `gaps`
-    between bars enlarge this distance and narrow arms. lean : extra distances of tilted bars. long : bay lengths."""
     notch = 0.9  # distance of the corner between two arms from the node, divided by the bars' distance from the node
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2

@@ -1,4 +1,4 @@
-"""Nesting of parts on stock sheets: parts lie on the skyline of earlier parts; short parts fill the gaps below it.
+"""Nesting (arrangement) of parts on stock sheets: above the upper edge (skyline) of earlier parts, or in gaps below.
 
 Sheets are divided into narrow columns. A part is stored as the heights of its lower and upper edge in each column,
 moved outwards by half of the gap between parts. Further trials nest the boxes of parts, or begin with another stock

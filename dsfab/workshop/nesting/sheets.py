@@ -49,13 +49,12 @@ class NestedSheet:
 def nest_parts(
     parts: Sequence[FlatPart], stock: Sequence[SheetSize], gap: float, grain: bool = False, prices: Sequence[float] = ()
 ) -> list[NestedSheet]:
-    """Nest all parts on sheets of the stock. Parts are `gap` metres apart, and `gap` metres from the edges of sheets.
+    """Nest (arrange) all parts on sheets of the stock at least cost, or with least sheet area if there are no prices.
     stock  : lengths and widths of the sheets, metres.
+    gap    : least distance between parts, and between parts and the edges of sheets, metres.
     grain  : true if parts of members must lie lengthwise on the sheets.
     prices : price of a sheet of each size.
-    Several trials nest all parts. A trial prefers one size, or takes for each sheet the size with the most used area
-    per price. Each sheet is then replaced by the cheapest size that holds its parts. The cheapest trial wins;
-    without prices, the trial with the least area. Raises PatternError for a part that fits on no sheet."""
+    dsfab takes the best of several trials. Raises PatternError for a part that fits on no sheet."""
     grid, costs = column_grid(stock, gap, grain), _costs(stock, prices)
     box_area = float(sum((part.size[0] + gap) * (part.size[1] + gap) for part in parts))
     cheapest: list[NestedSheet] | None = None
@@ -130,8 +129,8 @@ def _fill_by_value(
 def stack_parts(
     parts: Sequence[FlatPart], stock: Sequence[SheetSize], gap: float, limit: int, grain: bool = False
 ) -> list[NestedSheet] | None:
-    """Nest parts with the skyline method only, faster than `nest_parts`; None if over `limit` sheets are necessary.
-    grain : true to lay members along the sheets."""
+    """Nest (arrange) parts on sheets, faster than `nest_parts`; None if over `limit` sheets are necessary.
+    stock, gap, grain : as for `nest_parts`."""
     return _fill_sheets(parts, False, stock, column_grid(stock, gap, grain), limit)
 
 
@@ -167,9 +166,10 @@ def _fill_sheets(
 
 
 def least_clearance(outlines: Sequence[Floats], size: tuple[float, float], enough: float) -> float:
-    """Return the smallest distance (m) between closed polygons (k, 2), and between polygons and their sheet's edges.
-    The distance is 0 for overlaps, and negative if a polygon extends beyond an edge.
-    size : size of the sheet (m). enough : pairs with bounding boxes farther apart than this (m) are not measured."""
+    """Return the smallest distance (m) between closed polygons (k, 2), and between polygons and the sheet's edges.
+    The distance is 0 if polygons overlap, and negative if a polygon extends beyond an edge.
+    size   : length and width of the sheet, metres.
+    enough : polygons whose bounding boxes are at least this far apart, in metres, are not compared."""
     boxes = [(P.min(axis=0), P.max(axis=0)) for P in outlines]
     distances = [float(min(low.min(), (np.array(size) - high).min())) for low, high in boxes]
     for (P, (a, b)), (Q, (c, d)) in combinations(zip(outlines, boxes, strict=True), 2):

@@ -15,12 +15,11 @@ ROUNDING = 1e-9  # tolerance for rounding errors (m)
 
 @dataclass(frozen=True, eq=False)
 class PartShape:
-    """A rotated part on a sheet that is divided into columns.
-    low, size    : (2,) lowest corner and size of the part's box, metres.
-    lower, upper : (k,) lower and upper edge in k columns, moved outwards by half of the gap between parts, metres.
-    top          : highest value of the upper edge.
-    total        : sum of the lower edge over the columns.
-    thick        : largest height between the lower and upper edge."""
+    """Shape of a rotated part: heights of its lower and upper edge in the k narrow columns that the part covers.
+    turn         : rotation, radians.
+    low, size    : (2,) lowest corner and size of the rotated part's box, metres.
+    lower, upper : (k,) heights of the edges, moved outwards by half of the gap between parts, metres.
+    top          : highest value in `upper`.    total : sum of `lower`.    thick : largest value of upper - lower."""
 
     part: FlatPart
     turn: float
@@ -35,7 +34,8 @@ class PartShape:
 
 @dataclass(frozen=True)
 class ColumnGrid:
-    """Gap between parts, column width, largest height of a part (m). grain : true if members' parts lie lengthwise."""
+    """Division of sheets into columns of the width `step`, metres.
+    gap : between parts (m). tallest : longest part that may lie across a sheet (m). grain : as for `nest_parts`."""
 
     gap: float
     step: float
@@ -77,7 +77,6 @@ def _column_count(size: Floats, grid: ColumnGrid) -> int:
 
 
 def _columns(outline: Floats, size: Floats, grid: ColumnGrid) -> tuple[Floats, Floats]:
-    """Return lowest and highest y, in each column, of a polygon grown by half the gap (Minkowski sum with a 16-gon)."""
     reach = grid.gap / 2
     count = 16
     angle = np.arange(count) * 2 * np.pi / count
@@ -97,7 +96,6 @@ def _shifted_points(points: Floats, ways: Floats) -> Floats:
 
 
 def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Floats:
-    """Return the lowest (f: `np.minimum`) or highest y of segments p-q in columns (borders: `corner`); p left of q."""
     extremes = np.full(len(corner) - 1, np.inf if f is np.minimum else -np.inf)
     wide = np.maximum(q[:, 0] - p[:, 0], 1e-15)
     i = np.clip(np.searchsorted(corner, p[:, 0], side="right") - 1, 0, len(extremes) - 1)
@@ -128,7 +126,8 @@ class NestedPart:
 
 @dataclass(eq=False)
 class SheetGap:
-    """Free space below a part: its lowest and highest y (k,) in k columns from `begin` on, and greatest height (m)."""
+    """Free space below a part. floor, ceiling : (k,) lowest and highest y in k columns from column `begin` on (m).
+    high : largest height (m)."""
 
     begin: int
     floor: Floats
@@ -137,7 +136,7 @@ class SheetGap:
 
     @classmethod
     def from_columns(cls, begin: int, floor: Floats, ceiling: Floats, grid: ColumnGrid) -> "list[SheetGap]":
-        """Return a `SheetGap` for each run of columns whose gap, floor to ceiling, has room for a part."""
+        """Return a gap for each run of columns between floor (k,) and ceiling (k,) that has room for a part."""
         high, least = ceiling - floor, grid.gap + 0.02  # smallest useful height and width of a gap, metres
         bounds = np.flatnonzero(np.diff(np.concatenate([[0], high > least, [0]])))
         return [
@@ -178,7 +177,7 @@ class _PartPlace(NamedTuple):
 
 
 def place_part(sheet: OpenSheet, turns: list[PartShape], grid: ColumnGrid) -> bool:
-    """Put a part on a sheet in one of its rotations, and return whether the part fits."""
+    """Put a part on a sheet if it fits, and return whether it fits. turns : shapes of the part in its rotations."""
     a, b, area = float(turns[0].size[0]), float(turns[0].size[1]), turns[0].part.area
     if sheet.free_area < area or any(a >= x and b >= y and area >= z for x, y, z in sheet.refused):
         return False
@@ -264,6 +263,5 @@ def _gap_area(sheet: OpenSheet, grid: ColumnGrid) -> float:
 
 
 def _column_windows(skyline: Floats, k: int) -> Floats:
-    """Return all runs of k neighbouring columns, (q, k), as a view; numpy's own function is slow."""
     (step,) = skyline.strides
     return np.ndarray((len(skyline) - k + 1, k), skyline.dtype, skyline, strides=(step, step))

@@ -25,14 +25,16 @@ from dsfab.workshop.strips import is_strip
 
 
 def upright_course(course: StripCourse, depth: float) -> StripCourse:
-    """Return the course of a plank on edge: normal T x N, left N, width `depth` (T, N: tangent, normal of `course`)."""
+    """Return the course (stations on the axis) of an upright plank, from the course of a strip flat on the surface.
+    The plank's faces are normal to the surface; its width `depth` (m) is along the surface normals."""
     B = np.cross(course.N, course.T)
     half = np.full(len(course.s), depth / 2)
     return replace(course, N=-B, kg=course.kn, kn=-course.kg, left=half, right=half)
 
 
 def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, StripCourse], dict[str, StripCourse]]:
-    """Return all planks' courses, and the courses that end early: at another plank, or before a sharply turning end."""
+    """Return the courses (built parts of axes) of all planks, and again the courses shorter than their members.
+    A course is shorter if it stops at another plank, or before a sharply turning end of its member."""
     members = [m for m in graph.members if is_strip(m)]
     extra_length = 2 * (stock.splice_reach + stock.depth + stock.overhang)
     courses = {m.id: member_course(graph, m, stock.overhang, extra_length) for m in members}
@@ -60,9 +62,9 @@ def plank_parts(
     ground: BasePlane | None = None,
     order: Sequence[str] = slots.STANDING_ORDER,
 ) -> slots.PlankParts:
-    """Return the parts of all members that are planks.
+    """Return the flat parts of all planks.
     room   : lengths and widths that parts may have on the stock, metres.
-    ground : base plane; planks are cut level where they end at supports. None without supports.
+    ground : plane of the ground; planks that end at supports are cut parallel to it. None without supports.
     order  : families, from the lowest planks to the uppermost.
     Raises PatternError if no piece fits on the stock."""
     courses, stopped = plank_courses(graph, stock)
@@ -107,7 +109,7 @@ def _reachable_crossings(
 
 @dataclass(frozen=True, eq=False)
 class PlankPlan:
-    """Planks, their stock, and all parts: planks, cover plates, and plates on the planks.
+    """A structure of planks, and all its parts: planks, cover plates of splices, and plates on the planks.
     limit : strain at which the material reaches its strength; 0 if the preset has none."""
 
     planks: slots.PlankParts
@@ -122,7 +124,7 @@ class PlankPlan:
 
     @property
     def obstacle(self) -> str:
-        """Reason why planks are impossible, with numbers: "upright planks would ..."; "" if planks are possible."""
+        """Reason why planks are impossible, as a sentence; "" if planks are possible."""
         planks, worst = self.planks, max(self.planks.bends.values(), default=0.0)
         if worst > self.limit:
             return f"upright planks would bend out of their plane to a strain of {worst:.2%} (limit: {self.limit:.2%})"
@@ -141,7 +143,7 @@ class PlankPlan:
 
     @property
     def summary(self) -> str:
-        """Bending, crossings and slots of a possible plan, in numbers."""
+        """Sentence with the largest bending, the sharpest crossing and the widest slots of the planks."""
         planks, stock = self.planks, self.stock
         bend, lean = (max(angles.values(), default=0.0) for angles in (planks.bends, planks.slide_angles))
         text = (

@@ -55,7 +55,8 @@ class PlankStock:
 def level_cut(
     layer: Development, ground: BasePlane, station: float, at_end: bool, depth: float
 ) -> tuple[float, float] | None:
-    """Return arc lengths of right and left corner of a plank end, cut horizontally at a support; None if impossible."""
+    """Return arc lengths of the right and left corner of a plank's end that is cut horizontally at a support.
+    station, at_end : arc length of the uncut end; True for the last end of the plank. None if the cut is impossible."""
     height = ground.support_height(layer.course.frame_at(np.array([station]))[0][0], depth)
     direction = layer.frame(np.array([station]))[1][0] * (1 if at_end else -1)
     if height is None or -direction @ ground.up < STEEP_SINE:
@@ -65,7 +66,7 @@ def level_cut(
 
 
 def plank_outline(layer: Development, ends: EdgeStations, slots: Sequence[Slot], depth: float) -> Floats:
-    """Return the outline (k, 2) of a plank, counter-clockwise. It starts on the right edge, where the plank begins."""
+    """Return the outline (k, 2) of a flat plank with slots, counter-clockwise from its right edge's beginning."""
     (a, b), (c, d) = ends
     right_edge = _edge_with_slots(layer, (a, c), -depth / 2, [slot for slot in slots if not slot.above])
     left_edge = _edge_with_slots(layer, (b, d), depth / 2, [slot for slot in slots if slot.above])
@@ -89,7 +90,7 @@ def _edge_with_slots(layer: Development, span: tuple[float, float], edge: float,
 def plank_marks(
     layer: Development, name: str, span: tuple[float, float], slots: Sequence[Slot], stock: PlankStock
 ) -> tuple[Floats, ...]:
-    """Return strokes of a piece's name in the longest part of `span` without slots, and of node names at the slots."""
+    """Return the names to engrave on a piece of a plank, as polylines (k, 2): its own name, and node names at slots."""
     stops = np.array([span[0], *(slot.s for slot in slots), span[1]])
     longest = int(np.diff(stops).argmax())
     middle = (stops[longest] + stops[longest + 1]) / 2
@@ -110,14 +111,16 @@ def plank_marks(
 
 
 def letters_within(name: str, stock: PlankStock, room: float) -> float:
-    """Return the height of letters (m) for which a name extends at most `room` metres on each side of its middle."""
+    """Return the height of letters (m) for a name that is at most 2 `room` metres long."""
     high = letter_height(stock.depth, stock.letters[0])
     return high * min(1.0, 2 * room / text_length(name, high))
 
 
 @dataclass
 class Plank:
-    """Member to be cut into pieces: arc lengths of its ends and cuts, and the assembly direction (3,) of each piece."""
+    """Plank of a member, to be cut into pieces.
+    ends       : arc lengths of the corners at both ends.    cuts : arc lengths of beginning, divisions and end.
+    directions : direction (3,) in which each piece slides onto lower planks; None if it has no lower planks or jams."""
 
     member: Member
     course: StripCourse
@@ -134,7 +137,9 @@ class Plank:
         ground: BasePlane | None,
         parts: PlankParts,
     ) -> None:
-        """Cut pieces that fit stock sizes `room` and, if possible, slide onto lower planks at `crossings`."""
+        """Divide the plank into pieces that fit on the stock and, if possible, slide onto lower planks.
+        room : lengths and widths that parts may have on the stock, metres.
+        The results are in `ends`, `cuts`, `directions` and `parts`."""
         course, stock = self.course, self.stock
         upper = [crossing for crossing in crossings if self._has_role(crossing, 1)]
         crossing_stations = np.array([crossing.at[1] for crossing in upper])
@@ -172,7 +177,7 @@ class Plank:
 
     @property
     def spans(self) -> list[tuple[float, float]]:
-        """Spans of the pieces (arc lengths), without overlaps at splices."""
+        """First and last arc length of each piece, without overlaps at splices."""
         return list(zip(self.cuts, self.cuts[1:], strict=False))
 
     @property
@@ -203,7 +208,7 @@ class Plank:
         )
 
     def add_parts(self, parts: PlankParts) -> None:
-        """Add pieces and cover plates to `parts`."""
+        """Add the pieces of the plank and the cover plates of its splices to `parts`."""
         course, stock, layer = self.course, self.stock, Development(self.course, 0.0)
         joints = list(self.cuts[:-1] if course.closed else self.cuts[1:-1])
         bolts = stock.layering.splice_bolts(stock.depth) if stock.splice == "cover" else ()
@@ -254,7 +259,6 @@ class Plank:
         return accepted
 
     def _level_ends(self, ground: BasePlane | None, stations: Floats, parts: PlankParts) -> EdgeStations:
-        """Return the corners at both ends of the plank. Ends at supports are level, unless a slot is in the way."""
         course, layer = self.course, Development(self.course, 0.0)
         ends = [(course.begin, course.begin), (course.end, course.end)]
         for k in (0, 1):

@@ -25,12 +25,12 @@ Slots are widened so that a piece can slide in its assembly direction. A plank w
 
 
 def largest_deviation(normals: Floats) -> float:
-    """Return the largest angle between unit vectors (q, 3) and their middle direction (radians); 0 for none."""
+    """Return the largest angle (radians) between unit vectors (q, 3) and their middle direction; 0 for no vectors."""
     return 0.0 if len(normals) < 2 else float(np.arccos(np.clip(normals @ middle_direction(normals), -1.0, 1.0)).max())
 
 
 def middle_direction(normals: Floats) -> Floats:
-    """Return the unit vector (3,) that bisects the largest angle between two of the unit vectors (q, 3)."""
+    """Return the unit vector (3,) halfway between the two vectors with the largest angle among `normals` (q, 3)."""
     i, j = np.unravel_index(int((normals @ normals.T).argmin()), (len(normals),) * 2)
     direction = normals[i] + normals[j]
     return np.asarray(direction / np.linalg.norm(direction))
@@ -65,7 +65,7 @@ class Crossing:
         lock_floats(self, normal=(3,), ways=(2, 3))
 
     def slot_leans(self, direction: Floats) -> tuple[float, float]:
-        """Return `Slot.lean` (widening) of the lower and upper plank's slots for assembly along a unit vector (3,)."""
+        """Return the widening (`Slot.lean`) of the lower and the upper plank's slot for an assembly direction (3,)."""
         along_lower, along_upper, up = np.linalg.solve(np.stack([*self.ways, self.normal], axis=1), direction)
         return float(along_lower / up), float(-along_upper / up)
 
@@ -73,10 +73,10 @@ class Crossing:
 @dataclass(frozen=True)
 class Slot:
     """Slot of a plank at an arc length.
-    half  : half width of the slot, metres.
-    y     : height of the slot's bottom over the axis, metres.
-    above : True if the slot is open above.
-    lean  : growth of the slot's width along the plank, per metre from its bottom; the sign tells the side."""
+    half  : half the width of the slot's bottom, metres.
+    y     : height of the slot's bottom above the axis, metres.
+    above : True if the slot is open at the top.
+    lean  : growth of the width per metre of distance from the bottom; positive: on the side of higher arc length."""
 
     node: str
     s: float
@@ -86,8 +86,8 @@ class Slot:
     above: bool
 
     def mouth(self, edge: float) -> tuple[float, float]:
-        """Return the beginning and end of the slot at the height `edge` over the axis (m).
-        Both are distances along the plank from the middle of the slot (m)."""
+        """Return where the slot begins and ends at a height `edge` above the axis (m), along the plank.
+        The result is two distances from the middle of the slot's bottom (m)."""
         widening = self.lean * abs(edge - self.y)
         return -self.half + min(widening, 0.0), self.half + max(widening, 0.0)
 
@@ -121,7 +121,7 @@ def standing_order(graph: MemberGraph, up: Floats) -> tuple[str, ...]:
 def plank_crossings(
     graph: MemberGraph, courses: Mapping[str, StripCourse], order: Sequence[str] = STANDING_ORDER
 ) -> PlankCrossings:
-    """Return the crossings of planks at nodes. courses : axes of the planks. order : families, lowest to uppermost."""
+    """Return the crossings of planks at nodes. order : families, from the lowest planks to the uppermost."""
     result = PlankCrossings()
     for node in graph.nodes:
         if node.kind == "grazing" or not all(name in courses for name in node.members):
@@ -138,7 +138,8 @@ def plank_crossings(
 def slot_crossing(
     node: str, names: tuple[str, str], courses: tuple[StripCourse, StripCourse], stations: tuple[float, float]
 ) -> Crossing:
-    """Return the crossing of two planks. Newton steps find points of their axes that lie on one surface normal."""
+    """Return the crossing of two planks, at the points of their axes that lie on a common surface normal.
+    stations : approximate arc length of the crossing on each axis, metres."""
     s, t = (course.wrapped_station(x) for course, x in zip(courses, stations, strict=True))
     for _ in range(5):
         (P, T, N), (Q, U, M) = ([x[0] for x in c.frame_at(np.array([x]))] for c, x in zip(courses, (s, t), strict=True))
@@ -161,7 +162,7 @@ class PlankParts:
     stuck        : largest angle as in `slide_angles`, only for pieces that cannot slide on lower planks.
     shortened    : members that stop before another member of their family, or before their own sharply turning end.
     missed_nodes : nodes that shortened members do not reach.
-    vanished     : members that would be too short.
+    vanished     : members that are not built, because they would be too short.
     longer       : by how much twist lengthens the edges, by member, metres.
     bends        : bending strain, by member."""
 

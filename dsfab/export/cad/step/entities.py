@@ -58,7 +58,7 @@ class StepEntities:
     """Numbered entities of a file; equal points and directions are written only once."""
 
     def __init__(self, free: int = FIRST_FREE, extra_digits: int = 0) -> None:
-        """free : first entity number to use.    extra_digits : additional decimals of points and directions."""
+        """Begin a list. free : first entity number.    extra_digits : additional decimals of points and directions."""
         self.free, self.text = free, list[str]()
         self._digits, self._direction_digits = DIGITS + extra_digits, DIRECTION_DIGITS + extra_digits
         self._numbers, self._points = dict[str, int](), dict[tuple[float, ...], int]()
@@ -119,8 +119,7 @@ class StepEntities:
         return self.spline(curve.degree, [self.point(p) for p in poles], knot_text(curve.knots), title)
 
     def spline(self, degree: int, poles: list[int], knots: KnotText, title: str = "", shared: bool = False) -> int:
-        """Add a spline curve through numbered poles. Lines also become splines, because ISO 10303-511 (advanced_face)
-        forbids polylines of two points on spline faces."""
+        """Add a spline curve. poles : entity numbers of its control points."""
         return self.add(
             f"B_SPLINE_CURVE_WITH_KNOTS('{title}',{degree},{references(poles)},.UNSPECIFIED.,.F.,.F.,"
             f"{knots[0]},{knots[1]},.UNSPECIFIED.)",
@@ -273,7 +272,7 @@ def outward_polyhedron(part: Part) -> tuple[Polyhedron, list[list[int]]]:
 
 
 def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[str]:
-    """Yield a polyhedron as STEP. solids : outer shell of each solid, then voids; void normals point out of a void."""
+    """Yield the text of a STEP file of a polyhedron. solids : shells of each solid, the outer shell before voids."""
     yield header(name, "solid with planar faces", len(solids))
     texts, faces, free = planar_faces(shape, FIRST_FREE)
     yield from texts
@@ -317,7 +316,7 @@ def _tables(
 
 
 def _ratios(shape: Polyhedron) -> Floats:
-    """Return exact edge directions as the smallest whole numbers; ISO 10303-42 allows directions of any length."""
+    """Return exact directions of edges as the smallest whole numbers."""
     corners = _corners(shape)
     along = corners[shape.edges[:, 1]] - corners[shape.edges[:, 0]]
     return np.asarray(along / np.maximum(np.gcd.reduce(along, axis=1), 1)[:, None])
@@ -351,8 +350,7 @@ def faceted_bytes(shape: Polyhedron) -> float:
 
 
 def header(name: str, description: str, pieces: int = 1) -> str:
-    """Return the beginning of the file: entities 1 to 18, with the product of the first piece.
-    The time of the file (ISO 10303-21 requires one) is constant, so that equal solids give equal files."""
+    """Return the beginning of the file, with a constant date: entities 1 to 18, with the product of the first piece."""
     title = step_string(one_line(name))
     product = step_string(piece_name(name, 0, pieces))
     return _HEADER.format(
@@ -361,7 +359,7 @@ def header(name: str, description: str, pieces: int = 1) -> str:
 
 
 def _table(numbers: range, template: str, *columns: Any) -> Iterator[str]:
-    """Yield one entity per row, without zeros at the end of decimals. Such zeros would fill a quarter of the file."""
+    """Yield one entity per row, without zeros at the end of decimals."""
     return (TRAILING_ZEROS.sub(r"\1", text) for text in rows(f"#%d={template};\n", numbers, *columns))
 
 

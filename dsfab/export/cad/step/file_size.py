@@ -98,12 +98,12 @@ def writing_seconds(part: Part, strategy: str, faces: int) -> float:
 
 
 def strategy_of(part: Part) -> str:
-    """Name of the part's strategy: planar, members, smooth, faceted, simplified, or tessellated."""
+    """Return the name of a part's strategy: planar, members, smooth, faceted, simplified, or tessellated."""
     return "simplified" if part.step == "faceted" and part.simpler else part.step
 
 
 def advice(error: BudgetError) -> str:
-    """Advice to the user after a refusal."""
+    """Return advice for the user if a file is too large."""
     key = "step_faces" if error.by_faces else "step_mb"
     return f"write STL or 3MF instead, coarsen the mesh, simplify with step_tolerance, or raise {key}"
 
@@ -119,7 +119,7 @@ TRIES = 6
 
 
 def usual_tolerance(part: Part) -> float:
-    """Default tolerance of simplification, millimetres."""
+    """Return the default tolerance (mm) for the simplification of a part."""
     return OFF_SURFACE * 2 * part.volume / part.area
 
 
@@ -150,7 +150,7 @@ def simplified_part(part: Part, tolerance: float) -> Part:
 
 
 def _require_hope(simple: Part) -> None:
-    """Raise BudgetError if a simplified solid has so many faces that further tries would not meet the limit."""
+    """Raise BudgetError if a simplified solid has so many faces that further tries are useless."""
     hopeless = 1.2  # the search ends if a try has more than 1.2 times the allowed faces
     if 0 < hopeless * simple.step_faces < len(simple.F):
         shape = polyhedron(simple.V, simple.F, np.zeros(len(simple.F), dtype=np.int64))
@@ -159,7 +159,7 @@ def _require_hope(simple: Part) -> None:
 
 
 def simplification(part: Part, step: float) -> tuple[Part, float]:
-    """Coarsen a part within `step` (mm). Return it and its distance (mm) from the old part, or no triangles and inf."""
+    """Return a part coarsened within `step` (mm), and its distance (mm) from the old part. On failure, no triangles."""
     try:
         V, F = coarsen_mesh(part.V, part.F, step)
     except SolidError:

@@ -25,7 +25,7 @@ class NotFlatError(ExportError):
 
 @dataclass(frozen=True, eq=False)
 class FlatOutlines:
-    """Polylines of a flat sheet.
+    """Outlines of a flat sheet, as polylines.
     axes   : (3, 3) unit vectors, right-handed: two in the plane, and the normal of the plane.
     height : heights of the lower and the upper plane along axes[2], mm.
     pieces : loops (k, 2) of each piece along axes[0] and axes[1], the outer loop first, counter-clockwise."""
@@ -77,7 +77,7 @@ def outlines_of(part: Part) -> FlatOutlines:
 
 
 def frame(across: Floats) -> Floats:
-    """Return (3, 3) right-handed axes. The last one is `across`; if it is a world axis, the others are, too."""
+    """Return right-handed axes (3, 3). The last axis is the unit vector `across`."""
     along = np.roll(np.eye(3), -1, axis=0)[np.abs(across).argmax()]
     axis = along - (along @ across) * across
     axis = axis / np.linalg.norm(axis)
@@ -126,9 +126,9 @@ def plate(outlines: FlatOutlines, corners: Floats, tolerance: float) -> FlatPlat
 
 
 def gaps_between(loops: list[Floats], tolerance: float, least: float = 0.0) -> list[float]:
-    """Return a lower bound of the distance between each loop and all other loops; inf if all other loops are far away.
-    The bound is the smallest distance between points along the loops, minus the points' spacing.
-    Near loops get a spacing of at most 1/8 of their distance. least : smallest spacing, and smallest bound, mm."""
+    """Return for each loop a lower bound (mm) of its distance from other loops; inf if other loops are far away.
+    tolerance : mm; loops farther than `tolerance / GAP_SHARE` are far away.    least : smallest bound, mm.
+    Raises ExportError if outlines touch and `least` is 0."""
     gaps, reach_limit = [np.inf] * len(loops), tolerance / GAP_SHARE
     spacing, remaining = 8 * reach_limit, list(range(len(loops)))
     while remaining and len(loops) > 1 and spacing >= least:
@@ -160,14 +160,14 @@ def _samples_along(loop: Floats, spacing: float) -> Floats:
 
 
 def signed_loop_area(loop: Floats) -> float:
-    """Area inside a closed polyline (k, 2), negative when clockwise."""
+    """Return the area inside a closed polyline (k, 2), negative when clockwise."""
     p = loop - loop.mean(axis=0)
     q = np.roll(p, -1, axis=0)
     return float((p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum() / 2)
 
 
 def plate_entities(plate: FlatPlate, name: str) -> Iterator[str]:
-    """Yield the file with a solid for each piece."""
+    """Yield the text of the STEP file of a flat sheet, with a solid for each piece."""
     entity_list = StepEntities()
     pieces = [_piece(entity_list, plate, loops) for loops in plate.pieces]
     yield from entity_list.file(pieces, name, f"flat solid, outline within {plate.deviation:.2g} mm of the mesh")

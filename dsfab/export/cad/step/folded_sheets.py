@@ -52,7 +52,7 @@ class Facet:
 
 @dataclass(frozen=True, eq=False)
 class FlatFacets:
-    """Cut sheet with faces in a few planes, before its folds are mitred.
+    """Cut sheet whose faces lie in a few planes (facets), before its vertices are moved exactly into these planes.
     skins : (n, 2, 3) vertices of the sheet on both skins, mm.    facet : (m,) facet of each face."""
 
     whole: DividedSheet
@@ -103,7 +103,7 @@ def flat_facets(part: Part) -> FlatFacets | None:
 
 @derived
 def folded_sheet(part: Part) -> FoldedSheet | None:
-    """Return the sheet of a solid with flat facets, mitred at its folds; None for other solids."""
+    """Return the sheet of a solid with flat facets, with vertices exactly in their planes; None for other solids."""
     flat = flat_facets(part)
     try:
         return _mitred_sheet(flat) if flat else None
@@ -179,7 +179,8 @@ def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools
 
 @dataclass(frozen=True, eq=False)
 class FoldedShape:
-    """Folded sheet, and curves along its walls. Poles (p, 4) are 2D coordinates in a facet's upper and lower plane."""
+    """Folded sheet, and curves along its walls (faces through the thickness), by part of an outline.
+    Poles (p, 4) of curves are coordinates in a facet's planes: two in the upper plane, two in the lower plane."""
 
     sheet: FoldedSheet
     walls: dict[RunKey, list[Curve]]
@@ -236,7 +237,8 @@ EdgePair = tuple[int, int]  # numbers of an edge (or vertex) on the upper and on
 
 
 class PlanarFile(NamedTuple):
-    """Text of a planar file, its faces, largest distance from the mesh (mm), and number of facets (1 if flat)."""
+    """STEP text of a flat or folded sheet. faces, facets : numbers; 1 facet if flat.
+    deviation : largest distance of outlines from the mesh, mm."""
 
     faces: int
     texts: list[str]
@@ -245,7 +247,7 @@ class PlanarFile(NamedTuple):
 
 
 def planar_file(part: Part) -> PlanarFile:
-    """Encode a flat or a folded sheet; raises ExportError with the reason for any other solid."""
+    """Return the STEP file of a flat or a folded sheet; raises ExportError with the reason for any other solid."""
     folded = folded_sheet(part)
     if folded is None:
         flat = plate(outlines_of(part), part.corners, part.tolerance)
@@ -260,8 +262,7 @@ def planar_file(part: Part) -> PlanarFile:
 
 class _Writer:
     def __init__(self, shape: FoldedShape) -> None:
-        # Two more digits make edges on inclined planes exact to 1e-7 mm, OCCT's smallest tolerance.
-        # OCCT's fillets need this tolerance.
+        # Two more digits make edges on inclined planes exact to 1e-7 mm, as OCCT's fillets need.
         self.new, self.shape, self.sheet = StepEntities(extra_digits=2), shape, shape.sheet
         self.vertices, self.posts, self.edges = dict[int, EdgePair](), dict[int, int](), dict[RunKey, EdgePair]()
 

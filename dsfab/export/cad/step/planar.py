@@ -13,7 +13,7 @@ FLATNESS = 1e-5  # largest distance (mm) of vertices from the plane or long edge
 def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FLATNESS) -> tuple[Ints, Floats]:
     """Return the region (m,) of each triangle, and twice the area vector (r, 3) of each region.
     tolerance : largest distance (mm) of a vertex from a neighbour's plane, and from the mean plane of its region.
-    Two neighbours join if the third vertex of each lies in the other's plane and their normals are on the same side.
+    Neighbours join if the third vertex of each lies in its neighbour's plane, and their normals agree.
     A very thin triangle (height below FLATNESS) joins only the neighbour at its longest edge. Its own plane is inexact.
     Small angles can add up: a region is divided again if a vertex is too far from the region's mean plane."""
     corners = V[F]
@@ -36,7 +36,7 @@ def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FL
 
 
 def _off_plane(corners: Floats, vectors: Floats, region: Ints) -> Floats:
-    """(r,) largest distance of a region's vertices from its mean plane."""
+    """Return the largest distance (r,) of each region's vertices from its mean plane."""
     normal = unit_vectors(group_sums(region, vectors))
     weight = np.linalg.norm(vectors, axis=1)
     total = np.maximum(np.bincount(region, weight), 1e-300)
@@ -49,27 +49,27 @@ def _off_plane(corners: Floats, vectors: Floats, region: Ints) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class FaceOutlines:
-    """Loops of half-edges: loop i consists of h[start[i] : start[i + 1]]."""
+    """Outlines of faces, as loops of half-edges (directed edges). Loop i is h[start[i] : start[i + 1]]."""
 
     h: Ints
     start: Ints
 
     @property
     def loop(self) -> Ints:
-        """(h,) loop of each half-edge."""
+        """Number (h,) of the loop of each half-edge."""
         return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
 
     @property
     def next(self) -> Ints:
-        """(h,) position of the next half-edge in the same loop."""
+        """Position (h,) of the next half-edge in the same loop, for each half-edge."""
         onward = np.arange(1, len(self.h) + 1)
         onward[self.start[1:] - 1] = self.start[:-1]
         return onward
 
 
 def outline_of(region: Ints, opposite: Ints) -> FaceOutlines:
-    """Chain the half-edges between different regions (m,), each region on the left. opposite : (3 m,) half-edges.
-    At the end of a half-edge, the loop turns around the vertex to the next border half-edge of the same region."""
+    """Return the outlines of regions as loops of half-edges (directed edges), with each region on the left.
+    region : (m,) region of each triangle.    opposite : (3 m,) number of the half-edge opposite to each half-edge."""
     on_border = region[np.arange(len(opposite)) // 3] != region[opposite // 3]
     onward = np.arange(len(opposite))
     onward += np.where(onward % 3 == 2, -2, 1)
@@ -121,7 +121,7 @@ def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
 
 
 def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
-    """Return two positions for each half-edge (h,): the corner at or before its start, and the next in the loop.
+    """Return for each half-edge (h,) the positions of the last corner at or before its start, and of the next corner.
     alive : (h,) True for half-edges that begin at a corner."""
     corner_positions = np.flatnonzero(alive)
     loop = outline.loop
@@ -133,7 +133,8 @@ def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
 
 
 def step_positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
-    """Return positions (p,) of edges of `loops` (k,), and indices (p,) into `loops`. start : where each loop begins."""
+    """Return the positions (p,) of all steps of `loops` (k,), and for each step the index of its loop in `loops`.
+    start : position where each loop begins."""
     length = np.diff(start)[loops]
     loop = np.repeat(np.arange(len(loops)), length)
     return (start[loops] - np.cumsum(length) + length)[loop] + np.arange(len(loop)), loop
@@ -150,8 +151,8 @@ class Polyhedron:
     loops   : (l + 1,) loop i has the steps loops[i] : loops[i + 1].
     faces   : (f + 1,) face i has the loops faces[i] : faces[i + 1], the outer loop first.
     normals : (f, 3) unit normals.
-    origin  : (f,) a point of each face.
-    shell   : (f,) closed shell of each face."""
+    origin  : (f,) number of a point of each face.
+    shell   : (f,) number of the closed shell of each face."""
 
     points: Floats
     edges: Ints
@@ -175,8 +176,8 @@ def polyhedron(V: Floats, F: Ints, shell: Ints) -> Polyhedron:
 
 
 def _corners(V: Floats, F: Ints, table: EdgeTable, outline: FaceOutlines) -> Bools:
-    """Mark corners of the outlines; each loop has at least three. If a vertex is off the line between the corners
-    before and after it, all vertices between these corners become corners. Fine polygons bend little at a vertex."""
+    """Return a mask (n,) of vertices that are corners of outlines; each loop has at least three. If a vertex is off the
+    line between the corners before and after it, all vertices between these corners become corners."""
     a = F.ravel()[outline.h]
     alive = np.bincount(table.ends[np.unique(table.of.ravel()[outline.h])].ravel(), minlength=len(V)) > 2
     before, after = np.roll(a, 1), a[outline.next]
@@ -242,7 +243,7 @@ def _numbered_polyhedron(
 def _long_edges(
     F: Ints, table: EdgeTable, outline: FaceOutlines, alive: Bools
 ) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
-    """Return the first vertex of each step (straight part of a loop), the first step of each loop, and long edges."""
+    """Return the first vertex of each step (straight part of a loop), the first step of each loop, and the edges."""
     a = F.ravel()[outline.h]
     is_corner = alive[a]
     run, end = ends_of_runs(is_corner, outline)
@@ -257,7 +258,7 @@ def _long_edges(
 
 
 def _loop_areas(V: Floats, begin: Ints, start: Ints, face_of_loop: Ints, normals: Floats) -> Floats:
-    """(l,) twice the area inside each loop, negative if clockwise about the face's normal; 0 if a face has one loop."""
+    """Return twice the area (l,) inside each loop, negative if clockwise; 0 for the only loop of a face."""
     around = np.zeros(len(face_of_loop))
     many = np.flatnonzero(np.bincount(face_of_loop)[face_of_loop] > 1)
     if len(many):

@@ -23,7 +23,7 @@ from dsfab.export.subprocesses import ProgramError
 from dsfab.surface.topology import duplicate_faces, edge_table, misoriented_edges
 from dsfab.thickening.self_intersection import intersecting_pairs
 
-REDRAWING_ROUNDS = 2  # largest number of rounds; each divides the error of triangles of crossing faces by 4
+REDRAWING_ROUNDS = 2  # largest number of rounds; each round makes the triangles of crossing faces four times as exact
 
 
 class StepTriangles(NamedTuple):
@@ -75,7 +75,7 @@ def step_fault(path: Path, deflection: float) -> str:
 
 
 def triangle_fault(first_triangles: StepTriangles, deflection: float, shape: bytes) -> str:
-    """Return the reason why OCCT's triangles of a shape bound no solid, see `curved_soundness`; "" for a solid."""
+    """Return the reason why triangles of a shape bound no solid, or "". Arguments : as in `curved_soundness`."""
     sound = curved_soundness(first_triangles, deflection, shape)
     if sound.sound:
         return ""
@@ -142,7 +142,8 @@ def smooth_use(part: Part) -> SampledUse:
 
 
 def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffix: str = ".step") -> SampledUse:
-    """Let OCCT cut a file's solid once; compare its box with the part's. file : STEP text, or OCCT's shape (`.bin`)."""
+    """Let OCCT cut the solid in a file once, and compare the solid's box with the part's box; return the result.
+    file : STEP text, or OCCT's binary shape.    faces : number of faces in the file."""
     if faces > MOST_FACES:
         return SampledUse(False)
     with _file(file, suffix) as path:
@@ -151,7 +152,7 @@ def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffi
 
 
 def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
-    """Let OCCT cut a solid into two halves; return their fault, or "", and the solid's box (six numbers, mm, or [])."""
+    """Let OCCT cut the solid in a file; return the fault of the halves, or "", and the box (six numbers, mm, or [])."""
     seconds = 30.0 + 0.03 * faces  # several times the usual duration of a trial cut
     try:
         report = occt_report("sample", str(path), seconds=seconds)
@@ -164,7 +165,7 @@ def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
 
 
 def use_report(text: str, seconds: float) -> dict[str, Any]:
-    """Return OCCT's report on trials with a file, such as cuts and fillets; raises the errors of `last_line`."""
+    """Return OCCT's report on trials with a file, such as cuts and fillets. Raises ProgramError or TimeoutExpired."""
     with _file(text.encode("ascii")) as path:
         return occt_report("use", str(path), seconds=seconds)
 

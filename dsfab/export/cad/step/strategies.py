@@ -96,7 +96,6 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
 
 
 def _worth_members(part: Part) -> bool:
-    """Return True if 'members' is worth a try: CAD programs can cut its files, but usually cannot cut smooth files."""
     sheet = _striped_sheet(part)
     return sheet is not None and (part.step == "auto" or bool(Surface(sheet.V, sheet.F).edges.boundary.any()))
 
@@ -110,7 +109,7 @@ def _striped_sheet(part: Part) -> Curved | None:
 
 
 def _last_attempts(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
-    """Yield versions after a faceted file was refused. members : None skips slow versions. quick : may stop early."""
+    """Yield versions to try if a faceted file fails. members : None skips slow versions. quick : may stop early."""
     far_factor = 2  # with more than twice the allowed faces, further tries do not help
     is_far = False
     if not part.tolerance:
@@ -151,7 +150,7 @@ def default_tolerance(part: Part) -> float:
 
 
 def _may_be_planar(part: Part) -> bool:
-    """Return False for curved sheets without creases: each triangle could become a facet, and mitres would be slow."""
+    """Return False for curved sheets without creases: a planar file could get a facet for each triangle."""
     flat = flat_facets(part)
     return flat is None or flat.has_creases or part.step == "planar"
 

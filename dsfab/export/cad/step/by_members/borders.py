@@ -20,9 +20,9 @@ TOUCHING_SHARE = 1 / 400  # parts of an outline touch if their distance / thickn
 
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
-    """Return the chains (rows of mesh edges) around a region that cross or nearly touch in the region's mean plane.
-    Two chains nearly touch if an end of one chain is within `distance` mm of the other chain.
-    If the region has a negative area in this plane, all its chains are returned."""
+    """Return numbers of the chains (rows of mesh edges) around a region that cross or nearly touch each other.
+    Crossings are found in the region's mean plane. Chains nearly touch if an end of a chain is within `distance` mm of
+    another chain. If the region has a negative area in this plane, all its chains count."""
     finest = 12  # a cubic gets at most 12 chords; the chords at its ends are short
     segments = 600  # an outline gets about 600 chords
     steps = [step for loop in net.loops[region] for step in loop]
@@ -73,7 +73,7 @@ def crossing_segments(lines: list[Floats]) -> Bools:
 def without_crossings(
     net: ChainNet, curves: Mapping[int, ChainCurve], regions: Iterable[int], distance: float = 0.0
 ) -> ChainNet:
-    """Join a region with a neighbour if the outline of the region crosses or nearly touches itself."""
+    """Join a region to a neighbour if the region's outline crosses itself, or almost: within `distance` (mm)."""
     result = net
     for region in regions:
         for k in sorted(crossing_chains(net, curves, region, distance)):
@@ -85,7 +85,7 @@ def without_crossings(
 
 
 def without_chain(net: ChainNet, k: int) -> ChainNet:
-    """Join the two regions beside a chain if each has a single outline; the left region keeps its number."""
+    """Remove chain k: join the regions beside it, with the number of the left region. Regions with holes stay apart."""
     kept_region, joined_region = net.chains[k].left, net.chains[k].right
     if len(net.loops[kept_region]) + len(net.loops[joined_region]) > 2:
         return net
@@ -123,7 +123,8 @@ PLACES = np.linspace(0, 1, 65)  # parameters where the curvature is measured
 
 
 def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """Remove hairpin-shaped borders between regions. Straighten other borders, except on creases."""
+    """Return the net with straight borders between regions, except on creases, and without borders like hairpins.
+    lifting : mapping of mesh points to the skins.    thickness : mm."""
     sideways = 1 / 3  # a chain moves sideways by at most this fraction of the thickness
     sag = 1 / 400  # largest distance of chords from the curve, as a fraction of the thickness
     P = np.asarray(net.weights @ lifting.skins.points)
@@ -183,7 +184,8 @@ LONGEST_CHORD = 2.0  # largest chord of a round corner, as a multiple of the thi
 
 
 def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """Move ends of member borders along round corners, to enlarge the angles of borders to outlines. thickness : mm."""
+    """Move ends of borders between members along round corners, to places where border and outline form larger angles.
+    lifting : mapping of mesh points to the skins.    thickness : mm."""
     rounds = 3  # in each round, a border's end moves along one chain of the outline; a corner may have several chains
     for _ in range(rounds):
         work = _BorderEnds(net, np.asarray(net.weights @ lifting.skins.points), thickness)
@@ -225,7 +227,7 @@ class _BorderEnds:
         self.changed |= {before, after, seam}
 
     def _worth(self, place: tuple[float, int, int]) -> tuple[float, bool, float]:
-        """Return the rank of a place for a border's end: angle up to 45 degrees, then ends of chains, then angle."""
+        """Return the rank of a place for a border's end: angle up to 45 degrees, True at a chain's end, angle."""
         enough = 45.0  # degrees; all places with larger angles between border and outline are equally good
         steep, k, i = place
         return min(steep, enough), i in (0, len(self.chains[k].points) - 1), steep
@@ -235,7 +237,8 @@ class _BorderEnds:
         return self.P[[points_before[-2], points_after[0], points_after[1]]]
 
     def _angle_at(self, before: int, after: int, anchor: Floats) -> float:
-        """Angle (degrees) of the line to `anchor` with the mean wall direction; a single straight wall counts alone."""
+        """Return the angle (degrees) of a border to the outline at its end. anchor : point of the border near the end.
+        before, after : chains of the outline at the end. If only a single chain is straight, that chain counts."""
         P = self._points_around(before, after)
         weights = [1.0 - (self._is_round(j) and not self._is_round(k)) for j, k in ((before, after), (after, before))]
         return _angle(P, weights, anchor)

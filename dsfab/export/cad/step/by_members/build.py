@@ -76,7 +76,7 @@ class RoughError(ExportError):
 
 @derived
 def member_file(part: Part) -> MemberFile:
-    """Return the file of a part, with finer patches if the first file is inexact or invalid; computed once for a part.
+    """Return the checked STEP file of a part. Finer patches follow if this file is inexact or invalid.
     Raises NotByMembersError with the reason, and BudgetError if the file is too large."""
     try:
         plan = SolidPlan(part)
@@ -109,7 +109,7 @@ def _tried(part: Part, plan: SolidPlan, fine: bool) -> MemberFile:
 
 @dataclass(frozen=True, eq=False)
 class TriangleReport:
-    """Report on OCCT's triangles. there, back : distances from triangles to mesh, and from mesh to triangles.
+    """Report on OCCT's triangles. there, back : distances of triangles from the mesh, and of the mesh from triangles.
     shape : OCCT's binary shape.    fault : reason why the triangles bound no solid, or why OCCT cannot tell."""
 
     there: MeshDistances
@@ -119,7 +119,7 @@ class TriangleReport:
 
     @classmethod
     def from_mesh(cls, mesh: StepMesh, gate: PieceJudge) -> "TriangleReport":
-        """Check triangles; `gate` measures distances. A fault is stored, not raised, as other checks run meanwhile."""
+        """Return the report on OCCT's triangles `mesh`; `gate` measures their distances from the mesh of the part."""
         triangles = step_triangles(mesh)
         forth, back = gate.distances(MM_PER_M * triangles.V, triangles.F)
         try:
@@ -137,7 +137,8 @@ def _require(passed: bool, complaint: str, error: type[ExportError] = ExportErro
 def require_solid(
     part: Part, plan: SolidPlan, draft: MemberDraft, findings: list[OcctFinding], triangles: list[TriangleReport]
 ) -> tuple[float, float, bytes]:
-    """Return the largest distances (solid to mesh, mesh to solid), and OCCT's shape. Raises ExportError for a fault."""
+    """Check what OCCT found in a file. Raises ExportError for a fault. Return the largest distances (mm) of the solid
+    from the mesh and of the mesh from the solid, and OCCT's binary shape."""
     wide_box = 2e-2  # largest error of OCCT's bounding box, as a fraction of its diagonal; 1.1 % for a saddle of 5 m
     gap, widest = max((finding.gap for finding in findings), default=0.0), GAP_SHARE * plan.limits.thickness
     faces = sum(finding.faces for finding in findings)

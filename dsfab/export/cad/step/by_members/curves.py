@@ -36,7 +36,7 @@ class InnerSpline:
 
     @cached_property
     def hats(self) -> Floats:
-        """Return weights (k + 1, k, 4) of all Bezier poles. Row i gives the spline's point at parameter `places[i]`."""
+        """Weights (k + 1, k, 4) of all Bezier poles. Row i belongs to the spline's point at parameter `places[i]`."""
         count = len(self.places) - 1
         span = np.clip(np.searchsorted(self.breaks, self.places, side="right") - 1, 0, count - 1)
         hats = np.zeros((count + 1, count, 4))
@@ -69,8 +69,8 @@ SAMPLES_PER_EDGE = 2  # number of samples on each skin of the sheet, for each me
 
 @dataclass(frozen=True, eq=False)
 class SampledChain:
-    """Samples of a chain. Q : (k, 6) points on the outer and inner skin, mm. outline : True for a chain of an outline.
-    chord : the mesh's smallest chord error along the chain, millimetres."""
+    """Samples of a chain (row of mesh edges). Q : (k, 6) points on the outer and inner skin, mm.
+    outline : True if the chain lies on an outline.    chord : smallest chord error of the mesh along the chain, mm."""
 
     Q: Floats
     outline: bool
@@ -87,7 +87,7 @@ class SampledChain:
         return arc_lengths(self.middle)
 
     def direction(self, from_start: bool, reach: float) -> tuple[Floats, Floats]:
-        """Return the vector from a curve's end to the point `reach` mm along it, and the unit normal at this end."""
+        """Return the vector from an end of the chain to the point `reach` mm along it, and the normal at the end."""
         if (from_start, reach) not in self._directions:
             x = min(reach / self.lengths[-1], 0.5)
             Q, target = self.Q[0 if from_start else -1], self.point(x if from_start else 1 - x)
@@ -117,7 +117,7 @@ class ChainCurve:
 
     @classmethod
     def from_spline(cls, spline: Spline, distance: float) -> "ChainCurve":
-        """Convert a spline of degree 1, 2 or 3 to cubics. distance : largest distance of samples from it, mm."""
+        """Convert a spline of degree 1, 2 or 3 to cubics. distance : largest distance of samples from the spline."""
         breaks = np.unique(spline.knots)
         x = READ_PLACES[None] * np.diff(breaks)[:, None] + breaks[:-1, None]
         values = spline(x.ravel()).reshape(len(breaks) - 1, 4, -1)
@@ -127,7 +127,7 @@ class ChainCurve:
         return cls(breaks, spans, distance)
 
     def __call__(self, x: Floats) -> Floats:
-        """(k, 6) points at parameters x (k,)."""
+        """Return the points (k, 6) of both curves at parameters x (k,)."""
         span = np.clip(np.searchsorted(self.breaks, x, side="right") - 1, 0, len(self.spans) - 1)
         share = (x - self.breaks[span]) / np.diff(self.breaks)[span]
         return np.asarray(np.einsum("ka,kai->ki", bernstein(share), self.spans[span]))
@@ -137,7 +137,7 @@ class ChainCurve:
         return np.concatenate([[low], self.breaks[(self.breaks > low) & (self.breaks < high)], [high]])
 
     def with_ends(self, start: Floats, end: Floats) -> "ChainCurve":
-        """Return the curve with other ends (6,); the movement of poles changes linearly between the ends."""
+        """Return the curve with its ends moved to `start` and `end` (6,). Poles between move in proportion."""
         x = self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.arange(4) / 3
         ways = start - self.spans[0, 0], end - self.spans[-1, -1]
         spans = self.spans + (1 - x)[..., None] * ways[0] + x[..., None] * ways[1]
@@ -145,7 +145,6 @@ class ChainCurve:
         return replace(self, spans=spans)
 
     def backwards(self) -> "ChainCurve":
-        """Return the curve in the opposite direction."""
         return ChainCurve(1 - self.breaks[::-1], self.spans[::-1, ::-1], self.off)
 
 
@@ -157,7 +156,7 @@ def parts_of(poles: Floats, start: Floats, end: Floats) -> Floats:
 
 
 def curves_through(lines: Sequence[Floats], tolerances: Sequence[float]) -> list[ChainCurve]:
-    """Fit curves to polylines (k, 6), mm, within tolerances (mm), all at once."""
+    """Fit curves on both skins to lines of points (k, 6), mm: one result for each line, within its tolerance (mm)."""
     fits = splines_through([even_samples(line) for line in lines], tolerances, parts=2)
     return [ChainCurve.from_spline(*fit) for fit in fits]
 
@@ -177,7 +176,8 @@ def on_skins(curves: Sequence[ChainCurve], vectors_to_skins: Callable[[Floats], 
 
 
 def sampled_chains(net: ChainNet, lifting: Lifting, limits: SmoothLimits) -> dict[int, SampledChain]:
-    """Return a dict: number of a chain -> its samples on the smooth outer and inner surface of the sheet."""
+    """Return the samples of each chain on both smooth skins of the sheet, by number of the chain.
+    lifting : mapping of mesh points to the skins.    limits : allowed distances from the mesh."""
     numbers = list(net.chains)
     points = [net.chains[k].points for k in numbers]
     start, end = (np.concatenate([p[part] for p in points]) for part in (slice(-1), slice(1, None)))
@@ -201,7 +201,7 @@ PARABOLA_SHARE = 1 / 10  # allowed distance from parabola to cubic, divided by t
 ZERO_DIFFERENCE = 1e-8  # mm; smaller third differences of a cubic's poles are rounding errors
 
 BOW_FACTOR = np.sqrt(3) / 36
-"""Largest distance of a cubic from its parabola / third difference of its poles: the maximum of x (1/2 - x) (1 - x)."""
+"""Largest distance between a cubic and its parabola (see `as_parabolas`), divided by the poles' third difference."""
 
 
 def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:

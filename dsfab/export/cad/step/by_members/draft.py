@@ -52,7 +52,7 @@ EDGE_DIGITS = 7
 
 
 class NetWriter:
-    """Writer of a model's STEP entities into the list `new`; both sides of a seam of the model share entities."""
+    """Writer of a boundary model: adds its faces, edges and vertices as STEP entities to the list `new`."""
 
     def __init__(self, entity_list: StepEntities, model: NetModel, thickness: float) -> None:
         self.new, self.model = entity_list, model
@@ -64,7 +64,7 @@ class NetWriter:
         self.edges = list[list[int]]()
 
     def faces(self, trimmed: list[TrimmedFace], seams: Mapping[int, LongSeam]) -> list[int]:
-        """Add all faces to the STEP entities; return the faces' numbers. seams : edge number -> extended seam."""
+        """Add the faces of the model and the `trimmed` faces; return their numbers. seams : long seams by edge."""
         numbers, posts = list[int](), dict[tuple[int, int], int]()
         skins: list[NetPatch | TrimmedFace] = [*self.model.patches, *trimmed]
         surfaces = {i: self._surfaces(skins[i]) for i in sorted({i for seam in seams.values() for i in seam.on})}
@@ -160,7 +160,8 @@ class ManyFacesError(ExportError):
 
 @dataclass(frozen=True, eq=False)
 class MemberDraft:
-    """STEP text (unchecked); counts of solids, faces, trimmed faces. gap : widest gap, trimmed face to edge, mm."""
+    """STEP text before checks, with numbers of its solids, faces and trimmed faces.
+    gap : widest gap between a trimmed face and its edges, mm."""
 
     text: str
     solids: int
@@ -306,7 +307,7 @@ def _with_cut_ends(
 
 
 def outline_poles(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, bytes]:
-    """Return a dict: number of a trimmed region -> the poles of its outline curves as bytes, to detect changes."""
+    """Return the poles of the outline curves of each trimmed region as bytes, by number of the region."""
     curves = lines.curves(model.trimmed)
     return {
         region: b"".join(curves[k].spans.tobytes() for loop in net.loops[region] for k, _ in loop)
@@ -320,7 +321,7 @@ def changed_regions(previous: dict[int, bytes], outlines: dict[int, bytes]) -> l
 
 
 class _Fits:
-    """Lines and boundary models fitted to a `ChainNet`. Results for unchanged chains and outlines are kept."""
+    """Fit of curves and boundary models to a `ChainNet`, with a cache for unchanged chains and outlines."""
 
     def __init__(self, interior: RegionInterior, plan: SolidPlan) -> None:
         self.lifting, self.limits, self.reach = interior.lifting, plan.limits, REACH_SHARE * plan.limits.thickness
@@ -346,7 +347,7 @@ class _Fits:
 
 
 class RegionQuads:
-    """Cache of the four-sided regions of a `ChainNet`. reach : length along a chain (mm) to measure its direction."""
+    """Search for four-sided regions, with a cache. reach : length (mm) of a chain over which its direction counts."""
 
     def __init__(self, reach: float) -> None:
         self.reach, self.known = reach, dict[int, tuple[list[ChainLoop], list[SampledChain], Quad | None]]()
@@ -364,7 +365,6 @@ class RegionQuads:
 
 def wanted_gap(thickness: float) -> float:
     """Return the wanted gap (mm) between trimmed faces and their edges in a sheet with this thickness (mm)."""
-    # Smaller gaps would need faces of higher degrees, with more poles.
     narrow_mm, thin_share = 0.01, 1 / 1500  # a gap is narrow enough if it is below both limits
     return max(GAP_SHARE * thickness, min(narrow_mm, thin_share * thickness))
 

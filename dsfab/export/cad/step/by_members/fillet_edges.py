@@ -29,15 +29,16 @@ PLACES = np.linspace(0, 1, 17)  # parameters of a curve where its distance from 
 
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
-    """Return poles (2, 4, 2) in a face's parameters for curves with poles (4, 6); None if they are not on the face."""
+    """Return poles (2, 4, 2) of curves in parameters of a face's outer and inner surface; None if they are not on it.
+    poles : (4, 6) of the curves on both skins, mm."""
     if np.abs(face.gaps(bernstein(PLACES) @ poles)).max() > FACE_TOLERANCE:
         return None
     return np.stack([places(surface, axes, poles[:, s]) for surface, axes, s in face.skins])
 
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
-    """Return patch parameters (2, 2, 2) of the ends of curves `poles` (4, 6); None if they extend no side of the patch.
-    edge : (4, 6) poles of the edge to extend.    share : (2,) added lengths at start and end / edge length."""
+    """Return patch parameters (2, 2, 2) of the ends of an extended edge; None if it extends no side of the patch.
+    edge, poles : (4, 6) before and after the extension.    share : (2,) lengths added at both ends / old length."""
     P = patch.poles
     for axis in (0, 1):
         for fixed in (0, 1):
@@ -70,34 +71,32 @@ FILLET_SHARE = 1 / 6  # radius of a fillet / thickness; a seam is extended by ra
 MARGIN = 0.1  # the surface under a seam is extended by (1 + MARGIN) times the extension of the seam
 
 LARGE_FILLET_SHARE = 1 / 8
-"""Radius of the largest fillet at a seam that continues a wall's edge, as a fraction of the thickness.
-OCCT extends the patch at this seam along tangents. A larger fillet would be invalid: the gap at its end is too wide."""
+"""Radius of the largest valid fillet at a seam that continues a wall's edge, as a fraction of the thickness."""
 
 TANGENT_GAP = 3e-5
-"""Largest gap (mm) that OCCT may leave at the largest fillet's end. With a smaller limit, seams leave their patches."""
+"""Largest gap (mm) that OCCT may leave at the end of the largest fillet."""
 
 POLE_OFFSET = 1e-5
-"""Movement (mm) of a seam's pole, if the seam lies beside a trimmed face and continues a wall's edge.
-OCCT then gives the seam a tolerance of 4e-5 mm. The seam needs at least 1.4e-5 mm."""
+"""Movement (mm) of a pole of a seam that continues a wall's edge; OCCT then gives the seam enough tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
 class LongSeam:
-    """Seam extended for a fillet, or a wall's edge beside a corner where an extended seam ends. poles : (4, 6), mm.
-    on : face number -> poles (2, k, 2) on the face's two surfaces, in parameters. Patches come before trimmed faces."""
+    """Seam (edge between two faces of a skin) extended for a fillet, or a wall's edge beside an extended seam's end.
+    poles : (4, 6), mm.    on : poles (2, k, 2) in parameters of both surfaces of a face, by number of the face."""
 
     poles: Floats
     on: dict[int, Floats]
 
 
 def curves_beyond(model: NetModel) -> dict[int, Floats]:
-    """Return edge number -> poles (4, 6) of a seam extended for fillets. Its end stays where it meets several seams."""
+    """Return the poles (4, 6) of the seams (edges between two faces) that are extended for fillets, by edge number."""
     bent = [corner for corner in filled_corners(model) if corner.straight is None]
     return {e: poles for e, (_, poles) in _extensions(model, bent).items()}
 
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
-    """Return seam number -> lengths (2,) added at start and end, divided by the seam's length, and new poles (4, 6)."""
+    """Return for each seam: lengths (2,) added at start and end, divided by the seam's length, and new poles (4, 6)."""
     longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
     shares = dict[int, Floats]()
     for corner in corners:
@@ -120,7 +119,7 @@ def _share(poles: Floats, end: int, half: float) -> float:
 
 
 def _share_to_gap(poles: Floats, end: int, half: float) -> float:
-    """Return a seam's extension divided by its length. OCCT extends the seam more, with a gap up to `TANGENT_GAP`."""
+    """Return the added length of a seam, divided by its old length. OCCT adds more, with a gap up to `TANGENT_GAP`."""
     ahead = poles[::-1] if end else poles
     across = poles[-end, :3] - poles[-end, 3:]
     thick = float(np.linalg.norm(across))
@@ -136,8 +135,8 @@ def _share_to_gap(poles: Floats, end: int, half: float) -> float:
 def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
-    """Extend seams and their surfaces, but not a seam that would then run outside one of its two faces.
-    Return the model, the trimmed faces, and edge -> `LongSeam` for these seams and for the walls' edges beside them."""
+    """Extend seams (edges between faces) and their surfaces beyond corners, so that OCCT can make fillets.
+    Return the model, the trimmed faces, and by edge number the long seams and the walls' edges beside them."""
     corners = filled_corners(model)
     loops = _edges_around(model, faces, corners)
     seams = _on_both(model, faces, corners, loops)
@@ -184,7 +183,7 @@ def _edges_around(model: NetModel, faces: list[TrimmedFace], corners: list[Fille
 def _beside_straight(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> tuple[dict[int, Floats], dict[int, list[Floats]]]:
-    """Return larger parameter ranges, and required parameters, of patches at seams in line with a wall's edge."""
+    """Return larger parameter ranges, and required parameters, of patches beside seams in line with a wall's edge."""
     straight = [corner for corner in corners if corner.straight is not None]
     longer, boxes, needed = _extensions(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
     for corner in straight:
@@ -258,13 +257,13 @@ CLEAR_EDGE = 1 / 7  # radius of a fillet / thickness; edges are cut farther from
 
 LONGEST_SHARE = 4.0
 """Largest length of an edge at a corner, divided by (thickness * t). t is the tangent of half the bend, but at most 1.
-OCCT looks for the end of a fillet at few samples of the edge. On a longer edge, it may find the wrong end."""
+On a longer edge, OCCT may find the wrong end of a fillet."""
 
 DENSE = np.linspace(0, 1, 129)  # parameters of an edge where its gap to a trimmed face is measured
 
 
 def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
-    """Put the walls around each outline, and their edges, in the order that OCCT needs for fillets.
+    """Put the walls (faces through the thickness) of each outline, and their edges, in OCCT's order for fillets.
     The first wall begins at the joint with the smallest bend. If this joint is a corner, the first edge of the wall is
     reversed. If the wall has only this edge, the edge is cut, and only its first part is reversed."""
     work, walls = CutEdges(model), list[NetWall]()
@@ -299,7 +298,7 @@ def edge_stops(
     poles: Floats, face: TrimmedFace | None, corners: tuple[float, float], ending: tuple[bool, bool]
 ) -> list[float]:
     """Return where an edge with poles (4, 6) is cut for fillets at its corners, as fractions of its length.
-    From a corner to its cut, the edge is farthest from the trimmed face at one of these two points.
+    Between a corner and its cut, the gap from the edge to the trimmed `face` is widest at the corner or at the cut.
     corners : tan(bend angle / 2) at the start and the end of the edge; 0 if there is no corner.
     ending  : for each end of the edge, True if `LONGEST_SHARE` limits the distance from the corner to the cut."""
     exact = 1e-6  # OCCT ignores a gap below this (mm)
@@ -325,14 +324,15 @@ def edge_stops(
 
 
 class CutEdges:
-    """Edges of a model, which are cut or reversed. forwards : for each old edge, its new edges with directions."""
+    """Edges of a model, which can be cut and reversed. forwards : the new edges that replace an old edge, in order."""
 
     def __init__(self, model: NetModel) -> None:
         self.given, self.vertices, self.edges = model, list(model.vertices), list(model.edges)
         self.forwards = dict[int, ChainLoop]()
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
-        """Cut edge e at fractions `stops` from its start (end if not `ahead`). If `against`, reverse the first part."""
+        """Cut edge e at `stops`: fractions of its length from its start, or from its end if `ahead` is False.
+        against : True to reverse the direction of the first part."""
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
         P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()

@@ -38,8 +38,8 @@ def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
 
 
 def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> ChainNet:
-    """Return the net without outline walls that are shorter than `shortest` mm and lie between two borders. The two
-    borders then end at one point. OCCT cannot make fillets on most edges beside short walls."""
+    """Remove parts of outlines that are shorter than `shortest` mm and lie between two borders of members.
+    Both borders then end at one point.    lifting : mapping of mesh points to the skins."""
     fewest_sides = 3  # a region keeps at least three sides
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     chains, moves, node_ends = dict(net.chains), dict[tuple[int, int], int](), ends_at(net)
@@ -66,7 +66,8 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
 
 
 def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
-    """Return (chain before, chain after, border end) at a node of an outline; None unless each exists exactly once."""
+    """Return the chains of an outline before and after a node, and the end of the border there.
+    Return None unless exactly one outline and one border meet at the node.    ends : ends of chains at the node."""
     outline, borders = outline_through(net, ends), [end for end in ends if net.chains[end[0]].right != VOID]
     return (*outline, borders[0]) if outline and len(borders) == 1 else None
 
@@ -119,7 +120,7 @@ class _Arcs:
 
 
 def without_fillets(net: ChainNet, lifting: Lifting) -> ChainNet:
-    """Join each region that fills a rounded corner to its neighbours. Other regions outside stripes do not change."""
+    """Join each region that fills a rounded corner between two members to its neighbours."""
     work = _Fillets(net, lifting)
     for region in sorted(net.loose & net.loops.keys()):
         work.take_region(region)

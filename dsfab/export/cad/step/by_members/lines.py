@@ -22,7 +22,7 @@ ChainEnd = tuple[int, int]  # end of a chain: number of the chain, index (0 or -
 
 @dataclass(frozen=True, eq=False)
 class ChainLine:
-    """One curve along several chains. at : (k + 1,) parameters where the chains begin and end."""
+    """Curve along k consecutive chains of mesh edges. at : (k + 1,) parameters where the chains begin and end."""
 
     steps: ChainLoop
     curve: ChainCurve
@@ -76,7 +76,7 @@ class ChainLine:
 
 
 class NetLines:
-    """Lines: curves along one or several chains of mesh edges. twins : pairs of lines on two sides of a seam.
+    """All lines of a net: curves along chains (rows of mesh edges). twins : pairs of lines on both sides of a seam.
     place : for each chain, the number of its line, and the parameters of the chain's ends on this line."""
 
     def __init__(self, net: ChainNet, lines: list[ChainLine], twins: dict[int, int] | None = None) -> None:
@@ -92,7 +92,7 @@ class NetLines:
         return (i, a, b) if step[1] else (i, b, a)
 
     def nodes(self, i: int) -> list[int]:
-        """Nodes of a line in order."""
+        """Return the nodes (ends of chains) along line number i, in order."""
         steps = self.lines[i].steps
         return [*(self.net.ends(step)[0] for step in steps), self.net.ends(steps[-1])[1]]
 
@@ -114,7 +114,7 @@ class NetLines:
         return np.concatenate([curve.spans for curve in curves]), line, starts, stops
 
     def curve(self, k: int) -> ChainCurve:
-        """Curve along chain number `k`."""
+        """Return the curve along chain number `k`."""
         return self._curves[k]
 
     @cached_property
@@ -132,7 +132,7 @@ class NetLines:
         return result
 
     def curves(self, regions: Iterable[int]) -> dict[int, ChainCurve]:
-        """Curves of all chains around regions, by number of the chain."""
+        """Return the curves of all chains around regions, by number of the chain."""
         around = {k for region in regions for loop in self.net.loops[region] for k, _ in loop}
         return {k: self.curve(k) for k in around}
 
@@ -152,7 +152,7 @@ def with_ends_on_lines(lines: NetLines) -> NetLines:
 
 
 def with_twins(lines: NetLines) -> NetLines:
-    """Use one curve for both sides of a seam of a one-sided sheet; the sides have swapped outer and inner poles.
+    """Use one curve on both sides of the seam where a one-sided sheet was cut open; outer and inner poles swap.
     Raises ExportError if the chains on the two sides differ."""
     net, result, twins = lines.net, list(lines.lines), dict[int, int]()
     seam = {tuple(net.chains[k].points.tolist()): lines.place[k][0] for k in net.chains if net.on_seam(k)}
@@ -168,7 +168,7 @@ def with_twins(lines: NetLines) -> NetLines:
 
 
 def _points_on(lines: NetLines) -> dict[int, Floats]:
-    """Return node -> point for all inner nodes of lines, from one linear system, as lines may end on other lines."""
+    """Return the points (6,) of all inner nodes of lines, by node. Lines may end on lines that also move."""
     net, inner_nodes = lines.net, list[tuple[int, int, float]]()
     for i, line in enumerate(lines.lines):
         inner_nodes += [(node, i, x) for node, x in zip(lines.nodes(i)[1:-1], line.at[1:-1].tolist(), strict=True)]
@@ -189,12 +189,12 @@ def _points_on(lines: NetLines) -> dict[int, Floats]:
 
 
 def ends_of(net: ChainNet, line: ChainLine) -> tuple[int, int]:
-    """Nodes at the ends of a line."""
+    """Return the nodes at the ends of a line."""
     return net.ends(line.steps[0])[0], net.ends(line.steps[-1])[1]
 
 
 def node_of(net: ChainNet, end: ChainEnd) -> int:
-    """Node at an end of a chain."""
+    """Return the node at an end of a chain."""
     return int(net.chains[end[0]].points[end[1]])
 
 
@@ -230,7 +230,8 @@ def with_arcs(
     rounded: Collection[int],
     arcs_on_skins: ArcsOnSkins,
 ) -> NetLines:
-    """Replace lines along round corners by arcs on skins. tolerances : mm, by chain. rounded : chains at corners."""
+    """Replace the lines along round corners of outlines by arcs on both skins, where arcs are near enough.
+    tolerances : largest distance of arcs from each chain, mm.    rounded : numbers of the chains at round corners."""
     rounds = 4  # after the removal of an arc, the arcs beside it change, and may be too far from their chains
     corners = _Corners(lines, rounded)
     arcs = dict[int, ChainCurve]()
@@ -287,7 +288,7 @@ class _Corners:
         self.made = dict[int, tuple[Floats | None, Floats | None, ChainCurve | None]]()
 
     def arcs(self) -> dict[int, ChainCurve]:
-        """Return chain -> arc of its round corner. An arc end without a known tangent has the chain's direction."""
+        """Return the arcs of round corners, by chain. Without a known tangent, an arc ends in its chain's direction."""
         result = dict[int, ChainCurve]()
         for k in sorted(self.round):
             arc = self._arc(k, *(self._known_way(int(self.net.chains[k].points[i])) for i in (0, -1)))
@@ -306,7 +307,7 @@ class _Corners:
         return self.made[k][2]
 
     def _known_way(self, node: int) -> Floats | None:
-        """Return an outline's tangent (6,) at a node; None at a corner, or if a border is within 25 degrees of it."""
+        """Return an outline's tangent (6,) at a node; None at a corner, or if a border is almost parallel."""
         if node not in self.nodes:
             return None
         before, after = self.nodes[node]
@@ -330,7 +331,7 @@ class _Corners:
         return d if steep else None
 
     def _on_circle(self, before: int, after: int) -> Floats:
-        """Return the tangent (6,) of the circle through the joint of two chains and their outer ends, at the joint."""
+        """Return the tangent (6,) at the joint of two chains: of the circle through the joint and the outer ends."""
         spans_before, spans_after = self.curves[before].spans, self.curves[after].spans
         a, b, c = spans_before[0, 0], spans_before[-1, -1], spans_after[-1, -1]
         length_before, length_after = (float(np.linalg.norm(_mean_direction(chord))) for chord in (b - a, c - b))
@@ -366,7 +367,7 @@ def _bends(chains: Sequence[SampledChain]) -> list[bool]:
 
 
 def _arc_between(start: Floats, end: Floats, start_direction: Floats, end_direction: Floats) -> ChainCurve | None:
-    """Return the cubic nearest to a circle: handles are chord / (3 cos^2(bend / 4)). None if it would bend too much."""
+    """Return the cubic nearest to a circle between two points; None if it would bend too much."""
     widest = 80.0  # degrees; largest angle between the arc's chord and the arc's direction at an end
     chord, directions = _mean_direction(end - start), (_mean_direction(start_direction), _mean_direction(end_direction))
     long = float(np.linalg.norm(chord))

@@ -18,7 +18,7 @@ MOST_CELLS = 2  # a four-sided region that needs more than 2 patches becomes a t
 
 @dataclass(frozen=True, eq=False)
 class NetEdge:
-    """Edge as two cubics, one on each skin. start, end : vertices.    poles : (4, 6), outer and inner, mm."""
+    """Edge as two cubics, on the outer and the inner skin. start, end : vertex numbers.    poles : (4, 6), mm."""
 
     start: int
     end: int
@@ -27,7 +27,8 @@ class NetEdge:
 
 @dataclass(frozen=True, eq=False)
 class NetWall:
-    """Ruled face between the skins. steps : directed edges, material on the left. poles : (4, 6), as in `NetEdge`."""
+    """Face through the thickness, between the skins. steps : directed edges, with material on the left.
+    poles : (4, 6) of the wall's outer and inner edge, mm."""
 
     steps: ChainLoop
     poles: Floats
@@ -47,7 +48,7 @@ class NetPatch:
 @dataclass(eq=False)
 class NetModel:
     """Boundary model of a solid with step = 'members'.
-    vertices : (6,) points on both skins, mm.    trimmed : loops around regions that are not divided into patches.
+    vertices : (6,) points on both skins, mm.    trimmed : loops of edges around regions without patches, by region.
     compact  : regions in `trimmed` that have four sides and are not long.
     seam     : True for a one-sided surface that was cut open. At this seam the outer skin meets the inner skin."""
 
@@ -69,12 +70,12 @@ class NetModel:
         return b"".join(self.poles(step).tobytes() for loop in loops for step in loop)
 
     def poles(self, step: tuple[int, bool]) -> Floats:
-        """(4, 6) poles of an edge in a loop. step : number of the edge, and True if the loop runs along the edge."""
+        """Return poles (4, 6) of an edge in a loop. step : edge number, True if the loop runs from `start` to `end`."""
         e, ahead = step
         return self.edges[e].poles[:: 1 if ahead else -1]
 
     def vertex(self, step: tuple[int, bool], at_start: bool) -> int:
-        """Vertex where an edge of a loop begins (`at_start`) or ends. step : as in `poles`."""
+        """Return the vertex where an edge of a loop begins (`at_start`) or ends. step : as in `poles`."""
         edge = self.edges[step[0]]
         return edge.start if step[1] == at_start else edge.end
 
@@ -211,7 +212,6 @@ class _ModelAssembly:
 
 
 def backwards(loop: ChainLoop) -> ChainLoop:
-    """Return a loop in the opposite direction."""
     return [(e, not ahead) for e, ahead in loop[::-1]]
 
 
@@ -224,8 +224,8 @@ def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
 
 @dataclass(frozen=True)
 class FilledCorner:
-    """Corner that a fillet fills with material, and at which exactly one seam ends.
-    seam     : edge of the seam.    end : 0 if the seam begins at the corner, 1 if it ends there.
+    """Corner of an outline that a fillet fills with material, with exactly one seam (edge between faces of a skin).
+    seam     : number of its edge.    end : 0 if the seam begins at the corner, 1 if it ends there.
     half     : tangent of half the bend angle.    beside : edges of the walls before and after the corner.
     straight : edge of a wall in line with the seam; None if there is no such edge."""
 
@@ -243,7 +243,7 @@ def corner_tangents(model: NetModel) -> dict[int, float]:
 
 
 def filled_corners(model: NetModel) -> list[FilledCorner]:
-    """Return corners that a fillet fills with material and where exactly one seam ends; [] for one-sided surfaces."""
+    """Return all corners that a fillet fills and where exactly one seam ends; [] for a one-sided surface."""
     straight_cosine = np.cos(0.01)  # OCCT 8.0 accepts a bend of 0.01 radians between a seam and its continuation
     if model.seam:
         return []
@@ -277,7 +277,7 @@ def _corners(model: NetModel) -> dict[int, tuple[float, tuple[int, bool], tuple[
 
 
 def half_turn(cosine: float) -> float:
-    """Return (distance from a corner to a fillet's end) / radius = tan(bend / 2); 0 at a smooth corner."""
+    """Return tan(bend / 2) at a corner between walls; 0 for a smooth corner. cosine : of the bend angle."""
     smooth = np.cos(np.deg2rad(10.0))  # walls with a bend of at most 10 degrees need no fillet
     return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < smooth else 0.0
 
@@ -297,7 +297,7 @@ def outlines(model: NetModel) -> list[list[NetWall]]:
 
 
 def wall_direction(wall: NetWall, model: NetModel, at_start: bool) -> Floats:
-    """(3,) direction of a wall where it begins (`at_start`) or ends."""
+    """Return the direction (3,) of a wall where it begins (`at_start`) or ends."""
     return _end_direction(model, wall.steps[0 if at_start else -1], at_start)
 
 

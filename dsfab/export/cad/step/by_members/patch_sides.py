@@ -79,13 +79,12 @@ def _angles(loop: ChainLoop, chains: Mapping[int, SampledChain], reach: float) -
 
 @dataclass(frozen=True, eq=False)
 class QuadSide:
-    """Side of a region. parts : consecutive parts of lines.    at : (k + 1,) positions of parts' ends, from 0 to 1."""
+    """Side of a region, along k parts of lines. at : (k + 1,) ends of the parts, as fractions of the side's length."""
 
     parts: list[LinePart]
     at: Floats
 
     def backwards(self) -> "QuadSide":
-        """Return this side, reversed in direction."""
         return QuadSide([(i, b, a) for i, a, b in self.parts[::-1]], 1 - self.at[::-1])
 
 
@@ -196,10 +195,10 @@ CHORD_SHARE = 1 / 8
 
 
 class LineFits:
-    """Lines fitted to chains of mesh edges, with a cache for chains whose points did not change.
+    """Fit of lines (curves) to chains of mesh edges, with a cache for chains whose points did not change.
     distance : allowed distance of the solid from the mesh, mm.    box : (2, 3) box that must contain all poles, mm.
     skins    : (2, 3) box around both skins of the sheet, mm. Poles of parabolas are at most `distance` outside of it.
-    away     : function of points (k, 6), as in `ArcsOnSkins`.    closely : True to halve long cubics far from skins."""
+    away     : function of points (k, 6) that returns vectors to skins.    closely : True to halve long, far cubics."""
 
     def __init__(
         self, distance: float, box: Floats, skins: Floats, away: Callable[[Floats], Floats], closely: bool = False
@@ -210,7 +209,8 @@ class LineFits:
         self.pulled, self.arcs = dict[int, tuple[ChainLine, ChainLine]](), ArcsOnSkins(away)
 
     def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
-        """Fit lines along all chains. One line follows several chains if it has fewer cubics than separate lines."""
+        """Fit lines along all chains. A line follows several chains if it has fewer cubics than a line for each chain.
+        reach : length (mm) of a chain over which its direction counts."""
         turns, self.within = partial(chain_turn, chains, reach), chain_tolerances(net, chains, self.distance)
         arced = {k: OUTLINE_SHARE * self.distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
         rounded = round_chains(net, chains, arced)
@@ -241,7 +241,7 @@ class LineFits:
         return min(self.within[k] for k, _ in row)
 
     def _are_good(self, net: ChainNet, chains: Mapping[int, SampledChain], lines: list[ChainLine]) -> list[bool]:
-        """A line along several chains must be near them, with fewer cubics than if each chain had a line of its own."""
+        """Return True for lines along one chain, or near several chains with fewer cubics than one line per chain."""
         maybe = [x for x in lines if len(x.curve.spans) > 1 and self._is_near(net, x)]
         runs = iter(self._fits(net, chains, [[step] for x in maybe for step in x.steps]))
         fewer = {id(x): len(x.curve.spans) < sum(len(next(runs).curve.spans) for _ in x.steps) for x in maybe}
@@ -306,7 +306,7 @@ Turn = Callable[[ChainEnd, ChainEnd], float]
 
 
 def chain_turn(chains: Mapping[int, SampledChain], reach: float, first_end: ChainEnd, second_end: ChainEnd) -> float:
-    """Return the bend (degrees) between the ends of two chains. reach : length (mm) to measure a chain's direction."""
+    """Return the bend (degrees) where two chains meet. reach : length (mm) over which a chain's direction counts."""
     directions = [chains[k].direction(end == 0, reach)[0] for k, end in (first_end, second_end)]
     a, b = (direction / np.linalg.norm(direction) for direction in directions)
     return float(np.degrees(np.arccos(np.clip(-a @ b, -1, 1))))

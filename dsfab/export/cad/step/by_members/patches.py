@@ -14,13 +14,13 @@ from dsfab.export.splines import bernstein
 
 def places(poles: Floats, axes: Floats, points: Floats) -> Floats:
     """Return the parameters (k, 2) of points (k, 3) on a surface with poles (p + 1, p + 1, 3).
-    The poles must form a regular grid in a parallelogram when seen along the third of the `axes`."""
+    axes : (3, 3). Seen along the third axis, the poles must form a regular grid in a parallelogram."""
     (a, b), (c, _) = poles[:: len(poles) - 1, :: len(poles) - 1] @ axes[:2].T
     return np.asarray(np.linalg.solve(np.stack([c - a, b - a], axis=1), (points @ axes[:2].T - a).T).T)
 
 
 def height_rows(uv: Floats, degree: int) -> Floats:
-    """(k, (degree + 1)^2) products of Bernstein polynomials at parameters (k, 2) in the unit square."""
+    """Return weights (k, (degree + 1)^2) of a surface's poles for its points at parameters (k, 2), from 0 to 1."""
     products = np.einsum("ka,kb->kab", _powers(uv[:, 0], degree), _powers(uv[:, 1], degree))
     return np.asarray(products.reshape(len(uv), -1))
 
@@ -61,7 +61,7 @@ def differences(count: int) -> Floats:
 
 
 PLACES = (np.stack(np.meshgrid(*[np.arange(24)] * 2, indexing="ij"), axis=2).reshape(-1, 2) + 0.5) / 24
-"""(k, 2) sample parameters of a surface. 24 a side are necessary: 12 missed a bulge of 1.6 mm in a corner."""
+"""Sample parameters (k, 2) of a surface, 24 along each side. With 12, a bulge in a corner was missed."""
 
 ROWS = rows_at(PLACES)
 
@@ -85,7 +85,8 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Return the largest (distance from mesh - limit), mm, on surfaces inside outlines (., 3); -inf without a limit."""
+    """Return the largest (distance from mesh - limit), mm, on surfaces inside outlines; -inf without a limit.
+    surfaces : poles and axes of each.    lines : for each outline, its points (., 3) on each surface."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
@@ -93,13 +94,13 @@ def largest_excess(
 
 
 def places_inside(poles: Floats, axes: Floats, lines: Sequence[Floats]) -> Floats:
-    """(k, 3) points of a surface, poles (p + 1, p + 1, 3), that are inside closed lines (., 3) seen along `axes[2]`."""
+    """Return sample points (k, 3) of a surface with these poles, inside closed lines (., 3) as seen along `axes[2]`."""
     points = ROWS(len(poles) - 1) @ poles.reshape(-1, 3)
     return np.asarray(points[points_inside(points @ axes[:2].T, [line @ axes[:2].T for line in lines])])
 
 
 def points_inside(points: Floats, lines: Sequence[Floats]) -> Bools:
-    """Return (k,) True for points (k, 2) of a plane inside an odd number of closed lines (., 2)."""
+    """Return a mask (k,) of the points (k, 2) inside an odd number of closed lines (., 2) in a plane."""
     x, y = points.T
     is_inside = np.zeros(len(points), dtype=bool)
     for line in lines:
@@ -202,7 +203,7 @@ class PatchBuilder:
 
 
 def stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:
-    """Return (k,): for each region, the largest distance (mm) from the middle of one of its patches to the skins."""
+    """Return for each region (k,) the largest distance (mm) of a patch's middle from the skins."""
     half = bernstein(np.array([0.5]))[0]
     middles = [np.einsum("a,b,uvabi->uvi", half, half, P).reshape(-1, 6) for P in patches]
     distances = np.linalg.norm(away(np.concatenate(middles)).reshape(-1, 2, 3), axis=2).max(axis=1)

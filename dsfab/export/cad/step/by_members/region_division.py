@@ -22,7 +22,7 @@ from dsfab.surface import edge_table, half_edges, link_components
 
 def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width: float) -> ChainNet:
     """If a region has two long walls (chains of its outline), cut off its two ends. The ends become new regions.
-    An end narrower than `width` mm is not cut off."""
+    An end narrower than `width` mm is not cut off.    lifting : mapping of mesh points to the skins."""
     points_each = 9  # a chain that divides a region has 9 points
     P = np.asarray(net.weights @ lifting.skins.points)
     chains, loops, cell = dict(net.chains), dict(net.loops), dict(net.parent)
@@ -88,11 +88,11 @@ def _points(net: ChainNet, loop: ChainLoop) -> Ints:
 
 
 LEAST_COSINE = 0.75
-"""Smallest cosine between a region's normals and their mean. With 0.35, some faces had gaps of 2 mm at their edges."""
+"""Smallest cosine between a region's normals and their mean; a region with a smaller cosine may be divided."""
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:
-    """Divide regions that bend too much and have one outline. The first points of `net` must be those of `sheet`."""
+    """Divide regions with strong bends by new borders (seams). The first points of `net` must be those of `sheet`."""
     most_seams = 200  # a sheet gets at most 200 seams
     work = _BendSeams(net, sheet, lifting, limits.thickness)
     bends = {r: work.least_cosine(r) for r, loops in net.loops.items() if len(loops) == 1}
@@ -234,7 +234,7 @@ def _paths(F: Ints, P: Floats, nodes: list[int], wall_distance: float) -> Iterat
 
 
 def _on_the_right(F: Ints, path: Ints) -> Bools:
-    """Return (m,) True for cells that are connected to the right side of a path."""
+    """Return a mask (m,) of the triangles F on the right of a path of vertices."""
     _, local = np.unique(np.append(F.ravel(), path), return_inverse=True)
     cells, line = local[: F.size].reshape(-1, 3), local[F.size :]
     edges = edge_table(cells)

@@ -32,7 +32,7 @@ class Chain:
     right: int
 
     def directed_points(self, ahead: bool) -> Ints:
-        """(k,) points of this chain, in reverse order unless `ahead`."""
+        """Return the points (k,) of this chain, in reverse order unless `ahead`."""
         return self.points if ahead else self.points[::-1]
 
     def region_beyond(self, ahead: bool) -> int:
@@ -97,7 +97,8 @@ def ends_at(net: ChainNet) -> dict[int, list[tuple[int, int]]]:
 
 
 def outline_through(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int] | None:
-    """Return the outline chains that end and begin at a node; None if no outline or several outlines pass the node."""
+    """Return the outline's chain that ends at a node and the chain that begins there; None unless one outline passes.
+    ends : ends of chains at the node, as in `ends_at`."""
     before, after = ([k for k, end in ends if end == which and net.chains[k].right == VOID] for which in (-1, 0))
     return (before[0], after[0]) if len(before) == len(after) == 1 and before != after else None
 
@@ -176,12 +177,12 @@ class _BorderWalk:
 
     @cached_property
     def _seam_points(self) -> Ints:
-        """Return (2, k) pairs of coincident vertices: one on each side of the seam."""
+        """Pairs (2, k) of vertices at one place, on the two sides of the seam."""
         side_a, side_b = self.seam.T
         return np.stack([np.append(self.start[side], self.end[side]) for side in (side_a, side_b)])
 
     def _round_ends(self, bent: Bools, void: Bools) -> Bools:
-        """Mark outline half-edges at ends of round corners. bent : True before a bend.    void : True on an outline."""
+        """Return a mask of half-edges at ends of round corners. bent : True before a bend.    void : on an outline."""
         h, position = self.along, np.full(len(self.border), -1)
         position[h] = np.arange(len(h))
         after = position[self.after[h]]
@@ -289,8 +290,8 @@ def _is_outline_end(line: Floats, N: Floats) -> bool:
 
 
 def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
-    """Remove lenses: regions between two chains, with a mean width below `width`. P : (p, 3) points of the net.
-    A lens becomes part of a neighbour. Otherwise its chains could cross after they are straightened."""
+    """Join each lens, a region between two chains with a mean width below `width`, to a neighbour.
+    P : (p, 3) points of the net, in the unit of `width`."""
     chains, loops, loose, cell = dict(net.chains), dict(net.loops), set(net.loose), net.cell.copy()
     for region in list(loops):
         if len(loops[region]) != 1 or len(loops[region][0]) != 2:
@@ -311,18 +312,18 @@ def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
 
 
 def mean_width(line: Floats) -> float:
-    """Return the area inside a closed line (k, 3), divided by half of the line's length."""
+    """Return the mean width inside a closed line (k, 3): the enclosed area, divided by half of the line's length."""
     return 2 * float(np.linalg.norm(vector_area(line))) / max(polygon_perimeter(line), 1e-300)
 
 
 def vector_area(line: Floats) -> Floats:
-    """(3,) area vector of a closed line (k, 3)."""
+    """Return the area vector (3,) of a closed line (k, 3)."""
     line = line - line.mean(axis=0)
     return np.asarray(np.cross(line, np.roll(line, -1, axis=0)).sum(axis=0) / 2)
 
 
 INNER = ((1 / 3, 1 / 3, 1 / 3), (2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1 / 6, 1 / 6, 2 / 3))
-"""Barycentric points of each cell, to which a trimmed face is fitted. With centres alone, the face could have waves."""
+"""Barycentric coordinates of the points in each cell to which a trimmed face is fitted."""
 
 MORE = tuple((a / 7, b / 7, 1 - (a + b) / 7) for a in range(1, 6) for b in range(1, 7 - a))
 """More barycentric points of cells longer than the sheet's thickness, so that fitted faces have no waves there."""

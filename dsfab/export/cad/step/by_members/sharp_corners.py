@@ -42,7 +42,7 @@ class Rims:
         return self.pieces & _edges_of_face(face)
 
     def seams(self, face: TrimmedFace, curves: Mapping[int, Floats]) -> dict[int, Floats]:
-        """Select the curves along the outline of a face that are not edges of walls."""
+        """Return those of `curves` (poles by edge number) that lie on a face's outline, but are not edges of walls."""
         around = _edges_of_face(face)
         return {e: poles for e, poles in curves.items() if e in around and e not in self.rims}
 
@@ -99,16 +99,16 @@ INNER_SHARE = 6 / 7
 TEST_PLACES = np.linspace(0, 1, 33)  # parameters of the samples along an edge
 
 FLUSH_TOLERANCE = 1e-6
-"""Largest distance (mm) between a face and its edge at a sharp corner. At 5e-7, OCCT makes all fillets of a dome."""
+"""Largest distance (mm) between a face and its edge at a sharp corner, so that OCCT can make fillets there."""
 
 STILL_ROWS = rows_at(np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2))
-"""Basis at a grid of places where a fit must hardly move a surface. Without the grid, a 2 m sphere moved by 1.4 mm."""
+"""Function of a degree; returns a surface's basis at a grid of places, where a fit must hardly move the surface."""
 
 MOVED = 1 / 400  # largest movement of points inside a face, as a fraction of the thickness
 
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
-    """Cut edges near sharp corners beside trimmed faces, and fit each face exactly to its edges at the corners.
+    """Cut the edges of trimmed faces near sharp corners, and fit each face exactly to its edges at these corners.
     If a face would move by over `MOVED`, or have gaps over `SPLIT`, edges of walls move onto it, by up to `SPLIT`."""
     face_edges = {e for face in faces for loop in face.loops for e, _ in loop}
     near_vertices = {v for e in face_edges for v in (model.edges[e].start, model.edges[e].end)}
@@ -184,7 +184,7 @@ def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
 
 
 def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Floats]) -> TrimmedFace:
-    """Fit a face exactly to edges `held_curves` ({edge: poles (4, 6)}); return the old face if no exact fit exists."""
+    """Fit a face exactly to edges; return the old face if no exact fit exists. held_curves : poles (4, 6) by edge."""
     curves = [held_curves[e] for e in sorted({e for loop in face.loops for e, _ in loop} & held_curves.keys())]
     if not curves:
         return face
@@ -204,7 +204,8 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
-    """Refit poles to `points[0]`; return None if test, edge or inner points, `points[1:]`, exceed their limits."""
+    """Return poles of a surface near the old `poles`, through `points[0]`; None if it is too far from other points.
+    points : groups on held edges, between those points, on all edges, and inside the face."""
     hopeless = 20.0  # the search ends after three polynomial degrees if a residual is over 20 times its limit
     more_degrees = 6  # the degree of a surface rises by at most 6
     exact = 5e-8  # mm; goal of the fit. OCCT ignores gaps up to twice this, but rounding of poles widens gaps
@@ -234,7 +235,8 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
-    """Return changes of pole heights that put a surface onto the first group of points, and near the third group."""
+    """Return changes of pole heights that put a surface onto the first group of points, and near the third group.
+    rows : basis at each group.    distances : of points from the surface.    calm, smooth : weights of small moves."""
     held_weight, move_weight = 1e6, 1e-4  # weights: of points that the surface must contain; of small pole movements
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), move_weight * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]

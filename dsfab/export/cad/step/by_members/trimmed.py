@@ -26,7 +26,7 @@ from dsfab.export.splines import bernstein, polyline_length
 @dataclass(frozen=True, eq=False)
 class FaceDomain:
     """Parallelogram around the edges of a face. axes : (3, 3) two axes of its plane, and the plane's normal.
-    origin : (3,)    sides : (2, 2) directions of the sides in the plane.    low, high : (2,) extent along the sides.
+    origin : (3,) in the plane.    sides : (2, 2) directions of the sides.    low, high : (2,) extent along the sides.
     uv, z  : (k, 2) parameters and (k,) heights of points: first inner points, then points of edges.
     inside : number of inner points."""
 
@@ -52,14 +52,14 @@ class FaceDomain:
         return cls(origin, axes, sides, low, high, uv, z, int(within.sum()))
 
     def poles_at(self, z: Floats) -> Floats:
-        """(p + 1, p + 1, 3) evenly spaced poles at heights z (p + 1, p + 1)."""
+        """Return evenly spaced poles (p + 1, p + 1, 3) at heights z (p + 1, p + 1) over the parallelogram."""
         u, v = (np.linspace(self.low[i], self.high[i], len(z)) for i in (0, 1))
         plane = np.stack(np.broadcast_arrays(u[:, None], v[None]), axis=2) @ self.sides
         return np.asarray(self.origin + np.concatenate([plane, z[..., None]], axis=2) @ self.axes)
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
-        """Choose two of the directions `ways` (k, 2) as right-handed sides of a parallelogram.
-        Its corners, on a quadratic surface fitted to all points, have the smallest distance outside of `box`."""
+        """Return two of the directions `ways` (k, 2) for the sides of a parallelogram, in right-handed order.
+        With these sides, the corners of a quadratic surface through the points are least far outside of `box`."""
         least_sine = 1 / 4  # sine of the angle of the sides; at smaller angles, a bent surface would have folds
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
@@ -89,7 +89,7 @@ def _quadric(plane_points: Floats) -> Floats:
 
 
 def distance_outside(points: Floats, box: Floats) -> float:
-    """Largest distance of points (..., 3) outside of a box (2, 3); 0 inside."""
+    """Return the largest distance of points (..., 3) outside of a box (2, 3); 0 if all are inside."""
     return float(_outside(points, box).max(initial=0.0))
 
 
@@ -105,8 +105,7 @@ EDGE_WEIGHTS = (100.0, 10.0)
 """Weights of edge points in trial fits of a face; inner points have weight 1. The last trials have the smaller one."""
 
 SMOOTH_WEIGHTS = (1e-1, 1e-2)
-"""Weights of smooth pole movements (second differences) in trial fits; the smaller weight is for later trials.
-With these weights, poles far from all points hardly move, so that OCCT's bounding box does not grow."""
+"""Weights of smooth pole movements (second differences) in trial fits; the smaller weight is for later trials."""
 
 BASE_DEGREE = 2  # degree of the surface to which corrections of higher degree are added
 
@@ -152,7 +151,7 @@ class TrimmedFace:
         return (self.outer, self.axes[0], slice(3)), (self.inner, self.axes[1], slice(3, 6))
 
     def gaps(self, points: Floats) -> Floats:
-        """(k, 2) heights of edge points (k, 6) above the outer and the inner surface of the face, millimetres."""
+        """Return heights (k, 2), mm, of points (k, 6) on edges above the face's outer and inner surface."""
         return np.stack([_heights_over(poles, axes, points[:, s]) for poles, axes, s in self.skins], axis=1)
 
 
@@ -183,7 +182,7 @@ def trimmed_face(
 
 
 def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
-    """Return (k,) True for points (k, 6) inside loops (., 6), with normals within 70 degrees of the loops' mean."""
+    """Return a mask (k,) of points (k, 6) inside closed lines (., 6), with normals within 70 degrees of the mean."""
     mean = middle_normal(np.concatenate(lines))
     plane = axes_of(mean)[:2].T
     is_inside = points_inside(points[:, :3] @ plane, [line[:, :3] @ plane for line in lines])
@@ -191,13 +190,13 @@ def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
 
 
 def inside_of(line: Floats) -> Floats:
-    """Return (k, d) points inside an outline (n, d): samples to measure how far a new fit moves a surface."""
+    """Return sample points (k, d) inside an outline (n, d)."""
     shares, middle = np.array([0.3, 0.5, 0.7, 0.85, 0.95]), line.mean(axis=0)  # fractions from middle to outline
     return np.asarray((middle + shares[:, None, None] * (line - middle)).reshape(-1, line.shape[1]))
 
 
 def loop_samples(model: NetModel, loop: ChainLoop) -> Floats:
-    """Return (k, 6) points along a loop, denser at the ends of edges, where gaps to the surface are widest."""
+    """Return points (k, 6) along a loop, denser at the ends of edges."""
     fewest, step_share = 12, 1 / 160  # fewest steps along an edge; usual step, as a fraction of the loop's length
     poles = [model.poles(step) for step in loop]
     long = np.array([polyline_length(P[:, :3]) for P in poles])
@@ -216,7 +215,7 @@ def _skin_normals(points: Floats) -> Floats:
 
 
 def middle_normal(points: Floats) -> Floats:
-    """(3,) mean normal of both skins at points (k, 6)."""
+    """Return the mean normal (3,) of the sheet at points (k, 6) on both skins."""
     mean = _skin_normals(points).mean(axis=0)
     return np.asarray(mean / np.linalg.norm(mean))
 
@@ -229,7 +228,7 @@ def axes_of(normal: Floats) -> Floats:
 
 
 def signed_area(P: Floats) -> float:
-    """Area of a closed line (k, 2), positive counter-clockwise."""
+    """Return the area of a closed line (k, 2), positive counter-clockwise."""
     x, y = P.T
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
@@ -237,9 +236,9 @@ def signed_area(P: Floats) -> float:
 def height_surface(
     points: Floats, edges: Floats, ways: Floats, axes: Floats, limits: FaceLimits
 ) -> tuple[Floats, Floats, float, float]:
-    """Fit a surface to inner points (k, 3) and edges (j, 3); return poles, axes, distance from edges, and from points.
-    The surface covers a rectangle in its mean plane. If poles are outside `limits.box`, a parallelogram is tried.
-    The sides of the parallelogram are parallel to two of `ways` (c, 3), the chords of the edges."""
+    """Fit a surface to inner points (k, 3) and edges (j, 3). Return its poles and axes, and its largest distances (mm)
+    from edges and from inner points. The surface covers a rectangle in the mean plane. If poles are outside
+    `limits.box`, a parallelogram is tried, with sides along two of the edges' chords `ways` (c, 3)."""
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
     over = FaceDomain.from_edges(points, edges, axes, np.eye(2))
     poles, gap, inner_distance = _fit_domain(over, limits)
@@ -304,8 +303,7 @@ def _base_poles(over: FaceDomain) -> Floats:
 
 
 def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
-    """Fit a surface; return its pole heights, and its largest distances from edge points (gap) and from inner points.
-    Low degrees come first, because high degrees have waves between points. The first fit within limits is chosen."""
+    """Fit a surface; return its pole heights, and its largest distances from points on edges and from inner points."""
     z, inside, base = over.z, over.inside, _base_poles(over)
     fits, splittable = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
     for i, (edge, smooth, degree) in enumerate((*USUAL_TRIALS, *FURTHER_TRIALS)):

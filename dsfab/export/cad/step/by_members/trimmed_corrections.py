@@ -36,7 +36,7 @@ def without_strays(
 ) -> dict[int, TrimmedFace]:
     """Fit faces again, with more points, if they are too far from the skins of the sheet.
     points : (k, 6) that each face was fitted to.    away : function of points; returns the vectors to both skins.
-    With `limits.beyond_mesh`, the faces do not change, because `divided_faces` divides far faces later."""
+    With `limits.beyond_mesh`, the faces do not change."""
     rounds = 2  # after a correction in one place, a face may be too far from the skins in another place
     result, todo, fit_points = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
     for _ in range(rounds):
@@ -90,7 +90,6 @@ def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[Trimme
 def _with_peaks(
     face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int], exact_poles: Mapping[int, Floats]
 ) -> TrimmedFace:
-    """Change a face so that OCCT measures the widest gaps at seams. exact_poles : edge -> curve, for exact faces."""
     fine = 5e-4  # mm; if a face has a smaller gap at a seam, the poles of the face are written with all digits
     face_edges = sorted({e for loop in face.loops for e, _ in loop})
     seams = [e for e in face_edges if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
@@ -112,7 +111,7 @@ def _with_peaks(
 @dataclass(frozen=True, eq=False)
 class _PeakSurface:
     """Surface of a face on one skin: poles (p + 1, p + 1, 3), axes (3, 3), and points on edges, mm.
-    seams : (e, k, 3) on seams.  edges : (j, 3) on all edges.  held : (h, 6, 3) on each edge, to keep edges exact."""
+    seams : (e, k, 3) on seams.  edges : (j, 3) on all edges.  held : (h, 6, 3) six on each edge, to keep it exact."""
 
     poles: Floats
     axes: Floats
@@ -182,7 +181,6 @@ class _PeakSurface:
         return rows_at(self._places(self.seams + ways[:, None, None]))
 
     def _seam_rows(self, degree: int) -> Floats:
-        """(3, e, k, poles) basis at k points of e seams, and at points shifted by `SLOPE_STEP` along axes 0 and 1."""
         return self._step_rows(degree).reshape(3, *self.seams.shape[:2], -1)
 
     def _gaps_and_cosines(self, local: Floats) -> tuple[Floats, Floats]:
@@ -191,7 +189,7 @@ class _PeakSurface:
         return (self.seams @ self.axes[2] - heights) * cosines, cosines
 
     def _misplaced(self, gaps: Floats) -> Bools:
-        """Return (e,) True for seams whose widest gap lies between two points where OCCT measures gaps."""
+        """Return a mask (e,) of seams whose widest gap lies between two points where OCCT measures gaps."""
         exact = 1e-7  # OCCT ignores a gap below this (mm)
         short = 3e-6  # the widest gap may exceed the gap at OCCT's samples by this fraction; OCCT allows 1e-5
         wide = np.abs(gaps).max(axis=1)
@@ -215,7 +213,8 @@ def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
-    """Return linear equations for widest gaps at samples. pinned : seam -> (sample, gap). Inner samples get slope 0."""
+    """Return linear equations (matrix, right side) for pole heights that put the widest gap of seams at samples.
+    pinned : seam -> (sample, wanted gap); at samples between the ends, the gap's slope becomes 0."""
     slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # derivative along a seam, from 5 points in a row
     pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():

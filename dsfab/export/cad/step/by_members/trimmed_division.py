@@ -49,7 +49,7 @@ class HalvedOutline:
 
     @cached_property
     def line(self) -> Floats:
-        """(2 e POINTS, 6) points along the outline, from the start of its first edge."""
+        """Points (2 e POINTS, 6) along the outline, from the start of its first edge."""
         return np.asarray(bernstein(np.arange(POINTS) / POINTS) @ self.poles).reshape(-1, 6)
 
     def part(self, a: int, b: int, seam: Floats) -> Floats:
@@ -123,7 +123,7 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Return the largest ratio value / limit of a face: for gap, distances from points and mesh, poles outside box."""
+    """Return how far a face uses its limits: over 1 if the gap, a distance, or a pole is beyond its limit."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
     astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # includes the error of OCCT's triangles
@@ -140,7 +140,7 @@ class FaceDivision:
         self.times = 1
 
     def parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Return the parts of a divided face. points : (k, 6) inside. With `limits.beyond_mesh`, may try more seams."""
+        """Divide a face, and return the parts. points : (k, 6) inside the face, on both skins."""
         edges, vertices, halves = len(self.model.edges), len(self.model.vertices), dict(self.halves)
         for times in range(1, TIMES + 1 if self.limits.beyond_mesh else 2):
             del self.model.edges[edges:], self.model.vertices[vertices:]
@@ -170,7 +170,7 @@ class FaceDivision:
         return steps
 
     def two_parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face into two better parts: by the first suitable seam if `times` is 1, else by the best seam."""
+        """Divide a face by a seam into two parts that keep the limits better; [] if no seam does so."""
         less = 0.9  # `allowance_used` of each part / `allowance_used` of the undivided face must be less than this
         loop, model = self.over_halves(face.loops[0]), self.model  # divisions of other faces may have halved edges
         best_seam: tuple[int, int, Floats] | None = None
@@ -256,7 +256,6 @@ class FaceDivision:
         return [*onwards[:count], *backwards(seam)], [*onwards[count:], *seam]
 
     def halve(self, e: int) -> None:
-        """Halve an edge of the model."""
         edge, edges, middle = self.model.edges[e], self.model.edges, len(self.model.vertices)
         first_poles, second_poles = parts_of(np.stack([edge.poles] * 2), np.array([0.0, 0.5]), np.array([0.5, 1.0]))
         first_poles[0], second_poles[3], second_poles[0] = edge.poles[0], edge.poles[3], first_poles[3]
@@ -280,7 +279,7 @@ class FaceDivision:
 
 
 def worst_misfit(points: Floats, lines: Iterable[Floats], least: float) -> float:
-    """Return the largest distance (mm) that `misfit` finds for closed lines (k, 6); infinity if it reaches `least`."""
+    """Return the largest distance (mm) of closed lines (k, 6) from fitted surfaces; infinity if it reaches `least`."""
     worst = 0.0
     for line in lines:
         for distances in misfits(points, line, TRIAL_DEGREE):

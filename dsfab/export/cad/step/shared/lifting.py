@@ -20,7 +20,7 @@ OTHER_EDGES = [[1, 2], [2, 0], [0, 1]]  # the two other edges of a face, for eac
 
 
 def crease_edges(surface: Surface) -> Bools:
-    """Return (e,) True for edges that are parts of creases."""
+    """Return a mask (e,) of the edges on creases, which are rows of sharp edges."""
     shortest = 6  # a crease has at least 6 edges; single sharp edges are noise of the mesh
     edges = surface.edges
     inner = edges.count == 2
@@ -68,9 +68,9 @@ ZERO_WEIGHT = 1e-9  # barycentric weights below this count as zero
 
 @dataclass(frozen=True, eq=False)
 class CreaseSides:
-    """All n vertices, then copies of crease vertices, one for each side of a crease: columns (s,) of weight matrices.
-    creases : (k, 2) edges, sorted, the smaller vertex number first.
-    vertex  : (s,) vertex of each column.    corner : (m, 3) column of each face's corners.
+    """Creases of a surface, with a copy of each crease vertex for each side of the crease.
+    creases : (k, 2) edges, smaller vertex number first.    corner : (m, 3) index in `vertex` of each face's corners.
+    vertex  : (s,) numbers of all n vertices, then of the copied vertices.
     normals : (s, 3) at vertices and copies. half   : (s,) half the thickness, as in `DenseSurface`.
     mitre   : (s, 3) vector, m; half * normal + mitre leads to the point where the skins of all sides meet."""
 
@@ -104,7 +104,7 @@ class CreaseSides:
         return cls(surface, creases, vertex, corner, N, half, mitre)
 
     def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
-        """Return weights (k, n) as two matrices (k, s) with columns of this class; at a crease, one for each side."""
+        """Return weights (k, n) as two matrices (k, s), with columns as in `vertex`: one for each side of a crease."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         columns = np.tile(weights.indices, (2, 1)).astype(np.int64)
@@ -120,7 +120,7 @@ class CreaseSides:
         return first_rows, second_rows
 
     def between_faces(self, weights: csr_array) -> Ints:
-        """Return indices (j,) of rows of weights (k, n) whose vertices include a crease vertex, but share no face."""
+        """Return numbers (j,) of points, by weights (k, n), that involve a crease vertex, but lie in no single face."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         faces = self._faces(weights.indices[is_beside].astype(np.int64), row[is_beside], weights.shape[0])
@@ -158,14 +158,14 @@ class CreaseSides:
         return row_faces
 
     def on_creases(self, weights: csr_array) -> Bools:
-        """Return (k,) True for points with barycentric weights (k, n) on a crease."""
+        """Return a mask (k,) of the points with barycentric weights (k, n) that lie on a crease."""
         low, high = ends_of_rows(weights)
         n, split = self.surface.n, self.vertex[self.surface.n :]
         on_edge = _positions_of(_keys(self.creases, n), low * n + high) >= 0
         return np.asarray((low >= 0) & (on_edge | ((low == high) & np.isin(low, split))))
 
     def lines_on_creases(self, weights: csr_array, start: Ints, end: Ints) -> Bools:
-        """Return (e,) True for lines on creases. start, end : (e,) rows in `weights` of the end points of the lines."""
+        """Return a mask (e,) of lines that lie on creases. start, end : (e,) rows in `weights` of the lines' ends."""
         low, high = ends_of_rows(weights)
         n, is_on_edge = self.surface.n, (low[start] >= 0) & (low[end] >= 0)
         a, b = np.minimum(low[start], low[end]), np.maximum(high[start], high[end])
@@ -174,7 +174,7 @@ class CreaseSides:
 
 
 def ends_of_rows(weights: csr_array) -> tuple[Ints, Ints]:
-    """Return the smaller and the larger vertex (k,) of the edge through each point of `weights`; -1 inside a face."""
+    """Return two vertices (k,), the smaller number first, of the edge through each point; -1 for points in faces."""
     row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
     real = np.abs(weights.data) > ZERO_WEIGHT
     row, vertex = row[real], weights.indices[real].astype(np.int64)
@@ -238,14 +238,14 @@ class Lifting:
         return cls(dense_surface(surface, curved))
 
     def points(self, weights: csr_array) -> Floats:
-        """Return (k, 6) points on the outer and the inner skin, mm, at barycentric weights (k, n)."""
+        """Return points (k, 6) on the outer and the inner skin, mm, for barycentric weights (k, n) on the surface."""
         if not len(self.sides.creases):
             return self._points(weights)
         left_weights, right_weights = self.sides.rows(self._in_faces(weights))
         return np.asarray((self._points(left_weights) + self._points(right_weights)) / 2)
 
     def _in_faces(self, weights: csr_array) -> csr_array:
-        """Move each point that `between_faces` selects onto the nearest face, so that it is on one side of a crease."""
+        """Return the weights with each point that `between_faces` selects moved onto the nearest face."""
         between = self.sides.between_faces(weights)
         if not len(between):
             return weights
@@ -281,7 +281,7 @@ class Lifting:
         return np.concatenate(vectors, axis=1)
 
     def weights_at(self, points: Floats) -> csr_array:
-        """Return (k, n) barycentric weights of the mesh points nearest to points (k, 3), millimetres."""
+        """Return barycentric weights (k, n) of the mesh points nearest to points (k, 3), millimetres."""
         V, F = self.skins.points, self.skins.surface.F
         _, simplex, place = self._tree.squared_distance(V, F, np.ascontiguousarray(points))
         corners = F[np.asarray(simplex)]

@@ -21,9 +21,9 @@ from dsfab.surface.topology import corners_of
 
 
 class MeshDistances(NamedTuple):
-    """Distances from solid to mesh, or from mesh to solid, mm.
-    most  : largest distance.    bad : (k, 3) places with distances above the limit.
-    worst : distance that exceeds its limit most.    allowed : limit of `worst`."""
+    """Distances of points of a solid from the mesh, or of points of the mesh from a solid, mm.
+    most  : largest distance.    bad : (k, 3) points that are farther away than allowed.
+    worst : distance that exceeds its allowed distance most.    allowed : distance allowed at this point."""
 
     most: float
     worst: float
@@ -57,7 +57,7 @@ class MeshSolids:
         return tree
 
     def solids_at(self, points: Floats) -> Ints:
-        """Return (k,) the solid of the mesh vertex nearest to each point."""
+        """(k,) number of the solid that contains the mesh vertex nearest to each point (k, 3)."""
         shell, solids = self._shells
         vertex_shell = np.full(len(self.part.V), -1)
         vertex_shell[self.part.F] = shell[:, None]
@@ -67,7 +67,7 @@ class MeshSolids:
         return np.asarray(shell_solid[vertex_shell[self._tree.query(points)[1]]])
 
     def faces(self, selected: Container[int]) -> Ints:
-        """(m, 3) triangles of the chosen solids."""
+        """(m, 3) triangles of the solids with the numbers `selected`."""
         shell, solids = self._shells
         shells = [k for i, solid_shells in enumerate(solids) if i in selected for k in solid_shells]
         return np.asarray(self.part.F[np.isin(shell, shells)])
@@ -80,7 +80,7 @@ class MeshSolids:
 
 @dataclass(frozen=True, eq=False)
 class PieceJudge:
-    """Comparison of the pieces of a sheet with the solids of a part, millimetres."""
+    """Comparison of a sheet's pieces (connected parts) with the solids in the mesh of a part, millimetres."""
 
     solids: MeshSolids
     sheet: SheetOutline
@@ -88,18 +88,18 @@ class PieceJudge:
 
     @cached_property
     def solid(self) -> Ints:
-        """(p,) solid of the mesh for each piece of the sheet: the solid that is nearest to a vertex of the piece."""
+        """(p,) number of the mesh solid that each piece of the sheet belongs to."""
         sample_vertices = self.sheet.F[np.unique(self.sheet.piece, return_index=True)[1], 0]
         return self.solids.solids_at((self.sheet.V + self.sheet.D)[sample_vertices])
 
     @cached_property
     def volumes(self) -> Floats:
-        """(p,) volume of each piece of the mesh, mm3: sum of the prisms between the skins."""
+        """(p,) volume of each piece with flat triangles, mm3: sum of the prisms between upper and lower skin."""
         return self._sum(np.ones(len(self.sheet.F)))
 
     @cached_property
     def excess_volumes(self) -> Floats:
-        """(p,) fraction by which a piece may have more volume than the mesh, because edges of the mesh are chords."""
+        """(p,) fraction of volume that each smooth piece may have above `volumes`: flat triangles cut bends short."""
         sheet = self.sheet
         upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # `nearest` is twice as fast for points on a skin
         return np.maximum(self._sum(self.limits.rounder[self.limits.nearest(upper)]) / self.volumes, 0.0)
@@ -115,7 +115,7 @@ class PieceJudge:
         return self.farthest(V, F, part.V, part.F), self.farthest(part.V, part.F, V, F)
 
     def excess_distances(self, points: Floats) -> Floats:
-        """(k,) distances of points (k, 3) from the mesh minus the allowed distances; negative for allowed points."""
+        """(k,) distance of each point (k, 3) from the mesh, minus the allowed distance; negative if allowed."""
         away = self.solids.distances(points)
         is_far = away > self.limits.distance / 2  # near points need no chord errors, which take time to compute
         away[is_far] -= self.limits.allowed_distances(points[is_far])
@@ -123,7 +123,7 @@ class PieceJudge:
         return away
 
     def farthest(self, V: Floats, F: Ints, V2: Floats, F2: Ints) -> MeshDistances:
-        """Return distances of the triangles V (n, 3), F (m, 3) from the triangles V2, F2, at corners and centres."""
+        """Return the distances of corners and centres of the triangles V (n, 3), F (m, 3) from the triangles V2, F2."""
         points = np.concatenate([V[corners_of(F, np.ones(len(F), dtype=bool), len(V))], V[F].mean(axis=1)])
         away = nearest_places(points, V2, F2).distance
         far_points = points[away > self.limits.distance]  # points within `distance` are allowed everywhere
@@ -135,7 +135,7 @@ class PieceJudge:
 
 
 class SolidPlan:
-    """Data for a part's curved solid; raises ExportError if only the solid is known, and not its sheet."""
+    """Data to write a part as a curved solid; raises ExportError if the sheet of the part is unknown."""
 
     def __init__(self, part: Part) -> None:
         if part.curved is None:
@@ -146,10 +146,10 @@ class SolidPlan:
 
     @cached_property
     def whole(self) -> SheetOutline:
-        """Regions and outlines of the sheet without division into charts (smaller parts)."""
+        """The whole sheet with its outlines, as a single chart."""
         return sheet_of(self.curved.divided(np.ones((self.surface.n, 1))), self.curved.shift)
 
     @cached_property
     def gate(self) -> PieceJudge:
-        """Comparison of the sheet, before its division into charts, with the solids of the part."""
+        """Comparison of the undivided sheet with the solids in the mesh of the part."""
         return PieceJudge(self.solids, self.whole, self.limits)

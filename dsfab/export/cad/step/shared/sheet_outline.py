@@ -19,8 +19,8 @@ WALL = -1  # number of the neighbouring chart where the sheet ends at a wall
 @dataclass(frozen=True, eq=False)
 class OutlineRun:
     """Part of the outline of a chart (a part of the sheet).
-    vertices : (k,) in order, with the material on their left.    beyond : chart on their right, or `WALL`.
-    width    : mm, of the whole loop: width of a slit, or radius of a circular loop, see `loop_width`."""
+    vertices : (k,) vertices in order, with the material on the left.    beyond : chart on the right side, or `WALL`.
+    width    : `loop_width` of the whole closed loop that contains this part, mm."""
 
     vertices: Ints
     beyond: int
@@ -38,8 +38,8 @@ class ChartRegion:
 
 @dataclass(frozen=True, eq=False)
 class SheetOutline:
-    """Sheet in millimetres, divided into charts. Regions are connected parts of charts.
-    V, D    : (n, 3) vertices of the middle surface, and half-thickness vectors.
+    """Sheet in millimetres, divided into charts (parts of the sheet). Regions are connected parts of charts.
+    V, D    : (n, 3) vertices of the middle surface, and vectors to the upper skin (half the thickness).
     F       : (m, 3) faces.    chart, piece : (m,) chart and piece of each face.
     charts  : (v, 2) all pairs of a vertex and a chart that contains this vertex, sorted."""
 
@@ -66,7 +66,7 @@ class _HalfEdgeCharts:
 
 
 def both_skins(sheet: DividedSheet, shift: int) -> Floats:
-    """(n, 2, 3) vertices of a sheet on its upper and lower skin, millimetres. shift : as in `sheet_of`."""
+    """(n, 2, 3) points on upper and lower skin, mm. shift : from vertices to the middle, in half-thicknesses."""
     V, D = _middle(sheet, shift)
     return np.stack([V + D, V - D], axis=1)
 
@@ -77,7 +77,7 @@ def _middle(sheet: DividedSheet, shift: int) -> tuple[Floats, Floats]:
 
 
 def sheet_of(sheet: DividedSheet, shift: int) -> SheetOutline:
-    """Return the sheet's regions with their outlines. shift : offset of the sheet's middle, in half-thicknesses."""
+    """Return a sheet with its outlines in each chart. shift : from vertices to the middle, in half-thicknesses."""
     V, D, F = *_middle(sheet, shift), sheet.F
     table = edge_table(F)
     _, piece = pieces(F, table)
@@ -146,7 +146,7 @@ def loop_width(line: Floats, length: float) -> float:
 
 
 def _run_starts(V: Floats, loop: Ints, starts: Ints) -> Ints:
-    """Return `starts`, or two positions if it has fewer. Charts on both sides of the loop get the same vertices."""
+    """Return the positions in `loop` where runs start: `starts`; if it has fewer than two, two positions far apart."""
     if len(starts) > 1:
         return starts
     start = int(starts[0]) if len(starts) else int(np.argmin(loop))

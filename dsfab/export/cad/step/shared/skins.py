@@ -16,8 +16,9 @@ from dsfab.surface.topology import on_boundary
 
 @dataclass(frozen=True, eq=False)
 class DenseSurface:
-    """Surface with its skins; its triangles may be divided. `surface` and `half` are in metres, results in mm.
-    half : (n,) half the thickness at each vertex.    shift, twins : see `Curved`.    parent : (m,) original face."""
+    """Surface with an upper and a lower skin, perhaps with divided triangles. Fields in metres, properties in mm.
+    half   : (n,) half the thickness at each vertex.    shift : distance of the sheet's middle from the surface / half.
+    parent : (m,) undivided triangle that contains each triangle.    twins : (k, 2) vertices with opposite normals."""
 
     surface: Surface
     half: Floats
@@ -41,7 +42,7 @@ class DenseSurface:
 
     @cached_property
     def half_vectors(self) -> Floats:
-        """(n, 3) vectors from `middle` to the upper skin, along `normals`, whose angle weights keep skins even."""
+        """(n, 3) vectors from `middle` to the upper skin, along `normals`."""
         return np.asarray(MM_PER_M * self.half[:, None] * self.normals)
 
     @cached_property
@@ -65,12 +66,12 @@ class DenseSurface:
         return DenseSurface(divided, self.carry(self.half), self.shift, np.tile(self.parent, 4))
 
     def carry(self, fields: Floats) -> Floats:
-        """Interpolate fields (n, ...) linearly to the vertices of `finer`."""
+        """Interpolate vertex values (n, ...) linearly to the vertices of `finer`, the divided surface."""
         return np.concatenate([fields, end_means(fields, self.surface.edges.ends)])
 
 
 def dense_surface(surface: Surface, curved: Curved) -> DenseSurface:
-    """Return a surface with its skins, before triangles are divided. curved : sheet with half-thickness vectors."""
+    """Return a surface with its two skins; its triangles are not divided. curved : gives the half-thickness vectors."""
     D = curved.D[surface.F]  # vectors are longer at creases, so that faces keep their thickness
     seen = np.bincount(surface.F.ravel(), np.einsum("mci,mi->mc", D, surface.normals).ravel(), surface.n)
     half = seen / np.bincount(surface.F.ravel(), minlength=surface.n)
@@ -79,30 +80,29 @@ def dense_surface(surface: Surface, curved: Curved) -> DenseSurface:
 
 
 def cubic_midpoints(P: Floats, d: Floats, ends: Ints) -> Floats:
-    """Return the midpoints (e, 3) of cubic curves along edges. ends : (e, 2) numbers of points P (n, 3).
-    The cubics are perpendicular to d (n, 3) at their ends. Surfaces fitted to these midpoints have no waves."""
+    """Return the middle (e, 3) of a cubic curve between each pair of points. ends : (e, 2) numbers of points P (n, 3).
+    d : (n, 3) vectors at the points, perpendicular to the curves."""
     N, chord = unit_vectors(d), P[ends[:, 1]] - P[ends[:, 0]]
     slopes = [chord - N[e] * np.einsum("ki,ki->k", chord, N[e])[:, None] for e in ends.T]
     return np.asarray(end_means(P, ends) + (slopes[0] - slopes[1]) / 8)
 
 
 def end_means(values: Floats, ends: Ints) -> Floats:
-    """Return means of values (n, ...) at both ends of edges (k, 2), three times as fast as numpy's mean."""
+    """Return the means (k, ...) of the values (n, ...) at the two ends of each edge (k, 2)."""
     a, b = ends.T
     return np.asarray((values[a] + values[b]) / 2)
 
 
 def chord_errors(skins: DenseSurface) -> Floats:
     """Return the (m,) distance of each triangle's centre from the smooth surface through its corners, metres.
-    This distance is 4/3 of the distance at the middles of the edges (exact for equilateral triangles on a sphere)."""
+    The estimate is 4/3 of the largest distance at edge middles (exact for equilateral triangles on a sphere)."""
     V, edges = skins.surface.V, skins.surface.edges
     sags = np.linalg.norm(cubic_midpoints(V, skins.normals, edges.ends) - end_means(V, edges.ends), axis=1)
     return np.asarray(4 / 3 * sags[edges.of].max(axis=1))
 
 
 def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
-    """Return the (m,) fraction by which the smooth solid of each triangle is larger than the mesh's prism.
-    Division of each triangle in four gives 3/4 of the change to the smooth volume; the rest is extrapolated."""
+    """Return the (m,) fraction by which each triangle's smooth solid has more volume than its flat prism."""
     coarse, D = prisms(skins.middle, skins.half_vectors, skins.surface.F), MM_PER_M * curved.D
     fine = skins.finer
     parts = np.bincount(fine.parent, prisms(fine.middle, fine.half_vectors, fine.surface.F), skins.surface.m)
@@ -111,7 +111,7 @@ def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
 
 
 def prisms(V: Floats, D: Floats, F: Ints) -> Floats:
-    """(m,) volumes between triangles V - D and V + D; V and D (n, 3)."""
+    """(m,) volumes of prisms between the triangles F of points V - D and the triangles F of points V + D (n, 3)."""
     a, b, c = F.T
     # mean area vector of the triangles V + s D for s from -1 to 1
     across = cross(V[b] - V[a], V[c] - V[a]) + cross(D[b] - D[a], D[c] - D[a]) / 3
@@ -124,7 +124,7 @@ LOOP_SHARE = 0.03  # largest tolerance of an outline loop, as a fraction of the 
 
 
 def decimals(thickness: float) -> int:
-    """Return how many decimals coordinates (mm) need, so that rounding is negligible for this thickness (mm)."""
+    """Return the number of decimals of coordinates (mm) that makes rounding negligible at a thickness (mm)."""
     rounding = 3e-5
     return int(np.clip(np.ceil(-np.log10(rounding * thickness)), 2, 6))
 
@@ -134,10 +134,11 @@ MOST_CHORD = 1 / 4  # upper limit of estimated chord errors / thickness; at crea
 
 @dataclass(frozen=True, eq=False)
 class SmoothLimits:
-    """Thickness, and allowed distance between smooth solid and mesh in addition to the mesh's chord error, mm.
-    V, F    : (n, 3) and (m, 3) triangles of both skins of the uncut surface.
-    chord   : (m,) chord error of these triangles, mm.
-    rounder : (m,) fraction by which the smooth solid may have more volume than the mesh's prism at each triangle."""
+    """Limits for the distance (mm) and volume of a smooth solid, compared with the mesh. thickness : of the sheet.
+    V, F     : (n, 3) and (m, 3) triangles of both skins of the uncut surface.
+    chord    : (m,) chord errors: distances of these flat triangles from the smooth surface.
+    distance : allowed distance from the mesh, in addition to the chord error.
+    rounder  : (m,) fraction by which the smooth solid may have more volume than the mesh at each triangle."""
 
     thickness: float
     distance: float
@@ -148,12 +149,12 @@ class SmoothLimits:
 
     @cached_property
     def usual_chord(self) -> float:
-        """Chord error that only 10 % of the triangles exceed."""
+        """Chord error that only 10 % of the triangles exceed, mm."""
         return float(np.percentile(self.chord, 90))
 
     @property
     def summary(self) -> str:
-        """Phrase for a message: allowed distance from the mesh, usual chord error, and the largest one if unusual."""
+        """Phrase for a message: allowed distance from the mesh, usual chord error, largest chord error if unusual."""
         coarse = 2  # the largest chord error is unusual if it exceeds twice `usual_chord`
         largest = float(self.chord.max())
         usual_text = f"usually under {self.usual_chord:.2g} mm" if self.usual_chord > 0 else "usually none"
@@ -166,7 +167,7 @@ class SmoothLimits:
         return np.asarray(self.distance + self.chord[self.nearest(points)])
 
     def nearest(self, points: Floats) -> Ints:
-        """Return (k,) the triangle nearest to each point."""
+        """(k,) number of the triangle nearest to each point (k, 3)."""
         return np.asarray(self._tree.squared_distance(self.V, self.F, points)[1])
 
     @cached_property
@@ -177,8 +178,8 @@ class SmoothLimits:
 
 
 def smooth_limits(surface: Surface, curved: Curved, tolerance: float = 0.0) -> SmoothLimits:
-    """Return limits for the distance of a solid from the mesh. tolerance : of the user, mm; 0 means `OFF_SURFACE`.
-    The exporter and `dsfab check` use the same limits."""
+    """Return limits for the distance of a solid from the mesh. tolerance : of the user, mm.
+    Tolerance 0 means `OFF_SURFACE` times the thickness."""
     mesh = dense_surface(surface, curved)
     t = 2 * MM_PER_M * float(np.median(np.linalg.norm(curved.D, axis=1)))
     chord = np.minimum(MM_PER_M * chord_errors(mesh), MOST_CHORD * t)

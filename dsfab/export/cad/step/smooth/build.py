@@ -42,8 +42,8 @@ from dsfab.surface.topology import faces_at
 
 @dataclass(frozen=True, eq=False)
 class Acceptance:
-    """Verdict on a piece. volume : of the piece, mm3.
-    reason : reason of a refusal, or ''.    bad : (k, 3) places where smaller tolerances of curves may help.
+    """Verdict on a smooth piece of a sheet. volume : of the piece, mm3.
+    reason : of a refusal; '' if accepted.    bad : (k, 3) places where smaller tolerances of curves may help.
     there  : largest distance from piece to mesh, mm.    back : largest distance from mesh to piece, mm."""
 
     reason: str
@@ -59,7 +59,7 @@ _NOWHERE = MeshDistances(0.0, 0.0, 0.0, np.zeros((0, 3)))
 def all_verdicts(
     gate: PieceJudge, pieces: dict[int, SmoothPiece], findings: dict[int, OcctFinding]
 ) -> dict[int, Acceptance]:
-    """Judge each piece by OCCT's findings; refuse pieces without findings. gate : compares pieces with the part."""
+    """Return a verdict on each piece, by number, from findings of OCCT (CAD kernel). gate : the sheet and the mesh."""
     distances = _distances(gate, {k: findings[k] for k in pieces if k in findings and findings[k].tessellates})
     return {
         k: piece_verdict(gate, k, piece, findings.get(k), distances.get(k, (_NOWHERE, _NOWHERE)))
@@ -70,7 +70,8 @@ def all_verdicts(
 def piece_verdict(
     gate: PieceJudge, k: int, piece: SmoothPiece, finding: OcctFinding | None, away: tuple[MeshDistances, MeshDistances]
 ) -> Acceptance:
-    """Judge piece k by OCCT's `finding` and by distances `away`: from the piece to the mesh, and from mesh to piece."""
+    """Return the verdict on piece k. finding : of OCCT (CAD kernel); None if OCCT failed.
+    away : distances from the piece to the mesh, and from the mesh to the piece."""
     if piece.refused or finding is None:
         return Acceptance(piece.refused or "OCCT did not read a smooth piece of the sheet within the time limit")
     mesh_volume, gap, widest = gate.volumes[k], max(piece.gap, finding.gap), GAP_SHARE * gate.limits.thickness
@@ -122,7 +123,7 @@ MOST_WALLS = 1500  # limit of walls unless the user asks for a smooth file; more
 
 @dataclass(frozen=True, eq=False)
 class SmoothSolid:
-    """Pieces of a sheet divided into charts. gate : compares pieces with the part.    asked : pieces to build."""
+    """Pieces of a sheet divided into charts. gate : sheet and mesh.    asked : numbers of the pieces to build."""
 
     gate: PieceJudge
     builder: PieceBuilder
@@ -131,7 +132,7 @@ class SmoothSolid:
 
 
 class SmoothPlan(SolidPlan):
-    """Data for a smooth STEP file. Raises ExportError if no sheet is known, or for too many walls with `part.hurry`."""
+    """Data for a smooth STEP file; raises ExportError if the sheet is unknown or has too many walls for `hurry`."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
@@ -149,8 +150,8 @@ class SmoothPlan(SolidPlan):
         return [loop for region in self.whole.regions for loop in region.loops]
 
     def layouts(self) -> Iterator[Floats]:
-        """Yield the fields (n, c) of different divisions into charts: chart k is the part where field k is largest.
-        The first division is for open sheets only. On a closed surface, its charts would bend too much."""
+        """Yield fields (n, c), each for one division of the sheet into charts: chart k is where field k is largest.
+        Raises ExportError for a one-sided surface."""
         if len(self.curved.twins):
             raise ExportError("the surface has one side only, so it has no two skins")
         outlines = 40  # outlines per chart (part of the sheet); OCCT's time grows with the square of their number
@@ -165,8 +166,8 @@ class SmoothPlan(SolidPlan):
             seen.add(chart)
 
     def build(self, fields: Floats, finished: Collection[int] = ()) -> SmoothSolid:
-        """Build the pieces of all solids that are not finished, in the charts of fields (n, c), see `layouts`.
-        If the part has only one solid, a failed chart raises ExportError at once: further fits would be useless."""
+        """Build the pieces of all solids except the numbers `finished`, in charts of fields (n, c), see `layouts`.
+        Raises ExportError if the part has only one solid and a chart fails."""
         atlas = ChartAtlas(self.surface, self.curved, fields, FIT_SHARE * self.limits.distance)
         needed = set[int]()
 
@@ -194,7 +195,7 @@ class SmoothPlan(SolidPlan):
         return SmoothSolid(gate, builder, model, requested)
 
     def unfinished_vertices(self, finished: Collection[int]) -> Ints:
-        """Return surface vertices (k,) nearest to solids not in `finished`, and the neighbours of these vertices."""
+        """Return the surface vertices (k,) nearest to solids that are not `finished`, with neighbouring vertices."""
         is_unfinished = np.isin(self.whole.piece, _unfinished_pieces(self.gate, finished))
         points = self.whole.V[np.unique(self.whole.F[is_unfinished])]
         marks = np.zeros(self.surface.n, dtype=bool)
@@ -243,7 +244,7 @@ class _SmoothSearch:
         self.last, self.text = list[tuple[SmoothModel, int]](), ""
 
     def search(self) -> SmoothPieceFile:
-        """Try divisions of the sheet into charts in turn. Accept a solid when none of its pieces is refused."""
+        """Try divisions of the sheet into charts; return the file. A solid is accepted if no piece is refused."""
         for turn, fields in enumerate(self.plan.layouts(), 1):
             try:
                 with ExitStack() as programs:
@@ -319,7 +320,7 @@ class _SmoothSearch:
 
 
 def raise_levels(model: SmoothModel, k: int, level: dict[RunKey, int], bad: Floats) -> bool:
-    """Raise levels (lower tolerances) of curves nearest to `bad` points (k, 3), mm; return False if no level rises."""
+    """Raise levels (lower tolerances) of piece k's curves near `bad` points (b, 3), mm; return True if any rises."""
     piece = model.pieces[k]
     x = np.linspace(0, 1, 9)
     tree = cKDTree(np.concatenate([curve(x) for edge in piece.edges for curve in (edge.upper, edge.lower)]))
@@ -344,7 +345,7 @@ def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) ->
 
 def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
     """Return the corners (k, 3) whose distance from the piece's edges is larger than `limits` allows.
-    corners : (n, 3) mesh corners at walls. This test is faster than a test of OCCT's triangles."""
+    corners : (n, 3) mesh corners at walls."""
     chord_count, nearest_count = 64, 4  # chords of each edge; number of chords whose distance from a corner is computed
     x = np.linspace(0, 1, chord_count + 1)
     lines = np.stack([curve(x) for edge in piece.edges if edge.wall for curve in (edge.upper, edge.lower)])

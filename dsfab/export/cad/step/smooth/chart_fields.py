@@ -28,7 +28,7 @@ SWEEPS = 4  # number of diffusions of the fields; before a repetition, each vert
 
 
 def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Floats:
-    """Return fields (n, c) on the vertices; chart k is the part where field k is largest.
+    """Return fields (n, c) that divide a surface into charts: chart k is the part where field k is largest.
     cone   : largest angle (radians) between the normals of a cluster of faces and their mean.
     fewest : smallest number of charts.    start : seed of random numbers; another seed gives other charts."""
     label = _clusters(surface, cone, fewest, start)
@@ -38,7 +38,7 @@ def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0)
 
 
 def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
-    """Return the cluster (m,) of each face. If possible, normals are within `cone` of their cluster's mean normal."""
+    """Return the cluster (m,) of each face. If possible, normals are within `cone` of the cluster's mean normal."""
     rounds = 30  # largest number of rounds that add clusters of faces
     graph = _dual(surface)
     count, piece = connected_components(graph, directed=False)
@@ -64,7 +64,7 @@ def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
 
 
 def _dual(surface: Surface) -> csr_array:
-    """Return the graph of distances between neighbouring faces. Bends add distance: clusters of faces end at bends."""
+    """Return the graph of distances between neighbouring faces. Bends add distance, so clusters of faces end there."""
     turn_cost = 0.2  # distance added for a bend of one radian, as a fraction of the root of the surface's area
     f, g = (surface.edges.pairs // 3).T
     away = np.linalg.norm(surface.centroids[f] - surface.centroids[g], axis=1)
@@ -101,7 +101,7 @@ def _cosines(surface: Surface, label: Ints) -> Floats:
 
 
 def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
-    """Straighten chart borders, and divide charts with several parts or steep faces; repeat.
+    """Return fields (n, c) of charts with straight borders. Charts with several parts or steep faces are divided.
     least : smallest accepted cosine between the normal of a face and the mean normal of its chart."""
     f, g = (surface.edges.pairs // 3).T
     for turn in range(5):
@@ -119,7 +119,8 @@ def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
 
 
 def diffused_fields(surface: Surface, label: Ints, share: float) -> Floats:
-    """Diffuse clusters `label` (m,) of faces to fields (n, c), one for each. share : factor of the diffusion length."""
+    """Return fields (n, c): field k spreads from cluster k of faces by diffusion.
+    label : (m,) cluster of each face.    share : factor of the diffusion length."""
     count = int(label.max()) + 1
     stiffness = -igl.cotmatrix(surface.V, surface.F)
     mass = voronoi_mass(surface)

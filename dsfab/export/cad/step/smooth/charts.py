@@ -36,7 +36,7 @@ class SplinePatch:
         return self._along_v(b, self._across_u(a, self._local_poles(i, j)))
 
     def slopes(self, uv: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return points and derivatives by u and by v, (k, d) each."""
+        """Return the points at uv (k, 2), and the derivatives by u and by v: three arrays (k, d)."""
         (i, a, da), (j, b, db) = hats(uv[:, 0], self.u), hats(uv[:, 1], self.v)
         local_poles = self._local_poles(i, j)
         across_u, du = self._across_u(a, local_poles), self._across_u(da, local_poles)
@@ -61,7 +61,7 @@ class SplinePatch:
         return SplinePatch(self.u, self.v, self.poles[:, :, begin:end])
 
     def nearest(self, points: Floats, uv: Floats, rounds: int = 8) -> Floats:
-        """Return parameters (k, 2) of the surface points nearest to `points` (k, 3), by Gauss-Newton steps."""
+        """Return the parameters (k, 2) of the surface points nearest to `points` (k, 3). uv : (k, 2) first guesses."""
         step_limit = 1e-8  # length of the last step / size of the surface
         low, high = np.array([self.u[0], self.v[0]]), np.array([self.u[-1], self.v[-1]])
         uv, going = np.clip(uv, low, high), np.arange(len(uv))
@@ -106,10 +106,11 @@ def fitted_surface(
     first_poles: float = FIRST_POLES,
     most_poles: int = MOST_POLES,
 ) -> SurfaceFit:
-    """Fit a surface with few poles to Q (k, 6), one point on each skin. The tolerance applies to the points `inside`.
+    """Fit one surface with few poles to both skins. Q : (k, 6) points, each on upper and lower skin, mm.
+    uv          : (k, 2) positions of the points in a plane.    weight : (k,) weight of each point in the fit.
+    inside      : (k,) True for points to which the tolerance (mm) applies.
     first_poles : number of poles at the start, the geometric mean of the numbers along u and along v.
-    most_poles  : largest number of poles in each direction.
-    After a failed fit, the number of poles grows with the fourth root of the error."""
+    most_poles  : largest number of poles in each direction."""
     points_per_pole = 2.5  # with fewer points, surfaces have waves between the points and gaps at seams
     extent = np.ptp(uv, axis=0)
     aspect = np.sqrt(np.clip(extent[0] / extent[1], 0.1, 10.0))
@@ -128,8 +129,8 @@ def fitted_surface(
 def patch_through(
     uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float
 ) -> tuple[SplinePatch, Floats]:
-    """Fit the bicubic surface of p x q poles nearest to points Q (k, d) at uv (k, 2); return it and its points at uv.
-    weight : (k,) of the points.    smoothing : weight of second differences, for poles far from all points."""
+    """Fit the bicubic surface of p x q poles nearest to points Q (k, d) at uv (k, 2); also return its points there.
+    weight : (k,) weights of the points.    smoothing : weight of second differences, for poles far from all points."""
     low, high = uv.min(axis=0), uv.max(axis=0)
     pad = 0.01 * (high - low)
     u, v = (
@@ -217,8 +218,8 @@ FOLDED = 0.01
 
 @dataclass(frozen=True, eq=False)
 class SkinPoints:
-    """Data for the fit of a chart, millimetres.
-    origin, axes, steepest : as in `SkinChart`.
+    """Points to which the spline surfaces of a chart are fitted, millimetres.
+    origin, axes : plane of the chart.    steepest : cosine of the angle between this plane and the steepest faces.
     uv, Q  : (k, 2) points in the plane, and (k, 6) points on both skins.
     inside : (k,) True for points to which the tolerance applies.    weight : (k,) weight of each point in the fit.
     chord  : chord error of the mesh between the points, 90th percentile."""
@@ -234,7 +235,7 @@ class SkinPoints:
 
 
 def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPoints:
-    """Collect the points of a chart and of a ring of faces around the chart. dense : surface, perhaps subdivided.
+    """Collect the points of a chart and of a ring of faces around it. dense : whole surface, perhaps subdivided.
     near_faces : (m,) True for undivided faces near the chart.    in_chart : (n,) True for the chart's vertices."""
     faces = np.flatnonzero(near_faces[dense.parent])
     used, F = np.unique(dense.surface.F[faces], return_inverse=True)
@@ -289,7 +290,7 @@ STEEPEST = np.cos(np.deg2rad(80.0))  # smallest cosine between normals and axis 
 
 @dataclass(frozen=True, eq=False)
 class SkinChart:
-    """Plane of a chart, and both skins as surfaces over the plane. Lengths in millimetres.
+    """Plane of a chart (part of the sheet), and both skins as surfaces over the plane. Lengths in millimetres.
     origin, axes : (3,) point of the plane, and (3, 3) axes: two axes in the plane, and its normal.
     upper, lower, middle : surfaces of both skins, and the surface half way between them.
     tolerance    : tolerance of the fit; larger on a coarse mesh.
@@ -316,7 +317,7 @@ class SkinChart:
 
 
 class ChartAtlas:
-    """Charts of a surface, fitted on demand.
+    """Charts (parts) of a surface, with spline surfaces that are fitted on demand.
     fields : (n, c) on the vertices; chart k is where field k is largest. Each division of a chart adds a field.
     charts : surfaces of the fitted charts, by number.    failed : reasons for missing charts, by number."""
 
@@ -390,7 +391,7 @@ class ChartAtlas:
         return fields
 
     def chart(self, k: int, first_poles: float, most_poles: int) -> SkinChart:
-        """Fit spline surfaces to chart k, with about `first_poles` to `most_poles` poles in each direction."""
+        """Return chart k with spline surfaces of about `first_poles` to `most_poles` poles in each direction."""
         of_chord = 0.3  # the tolerance includes this fraction of the mesh's chord error
         most_divisions = 2  # largest number of divisions of a coarse mesh
         F = self.surface.F

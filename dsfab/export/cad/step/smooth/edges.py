@@ -47,7 +47,7 @@ class OutlineNodes:
 
 
 def nodes_of(sheet: SheetOutline, charts: dict[int, SkinChart]) -> OutlineNodes:
-    """Project outline vertices onto the middle surfaces of their charts, each to the nearest point."""
+    """Return the outline vertices of a sheet, each at the nearest point of the middle surface of each of its charts."""
     uv, steep = {}, {}
     for k in {region.chart for region in sheet.regions}:
         runs = [run.vertices for region in sheet.regions if region.chart == k for loop in region.loops for run in loop]
@@ -64,7 +64,7 @@ def nodes_of(sheet: SheetOutline, charts: dict[int, SkinChart]) -> OutlineNodes:
     return nodes
 
 
-LEVEL_FACTORS = (1.0, 0.2, 0.04)  # factors of an outline part's tolerance, after its curves failed checks 0 to 2 times
+LEVEL_FACTORS = (1.0, 0.2, 0.04)  # factors of a curve's tolerance after 0, 1 and 2 failed checks of the curve
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,19 +99,20 @@ class EdgeTolerances:
     chord: float
 
     def outline(self, run: OutlineRun, steep: float, level: int) -> float:
-        """Tolerance, in the chart's plane, of a curve along outline part `run`. level : how often it was refused."""
+        """Tolerance, in the chart's plane, of a curve along part `run`. level : how often curves failed checks.
+        steep : largest ratio of a length on the surface to its length in the plane."""
         of_chord = 0.5  # fraction of the mesh's chord error that is added to the tolerance of an outline
         limit = min(OUTLINE_SHARE * self.distance + of_chord * self.chord, LOOP_SHARE * run.width)
         return LEVEL_FACTORS[level] * limit / steep
 
     def in_space(self, run: OutlineRun, level: int) -> float:
-        """Tolerance of the curves along outline part `run` on the two skins. level : how often they were refused."""
+        """Tolerance of the curves along outline part `run` on the two skins. level : how often curves failed checks."""
         share = 1 / 50  # largest tolerance / thickness
         return LEVEL_FACTORS[level] * min(share * self.thickness, LOOP_SHARE * run.width)
 
 
 class RunRequest(NamedTuple):
-    """Request for curves along `run`, a part of a chart's outline. level : how often curves for `run` were refused."""
+    """Request for curves along `run`, a part of a chart's outline. level : how often curves for `run` failed checks."""
 
     run: OutlineRun
     chart: int
@@ -126,7 +127,8 @@ class RunPart(NamedTuple):
 
 
 def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTolerances) -> list[list[SmoothEdge]]:
-    """Fit curves along walls for all requests together; return the edges of each request. nodes : ends of edges."""
+    """Fit curves along walls (sides of the sheet), for all requests together; return the edges of each request.
+    nodes : end points of edges.    allowed : tolerances."""
     run_parts = flat_parts(requests, nodes, allowed)
     parts = [part for group in run_parts for part in group]
     nodes.add(np.unique([v for part in parts for v in part.asked.run.vertices[[0, -1]]]))
@@ -139,7 +141,7 @@ def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTol
 
 
 def skin_curves(parts: list[RunPart], nodes: OutlineNodes, tolerances: list[float]) -> list[Fitted]:
-    """Fit curves on both skins along plane curves of `parts`. Return each with its largest error. tolerances : mm."""
+    """Fit curves on both skins along the plane curves of `parts`; return each curve with its largest error, mm."""
     results, todo = dict[int, Fitted](), list(range(len(parts)))
     for finer in (1, 4, 16):  # factors of the number of samples, until the curve is close enough
         x = [parameters(parts[i].flat, finer) for i in todo]
@@ -152,7 +154,7 @@ def skin_curves(parts: list[RunPart], nodes: OutlineNodes, tolerances: list[floa
 
 
 def flat_parts(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTolerances) -> list[list[RunPart]]:
-    """Fit a plane curve to the outline part of each request. If no curve is within the tolerance, divide the part."""
+    """Fit a plane curve to the outline part of each request; if no curve is within the tolerance, divide the part."""
     lines = [nodes.uv[request.chart][request.run.vertices] for request in requests]
     results = {i: [RunPart(requests[i], segment_spline(*line))] for i, line in enumerate(lines) if len(line) == 2}
     curved_numbers = [i for i in range(len(requests)) if i not in results]
@@ -181,7 +183,7 @@ def _halves(request: RunRequest, line: Floats, worst: float) -> list[RunRequest]
 
 
 def by_chart(charts: list[int], rows: list[Floats], function: Callable[[int, Floats], Floats]) -> list[Floats]:
-    """Apply function(chart, rows) to the rows (k, d) of all charts, with one call for each chart."""
+    """Return function(chart, rows) for each array (k, d) in `rows` and its chart; one call for each chart."""
     results = dict[int, Floats]()
     for k in dict.fromkeys(charts):
         members = [i for i, chart in enumerate(charts) if chart == k]
@@ -206,7 +208,8 @@ def _parameters(knots: bytes, finer: int) -> Floats:
 def edge_on_nodes(
     run: OutlineRun, space: Spline, flat: dict[int, Spline], distance: float, nodes: OutlineNodes, wall: bool
 ) -> SmoothEdge:
-    """Return the `SmoothEdge` along outline part `run`. space : curves on both skins; `nodes` sets their end points."""
+    """Return the edge along outline part `run`. space : curve on both skins, which gets the end points of `nodes`.
+    flat : curve in the plane of each chart, by number.    distance : largest error of `space`, mm."""
     start, end = int(run.vertices[0]), int(run.vertices[-1])
     poles = space.poles.copy()
     node_points = np.concatenate([nodes.at[start].reshape(1, 6), nodes.at[end].reshape(1, 6)])

@@ -44,7 +44,7 @@ from dsfab.export.splines import Spline, segment_spline
 
 @dataclass(frozen=True)
 class SmoothSkin:
-    """Upper and lower face of a region: chart number; loops (outer first) of (edge number, True if forwards)."""
+    """Upper and lower face over a region. loops : outlines (outer first) of pairs (edge number, True if forwards)."""
 
     chart: int
     loops: tuple[tuple[tuple[int, bool], ...], ...]
@@ -52,7 +52,7 @@ class SmoothSkin:
 
 @dataclass(eq=False)
 class SmoothPiece:
-    """Piece of the sheet, with edges and skins. keys : `run_key` of each edge.    gap : widest gap of an edge, mm.
+    """Piece of the sheet, with edges and skins. keys : `run_key` of each edge.    gap : widest gap at an edge, mm.
     traced  : True if the file also contains the curves of edges on skins and walls.
     refused : reason why the piece is not a single closed shell, or ''."""
 
@@ -94,7 +94,7 @@ class PieceBuilder:
         self._make(sheet.regions, {})
 
     def piece(self, number: int, level: dict[RunKey, int], traced: bool = False) -> SmoothPiece:
-        """Build a piece. level : how often curves of an outline part were refused; traced : see `SmoothPiece`."""
+        """Build a piece. level : how often curves of each outline part failed checks. traced : as in `SmoothPiece`."""
         result, seams = SmoothPiece(traced=traced), dict[RunKey, int]()
         regions = [region for region in self.sheet.regions if region.piece == number]
         self._make(regions, level)
@@ -168,7 +168,7 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
 
 
 def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
-    """Return ends (2 k, 2 k + 1 of edge k) at sharp corners where edges cross: they swap sides before their middles."""
+    """Return numbers of edge ends (2 k, 2 k + 1 for edge k) at sharp corners where two edges cross near the corner."""
     least_cosine = 0.5  # the sides of a sharp corner enclose at most 60 degrees
     forwards = np.array([forwards for loop in skin.loops for _, forwards in loop])
     number = np.split(np.arange(len(forwards)), np.cumsum([len(loop) for loop in skin.loops])[:-1])
@@ -186,7 +186,7 @@ def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
 
 
 def crossing_chords(start: Floats, end: Floats) -> Ints:
-    """Return pairs (p, 2) of crossing chords that run from points (k, 2) to points (k, 2) and have no common end."""
+    """Return pairs (p, 2) of chords that cross and have no common end. start, end : (k, 2) ends of the chords."""
     middle, long = (start + end) / 2, np.linalg.norm(end - start, axis=1)
     reach = long.max()
     chord_a, chord_b = cKDTree(middle).query_pairs(reach, output_type="ndarray").T
@@ -211,7 +211,7 @@ def _lies_across(start: Floats, end: Floats, line: Ints, chord: Ints) -> Bools:
 
 
 class SmoothText:
-    """Writer of pieces of a sheet: adds their entities to a STEP file."""
+    """Writer that adds the pieces of a sheet to a STEP file."""
 
     def __init__(self, entity_list: StepEntities, model: SmoothModel) -> None:
         self.new, self.model = entity_list, model

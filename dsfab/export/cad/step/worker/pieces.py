@@ -35,7 +35,7 @@ CAN_FORK = sys.platform == "linux"  # true if the process can be forked safely
 
 
 class ForkedWork:
-    """Work in a fork of this process; a call returns its result, which must be JSON."""
+    """A function that runs in a fork of this process; a call returns the function's result, which must fit JSON."""
 
     def __init__(self, work: Callable[[], Any]) -> None:
         self._result, write_end = os.pipe()
@@ -92,7 +92,7 @@ REPAIRS = (
 
 
 def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies: bool = False) -> list[dict[str, Any]]:
-    """Return OCCT's findings about each solid of a file (one solid per product); [] if OCCT cannot read the file.
+    """Return OCCT's findings about each solid of a STEP file; [] if OCCT cannot read the file.
     deflection : largest distance (mm) of triangles from the solid. Triangles become `0.stl`, `1.stl` ... in the folder.
     copies     : True to share work with forked processes. A fork after OCCT has made triangles would hang."""
     reader = _reader(path)
@@ -189,7 +189,6 @@ def _triangulates(deflection: float, solid: Any) -> bool:
 
 
 def _tessellates(deflection: float, solid: Any, faces: list[Any]) -> bool:
-    """Return True if every face gets triangles: by Delabella's sweep (fast for many holes), else by OCCT's method."""
     angle = 0.5  # largest angle (radians) between neighbouring triangles
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.IMeshTools import IMeshTools_MeshAlgoType, IMeshTools_Parameters

@@ -19,7 +19,7 @@ SECONDS, SECONDS_PER_MB = 60.0, 10.0  # time limit for reading: seconds, and sec
 
 
 def occt_report(command: str, *arguments: str, seconds: float) -> dict[str, Any]:
-    """Return the report of a command of the OCCT program; raises the errors of `last_line`."""
+    """Return the report of a command of the OCCT program. Raises ProgramError or TimeoutExpired."""
     return dict(json.loads(last_line(occt_program.__file__, command, *arguments, seconds=seconds)))
 
 
@@ -112,7 +112,7 @@ def findings(
     limit: float,
     on_triangles: Callable[[StepMesh], None] | None = None,
 ) -> list[OcctFinding]:
-    """Return findings about each solid of a file; [] if OCCT fails or takes longer than `limit` seconds.
+    """Return findings about each solid of a STEP file `text`; [] if OCCT fails or takes longer than `limit` seconds.
     deflection   : largest distance of the triangles from the solid, mm.
     on_triangles : function of the triangles of all solids (as from `read_step`), called if every face has triangles.
                    With this function, OCCT reads all solids together, and the findings contain no triangles."""
@@ -151,7 +151,7 @@ def _finding(record: dict[str, Any], path: Path) -> OcctFinding:
 
 
 def distinct_points(points: Floats) -> tuple[Floats, Ints]:
-    """Return the distinct points in order, and the index (k,) of each of the points (k, 3); faster than `np.unique`."""
+    """Return the distinct points (n, 3), sorted, and for each point (k, 3) its number (k,) in this list."""
     order = np.lexsort(points.T[::-1])
     ranked = points[order]
     is_first = np.ones(len(points), dtype=bool)

@@ -80,7 +80,7 @@ def compound(shapes: list[Any]) -> Any:
 
 def bounds(shape: Any, with_triangles: bool = True) -> list[float]:
     """Return the lowest and highest corner of OCCT's bounding box, six numbers.
-    with_triangles : use triangles that the faces hold."""
+    with_triangles : True to use triangles that the faces hold."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
 
@@ -108,7 +108,7 @@ def is_valid(shape: Any) -> bool:
 
 
 def gauss_kronrod_volume(shape: Any, accuracy: float) -> float:
-    """Return the volume (mm3) to a relative accuracy. Faces may have many holes or curved edges."""
+    """Return the volume of a shape (mm3) to a relative accuracy. Faces may have many holes or curved edges."""
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
 
@@ -183,7 +183,6 @@ def _triangles(shape: Any) -> dict[str, Any]:
 
 
 def _tessellates(shape: Any, faces: list[Any]) -> bool:
-    """Return True if every face becomes triangles; OCCT makes no triangles of a few valid curved faces."""
     from OCP.BRepAdaptor import BRepAdaptor_Surface
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.GeomAbs import GeomAbs_SurfaceType

@@ -27,7 +27,8 @@ def write_triangles(path: Path, folder: Path, deflection: float = 0.0, faces: st
 
 
 def triangles_of(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple[dict[str, Any], dict[str, float]]:
-    """Return `V`, `F` and `face` as in `mesh.npz`, and the number of solids and the deflection.
+    """Return triangles of a shape (`V` points in mm, `F` triangles, `face` of each), number of solids, and deflection.
+    deflection : largest distance from curved faces, mm; 0 means `DEFLECTION_SHARE` of the shape's size.
     only : (k,) faces to triangulate; None means all faces. These faces share points along their common edges."""
     solids, deflection = parts(shape, "SOLID"), deflection or DEFLECTION_SHARE * diagonal(shape)
     faces = [face for solid in solids for face in faces_of(solid)]

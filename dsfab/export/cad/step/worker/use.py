@@ -28,7 +28,7 @@ SMOOTH = cos(radians(1.0))  # cosine of the largest angle at which one edge cont
 
 
 def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, Any]:
-    """Return the findings about a file.
+    """Cut and round the solids of a STEP file with OCCT, as a trial; return the findings.
     solids, faces : numbers.    valid : OCCT finds no fault.    seconds : processor time of all trials.
     volume, plain : by the Gauss-Kronrod rule, and by OCCT's default integration rule, mm3.
     box           : OCCT's bounding box of the solids, six numbers, mm.
@@ -95,15 +95,14 @@ def _plain_volume(shape: Any) -> float:
 
 class VolumeErrors(NamedTuple):
     """Relative errors of the volume of a cut solid's halves: `alone` if measured separately, `together` as one shape.
-    `together` is measured only if `alone` is between `TOGETHER_LIMIT` and `ALONE_LIMIT`. Both are 1 for invalid halves.
-    A gap between two trimmed faces adds an error to each half. In one shape, the errors of both halves cancel."""
+    `together` is measured only if `alone` is between `TOGETHER_LIMIT` and `ALONE_LIMIT`. Invalid halves give 1."""
 
     alone: float
     together: float
 
     @property
     def fault(self) -> float:
-        """The volume error `together` if it is above `TOGETHER_LIMIT`, otherwise 0."""
+        """Relative volume error of the halves measured as one shape if above `TOGETHER_LIMIT`, otherwise 0."""
         return self.together if self.together > TOGETHER_LIMIT else 0.0
 
 
@@ -259,7 +258,6 @@ def thickness_edges(shape: Any) -> list[tuple[Any, float]]:
 
 
 def _ends_at_corners(edge: Any, edges: Any) -> bool:
-    """Return True if no other edge continues the straight edge `edge`. edges : edges of the shape, by vertex."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve
     from OCP.TopExp import TopExp

@@ -14,7 +14,7 @@ MANY_EDGES = 16  # faces with at least this many edges are integrated by Green's
 
 
 class PlaneSpline(NamedTuple):
-    """Curve in a surface's parameters. knots : with repetitions.    way : 1 if the face's edge follows it, else -1."""
+    """Curve in a surface's parameter plane. knots : with repetitions. way : 1 if the edge runs along it, else -1."""
 
     degree: int
     knots: list[float]
@@ -23,7 +23,7 @@ class PlaneSpline(NamedTuple):
 
 
 def volume(solid: Any) -> float:
-    """Return the volume (mm3): cones from the vertices' mean to all faces, as in OCCT. Gaps change this sum least."""
+    """Return the volume of a solid, mm3: the sum of cones from the mean of its vertices to all faces."""
     from OCP.BRep import BRep_Tool
     from OCP.gp import gp_Pnt
     from OCP.TopoDS import TopoDS
