@@ -126,7 +126,7 @@ def _edge_overrides(name: str, source: Source, vertex_counts: tuple[int, ...]) -
 
 def measure(name: str, source: Source, step: bool) -> dict[str, Any]:
     """Run all stages of a preset in this process; return seconds per stage, peak memory (MiB), and mesh sizes.
-    step : True to write STEP, too, and to count its time as export."""
+    step : False to leave out a STEP file, even if the preset has this format. `export` is the time to write files."""
     from dsfab.design import run
     from dsfab.design.output.files import deliverable
     from dsfab.export import write

@@ -139,7 +139,7 @@ def _in_own_process(triangles: int, variables: dict[str, str]) -> dict[str, Any]
 
 
 def rates_table(rows: list[dict[str, Any]]) -> str:
-    """Return results of `measure` as a text table, a row for each result."""
+    """Return results of `measure` as a text table: a row for each result, with the renderer's name."""
     frames = tuple(f"{kind} fps" for kind in KINDS)
     head = ("triangles", *frames, "shader/plain", "by CPU", "change ms", "peak MiB", "drawn by")
     return table(

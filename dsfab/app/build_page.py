@@ -84,7 +84,8 @@ class BuildPage:
         sys.stdout.flush()
 
     def print_rest(self, design: "Design", folder: Path, saved: "SavedDesign", refused: Sequence[str]) -> None:
-        """Print reactions, notes and files, after the verdict. refused : a sentence for each file that is missing."""
+        """Print reactions, notes and files, after the verdict; by default the whole page has at most `LINES` lines.
+        refused : a sentence for each file that is missing."""
         from dsfab.render.design_picture import caption
         from dsfab.report.design.carrying import reaction_lines
         from dsfab.study import sizing_result

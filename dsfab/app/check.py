@@ -119,7 +119,7 @@ def _read_file(
 
 
 def check_facts(checked: "FileCheck", preset: str | None = None) -> dict[str, Any]:
-    """Return the results of a file check for JSON, in SI units; None if not measured. preset : the expected preset."""
+    """Return results of a file check for JSON, in SI units; unmeasured values are None. preset : expected preset."""
     soundness, clearances = checked.soundness, checked.clearances
     return {
         "file": str(checked.path),

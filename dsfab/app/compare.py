@@ -309,7 +309,7 @@ SummaryRow = dict[str, Any]
 @dataclass(frozen=True)
 class Batch:
     """Comparisons of several presets.
-    output : folder of the summary, with a subfolder for each preset. None for the default folders."""
+    output : folder of the summary and of a subfolder per preset; None: outputs/compare and outputs/NAME/compliance."""
 
     task: CompareTask
     output: Path | None

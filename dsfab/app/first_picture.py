@@ -66,7 +66,7 @@ class FirstPicture:
 
     def draw(self, sketch: "Design", path: Path, pixels: tuple[int, int], options: dict[str, Any]) -> None:
         """Start to draw a sketch (a design with an approximate pattern) into the file `path`. Later calls do nothing.
-        pixels : width and height.    options : options of `dsfab.render.previewer.Previewer`."""
+        pixels : width and height.    options : as for `Previewer`. Nothing is drawn if an old file is unreadable."""
         if self._sketched:
             return
         self._path = path

@@ -184,7 +184,7 @@ class Source(MeshFlags):
             )
 
     def overrides(self) -> dict[str, Any]:
-        """Return all changes of the preset as values by dotted keys. Raises PresetError if --set has no KEY=VALUE."""
+        """Return all changes of the preset as values by dotted keys. Raises PresetError if --set is not KEY=VALUE."""
         options = {"unit": self.unit, "up": self.up, "max_triangles": self.max_triangles, "only": [*self.only] or None}
         return self.set_values() | {f"surface.{key}": value for key, value in options.items() if value is not None}
 

@@ -27,7 +27,7 @@ class ExitCode(IntEnum):
 
 
 class Reporter:
-    """Printer of the stages of a command, with seconds, on standard error. The end of a `with` block ends a stage.
+    """Printer of a command's stages, with seconds, on standard error. The end of a `with` block ends the last stage.
     quiet : True to print nothing.    steps : False to show a stage only while it runs."""
 
     def __init__(self, quiet: bool = False, steps: bool = True) -> None:

@@ -25,7 +25,7 @@ def read_only_copy(values: ArrayLike, dtype: Any, shape: tuple[int | None, ...])
 
 
 def lock(owner: object, name: str, dtype: Any, shape: tuple[int | None, ...]) -> None:
-    """Replace the field `name` of the frozen dataclass `owner` by a read-only copy; to call in `__post_init__`."""
+    """Replace the field `name` of the frozen dataclass `owner` by a read-only copy; call it in `__post_init__`."""
     object.__setattr__(owner, name, read_only_copy(getattr(owner, name), dtype, shape))
 
 

@@ -66,7 +66,7 @@ def length(metres: float) -> str:
     return f"{1000 * metres:.3g} mm" if abs(metres) < 1 else f"{metres:.3g} m"
 
 
-MEANINGFUL_FACTOR = 1000.0  # Largest load factor that reports show; larger buckling factors come from rounding.
+MEANINGFUL_FACTOR = 1000.0  # Largest load factor that reports show; larger ones come from rounding or tiny compression.
 
 
 def load_factor(factor: float) -> str:

@@ -130,7 +130,7 @@ class Design:
     @classmethod
     def from_preset(cls, preset: Preset, earlier: "Design | None" = None, progress: Progress | None = None) -> "Design":
         """Return the design of a preset; its stages are computed later. Results of the design `earlier` are used again
-        up to the first changed section. Raises PresetError for another type, or if the thickness is 'auto'."""
+        before the first changed section. Raises PresetError for another type, or if the thickness is 'auto'."""
         if not isinstance(preset, Preset):
             raise PresetError(missing_preset(preset))
         if not preset.statics.is_sized:

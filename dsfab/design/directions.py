@@ -36,7 +36,7 @@ def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) ->
 
 
 def load_axes(surface: Surface, load: LoadCase) -> Floats:
-    """Return three axes of a surface under a load, as rows (3, 3). These axes fix the signs of modes."""
+    """Return three axes of a loaded surface, rows (3, 3). They fix signs of modes, and bases of equal eigenvalues."""
     sizes = np.linalg.norm(load.force, axis=1)
     density = sizes / np.where(surface.vertex_areas > 0, surface.vertex_areas, np.inf)
     resultant = load.force.sum(axis=0)

@@ -275,7 +275,7 @@ def _width_variants(width: Width) -> dict[str, Width]:
     return {"constant": constant, "graded": graded, f"graded q {gentle:g}": graded.model_copy(update={"q": gentle})}
 
 
-NEAR_BEST = 0.1  # Candidates with a compliance up to 10 % above the smallest are solved again by accurate elements.
+NEAR_BEST = 0.1  # Candidates with a compliance up to 10 % above the smallest are built, and solved again accurately.
 
 
 def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[MethodCandidate, tuple[Attempt, ...]]:

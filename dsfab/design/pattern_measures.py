@@ -228,7 +228,7 @@ def _is_material(stripes: StripeChart, points: Floats) -> Bools:
 
 def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3) -> FilledOpenings | None:
     """Return the largest group of openings that finishing filled, with at most `apart` metres between neighbours.
-    before, after : cells before and after finishing.    samples : number of places to check in each opening."""
+    None if none is filled. before, after : cells before and after finishing. samples : places to check per opening."""
     openings = openings_of(before)
     if openings is None:
         return None

@@ -111,7 +111,7 @@ def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[f
 
 
 class EarlierStripes(NamedTuple):
-    """Stripes of an earlier design with the same surface and stress. asked : options [pattern] of that design."""
+    """Evenly spaced stripes of an earlier design with the same surface and stress. asked : its options [pattern]."""
 
     asked: Pattern
     even: EvenStripes

@@ -46,7 +46,7 @@ def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) 
 
 def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
     """Return which slits (narrow openings) are filled: see `merging_rule`; 'none' for a pattern without stripes, or
-    without `PatternResult.tidy`. Members beside a filled slit merge."""
+    with `tidy` None. Members beside a filled slit merge."""
     has_stripes = pattern.even is not None or pattern.preset_with_choices(preset).pattern.method == "modes"
     return merging_rule(preset) if pattern.tidy is not None and has_stripes else "none"
 
@@ -79,7 +79,7 @@ def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[Tri
 
 
 def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
-    """Return two widths of openings (m): narrower openings are filled, and narrower places in openings are bridged."""
+    """Return two widths (m), or 0: narrower openings are filled, and narrower places in openings are bridged."""
     options, min_opening = preset.pattern, preset.slicing.min_opening
     if min_opening is not None or options.method != "stripes":
         return min_opening or 0.0, min_opening or 0.0

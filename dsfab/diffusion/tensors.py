@@ -18,7 +18,8 @@ def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
     mean square of the traction on its axis.
     membrane : (m, 3, 3) stress of the middle surface, Pa, tangent to each face.
     bending  : (m, 3, 3) stress that bending adds at the bottom (the side opposite to the normal), Pa.
-    Opposite stresses give the opposite result. Faces without bending keep their membrane stress exactly."""
+    Opposite stresses give the opposite result. Faces without bending keep their membrane stress exactly.
+    Reversed normals change the sign of the result only if the middle surface has no stress."""
     t = tangents(surface)
     flat, bent = (np.einsum("mai,mij,mbj->mab", t, sigma, t, optimize=True) for sigma in (membrane, bending))
     square = _deviator(flat) ** 2 + _deviator(bent) ** 2 / 3

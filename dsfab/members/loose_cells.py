@@ -110,7 +110,7 @@ def without_followers(overlay: Overlay, components: list[Component]) -> list[Com
 
 
 def _hidden_parts(line: MiddleLine, width: Floats, own_width: float) -> tuple[MiddleLine, list[tuple[int, int]]]:
-    """Return the line, opened if closed, and its parts to remove. width : (k - 1,) of kept material there, or 0."""
+    """Return the line, opened if closed, and its parts to remove. width : (k - 1,) of kept material by segment."""
     if line.closed and (bare := np.flatnonzero(width == 0)).size:
         line, width = line.opened_at(int(bare[0])), np.roll(width, -int(bare[0]))
     last_point, gone = len(line.points) - 1, []

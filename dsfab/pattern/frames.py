@@ -135,7 +135,7 @@ class Frames:
     @cached_property
     def turning(self) -> Floats:
         """(e,) angle between the frames at the ends of each edge, radians.
-        A direction at the angle a in the frame of the second end has the angle a + turning in that of the first end."""
+        A direction at the angle a in the frame of the second end has the angle a + turning at the first end."""
         i, j = self.ends.T
         across = cross(self.normal[j], self.normal[i])
         cosine = dots(self.normal[i], self.normal[j])[:, None]

@@ -186,7 +186,7 @@ class GuideLine:
         return vertices, phase - np.rint(phase)
 
     def followed_share(self, surface: Surface, phase: CornerPhase, step: int) -> float:
-        """Return the fraction of the curve's points that lie on centre lines at phases 0, `step`, 2 `step` ..."""
+        """Return the fraction of the curve's points within 0.05 periods of centre lines at phases 0, `step` ..."""
         F = surface.F[self.faces]
         z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], _barycentric(surface.V[F], self.points))
         distance = np.abs(z - step * np.rint(z / step))

@@ -20,7 +20,7 @@ from dsfab.surface.mesh import Surface
 class Layer(NamedTuple):
     """Values on the surface, and levels of these values that divide material from openings.
     field      : values (n,): material if an odd number of levels lies below a value. Values (n, 2): material if a level
-                 lies between both numbers. Also such values for each corner of a face, or on parts of faces.
+                 lies below the first number, not below the second. Or a `CornerField` or `DividedField` of such values.
     half_width : (n,) half widths of stripes, in periods, for previews and measures.
     closed     : (n,) values, or None. An opening becomes material if the mean of these values in it is positive."""
 
@@ -183,7 +183,7 @@ class EvenFamily:
         return self._closed_half_widths(self._requested_half_widths(widths, factor), widths)
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return a layer of lines that remain everywhere, then a layer of the lines that each halving removes in part.
+        """Return a layer of lines that remain everywhere, then a layer for each halving: the lines it removes in part.
         factor, closing : see `DrawableFamily.layers`."""
         requested = self._requested_half_widths(widths, factor)
         local = self._closed_half_widths(requested, widths)

@@ -40,7 +40,7 @@ class Flow:
 
     @cached_property
     def turn(self) -> Floats:
-        """(e,) growth of the phase from first to second end of each edge, in periods, along g at the first end."""
+        """(e,) growth of the phase from first to second end of each edge, periods; positive along the first end's g."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]

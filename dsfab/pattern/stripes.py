@@ -64,7 +64,7 @@ class Stripes:
         return np.stack([z + d, z - d], axis=1)
 
     def middles(self, x: Floats) -> Floats:
-        """Return the phases (k,) of centre lines: whole numbers in the range of a mode x (n,), and up to two beyond."""
+        """Return the phases (k,) of centre lines: whole numbers in the range for x (n,), up to two more at each end."""
         z = self.phases(x)
         return np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
 

@@ -21,7 +21,7 @@ PULL = 100.0
 
 
 def small_loops(surface: Surface, supported: Bools, spacing: float) -> list[Ints]:
-    """Return the vertices (k,) of each boundary loop with a radius below `spacing` (m) that is supported all around."""
+    """Return the vertices (k,) of each boundary loop with mean radius below `spacing` (m) and support all around."""
     loops = [loop for loop in surface.loops if supported[loop].all()]
     return [loop for loop in loops if polygon_perimeter(surface.V[loop]) < 2 * np.pi * spacing]
 

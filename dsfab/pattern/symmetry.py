@@ -55,7 +55,7 @@ class Images:
         return frames.direction(np.arctan2(2 * xy, xx - yy) / 2)
 
     def projection(self, V: Floats, g: Floats, density: Floats) -> Projection:
-        """Return a function that makes phases of stripes symmetric: it averages them over the images of each vertex.
+        """Return a function that makes complex phases symmetric: it averages them over the images of each vertex.
         The phases have the gradient `density` (n,) x g (n, 3) at the vertices V (n, 3). If an image lies between
         vertices, phases are extrapolated to the image. Phases are conjugated if g is reversed at the image."""
         if len(self.maps) == 1:

@@ -173,7 +173,7 @@ def solved_factor(
 
 
 def _secant_interval(evaluate: Callable[[float], _End], tolerance: float, slope: float) -> tuple[_End, _End] | None:
-    """Return an interval around the factor at which share(factor) = target, by secants from factor 1; None if none."""
+    """Return an interval around the factor at which share(factor) = target, by secants from factor 1, or None."""
     end = evaluate(1.0)
     for _ in range(5):
         if _miss(end) <= tolerance or end[0] * slope <= end[1]:

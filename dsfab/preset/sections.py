@@ -121,8 +121,8 @@ class Eurocode(Section):
     buckling_length: Annotated[float, Gt(0), Le(10)] = 1.0
     """Buckling length, divided by the distance between nodes along the member."""
     bent_in: bool = False
-    """Timber: members consist of straight layers that are bent into shape; the check adds the stress of bending. Layer
-    thickness: that in [workshop], or the thickness in [statics] divided by `workshop.layers`."""
+    """Timber: members consist of straight layers that are bent into shape; the check adds the stress of this bending.
+    Layer thickness: that in [workshop], or the thickness in [statics] divided by `workshop.layers`."""
 
     def case_mistakes(self, loads: Sequence[Load]) -> Iterator[str]:
         """Yield an error message for each case in `duration` without a load."""

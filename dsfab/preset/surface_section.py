@@ -66,7 +66,7 @@ class Section(BaseModel):
 class SurfaceSection(Section):
     """Keys of [surface] for all kinds of surfaces."""
 
-    model_config = ConfigDict(defer_build=True)  # building the checks takes half of dsfab's start
+    model_config = ConfigDict(defer_build=True)  # checks are built on first use: they take half of the start time
 
     support: tuple[Support, ...] = ()
     load: tuple[Load, ...] = ()

@@ -28,7 +28,7 @@ PERSON_HEIGHT, TREE_HEIGHT = 1.75, 6.0  # heights of the person and of the tree 
 @dataclass(frozen=True, eq=False)
 class Annotations:
     """Marks beside a structure.
-    surface, load : uncut surface and its loads, for arrows, supports and the ground; None for a picture without these.
+    surface, load : uncut surface and its loads, for arrows, supports and the ground; give both, or neither of them.
     reaction      : (n, 3) forces of the supports on the structure, N.
     gradient      : (m, 3) gradient of a mode on each face, drawn as arrows.
     layers        : names from `EVERY_LAYER`. A person stands only beside structures with a height in `PERSON_RANGE`."""

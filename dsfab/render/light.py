@@ -52,7 +52,7 @@ class ShadowMaps:
         return cls(maps, placing.reshape(-1, 6).astype(np.float32), weighed.astype(np.float32))
 
     def light_on(self, points: Floats32, normals: Floats32, grain: Floats32) -> Floats32:
-        """Return the light (k,) on points (3, k), scene units, with normals (3, k). grain : (2, k) offsets."""
+        """Return the light (k,) on points (3, k), scene units, with normals (3, k). grain : (2, k) random offsets."""
         count, side = self.maps.shape[:2]
         queries = np.ones((6, points.shape[1]), dtype=np.float32)
         np.add(points, np.float32(SURFACE_LIFT / side) * normals, out=queries[:3])
@@ -159,8 +159,8 @@ def _cap(count: int, half_angle: float) -> Floats:
 
 def lamp_light(scene: Scene, all_lamps: Lamps, points: Floats32, normals: Floats32, paired: int = 0) -> Floats32:
     """Return the light (2, k) of the sun and of all other lamps on points (3, k) with normals (3, k), in scene units.
-    paired : number of points at the beginning that form pairs of neighbours. To save time, all lamps but the sun are
-             shared between both points of a pair, with double strength."""
+    paired : number of points at the beginning that form pairs of neighbours. To save time, each point of
+             a pair is lit by a different half of the lamps other than the sun, with double strength."""
     light = np.zeros((2, points.shape[1]), dtype=np.float32)
     light[1] = AMBIENT
     quality, numbers = all_lamps.quality, np.arange(len(all_lamps.strength))

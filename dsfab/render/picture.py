@@ -101,7 +101,7 @@ class StructurePicture:
     colours: Bytes | None = None
 
     def render(self, quality: LightQuality = FINE) -> Bytes:
-        """Return the picture, (height, width, 3 or 4) bytes. Call `require_rendering` first: VTK may crash."""
+        """Return the picture, (height, width, 3 or 4) bytes. Call `require_rendering` first, or VTK may crash."""
         palette, size = self.look.palette, self.look.size
         colours = np.array(palette.members, dtype=np.uint8) if self.colours is None else self.colours
         body = Body(self.V, self.F, colours, casts=True)

@@ -107,7 +107,7 @@ class Window:
 
 
 def load_renderer() -> bool:
-    """Load the drawing modules and draw a red test frame. Return True if the frame is red, so that drawing works."""
+    """Load the drawing modules and draw a red test frame. Return True if the frame is red: drawing works."""
     import PIL.ImageDraw
     import PIL.ImageFont
     import PIL.PngImagePlugin  # noqa: F401

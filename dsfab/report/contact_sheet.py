@@ -208,7 +208,7 @@ def check_film(values: Values, fps: float) -> None:
 
 
 def write_film(tiles: Sequence[ContactTile], path: Path, name: str, fps: float, palette: Palette) -> None:
-    """Write the pictures of all tiles as an endless film, forwards and backwards. name : text in the lower right."""
+    """Write all tiles with a picture as an endless film, forwards and backwards. name : text in the lower right."""
     frames = [_frame(shown, tile.label(), name, palette) for tile in tiles if (shown := tile.picture) is not None]
     order = [*range(len(frames)), *range(len(frames) - 2, 0, -1)]
     ends = {0, len(frames) - 1}

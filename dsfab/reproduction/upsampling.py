@@ -30,7 +30,7 @@ class StripedField(NamedTuple):
 
 class UpsampledCut(NamedTuple):
     """A cut by upsampling: triangles that several stripe edges cross (crowded triangles) are divided before the cut.
-    rounds    : number of divisions of all crowded triangles.    triangles : in the cut sheet, material and void.
+    rounds    : how often all crowded triangles were divided.    triangles : in the cut sheet, material and void.
     crowded   : number of crowded triangles that remain.
     wrong     : share of the surface on which this cut and the exact cut differ."""
 

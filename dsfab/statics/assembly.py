@@ -152,8 +152,8 @@ def ascending_pairs(a: Floats, b: Floats, ascending: Bools) -> tuple[Floats, Flo
 
 
 def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
-    """Return the vertex pairs that have a block in the stiffness: ends of edges and opposite vertices of hinges (i, 4).
-    The pairs of a surface are computed once."""
+    """Return the vertex pairs that have a block in the stiffness; they are computed once for each surface.
+    Pairs: ends of edges and, if `hinge` (i, 4) is given, opposite vertices of hinges."""
     results, key = derived_results(surface), (VertexPairs, hinge is None)
     if key not in results:
         results[key] = VertexPairs.from_surface(surface, hinge)

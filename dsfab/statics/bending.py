@@ -50,8 +50,8 @@ def curvatures(surface: Surface) -> Floats:
 
 
 def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
-    """Return for the sides of each face: lengths (m, 3), and in the face's frame directions and outward normals
-    (m, 3, 2)."""
+    """Return the lengths (m, 3) of the three sides of each face. Return also their directions and outward normals
+    (m, 3, 2), in the frame of the face."""
     frame = tangents(surface)
     P = surface.V[surface.F]
     edge = np.einsum("mck,mak->mca", np.roll(P, -1, axis=1) - P, frame)

@@ -15,7 +15,7 @@ from dsfab.surface.mesh import Surface
 
 
 def facet_number(surface: Surface, thickness: float) -> float:
-    """Return the median of edge length times fold angle, divided by the thickness. The number measures an error.
+    """Return the median, over inner edges, of length times fold angle / thickness. The number measures an error.
     In a mesh of a curved sheet, a load bends each flat face between its edges. This bending is not real.
     On spheres under pressure, the largest stress of `hhj` elements is too large by about 0.9 times the number."""
     faces = surface.edges.pairs // 3

@@ -122,7 +122,7 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
 
 def held_middles(surface: Surface, fixed: Bools) -> Bools:
     """Return a mask (e, 3) of the fixed directions of edges' middles, from those of the vertices, `fixed` (n, 3).
-    The middle of a boundary edge is fixed if both ends are; the middle of an inner edge, if a whole face is fixed."""
+    The middle of a boundary edge is fixed if both ends are. A face with fixed corners fixes its edges' middles."""
     edges, faces = surface.edges, held_faces(surface, fixed)
     is_held = fixed[edges.ends].all(axis=1) & edges.boundary[:, None]
     for axis in range(3):
@@ -131,7 +131,7 @@ def held_middles(surface: Surface, fixed: Bools) -> Bools:
 
 
 def held_faces(surface: Surface, fixed: Bools) -> Bools:
-    """Return a mask (m, 3) of the directions in which all corners of a face are fixed; none with two boundary edges."""
+    """Return a mask (m, 3) of directions in which a face's corners are all fixed; False with two boundary edges."""
     ears = surface.edges.boundary[surface.edges.of].sum(axis=1) >= 2
     return np.asarray(fixed[surface.F].all(axis=1) & ~ears[:, None])
 

@@ -78,13 +78,13 @@ INVERSE_MASS = 12 * (np.eye(3) - 0.25)  # Inverse mass matrix of linear function
 
 
 def half_edge_signs(surface: Surface) -> Floats:
-    """Return (m, 3) 1 for each side of a face that runs from a lower to a higher vertex number, else -1."""
+    """Return signs (m, 3): 1 for a side of a face that runs from a lower to a higher vertex number, else -1."""
     return np.where(np.roll(surface.F, -1, axis=1) > surface.F, 1.0, -1.0)
 
 
 @derived
 def edge_frames(surface: Surface) -> Floats:
-    """Return unit vectors (e, 3, 3) of each edge: along the edge, across the edge in the sheet, normal to the sheet.
+    """Return unit vectors (e, 3, 3), read-only, of each edge: along it, across it in the sheet, normal to the sheet.
     The normal is the area-weighted mean of the two faces' normals, turned to one side. If an edge has three faces or a
     fold of over 145 degrees, the normal is the eigenvector of sum A n n^T with the largest eigenvalue."""
     edges = surface.edges

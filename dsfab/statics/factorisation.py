@@ -75,7 +75,7 @@ class Factor:
         return ScaledStiffness(self.K, self.free, self.scale)
 
     def displacements(self, forces: Floats) -> Floats:
-        """Return the displacements (u, k) under forces (u, k), K^-1 F; 0 for unknowns that do not move."""
+        """Return K^-1 F (u, k) for forces F (u, k), without refinement; 0 for unknowns that do not move."""
         x, scale = np.zeros(forces.shape), self.scale[:, None]
         x[self.free] = scale * self.solve(scale * forces[self.free])
         return x

@@ -17,7 +17,7 @@ from dsfab.surface import Surface, hat_gradients, link_components, next_half_edg
 CROWDED = 0.25
 """A face is a splinter if its height is less than CROWDED times the mean size of faces.
 Gradients of moments are meaningless in splinters. So the load of a splinter is spread over its surroundings, up to a
-distance of CROWDED times the mean size. At a larger distance, some of the shear in ribs would get lost."""
+distance of CROWDED times the mean size. With a larger distance, some of the shear in ribs would get lost."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class ShearRecovery:
     columns : unknowns of M, (m, 6) at corners and middles of half-edges, or (m, 3) at corners if M is linear on faces.
     sign    : (m, 6) -1 if the face's normal is opposite to the normal of the first face with this unknown, else 1.
     rim     : (m, 3) 1 on half-edges of free edges and folds, which transfer no shear; else 0.
-    spread  : (N, N) matrix that spreads the load of unknowns at very flat faces over neighbours; columns sum to 1."""
+    spread  : (N, N) matrix that spreads the load of unknowns at splinters over neighbours; columns sum to 1."""
 
     surface: Surface
     columns: Ints
@@ -112,7 +112,7 @@ def _gradient_stiffness(surface: Surface, linear: bool) -> Floats:
 
 
 def _spread_matrix(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> csr_array:
-    """Return the matrix (N, N) by which points of very flat faces share their load with points nearby, by area."""
+    """Return the matrix (N, N) by which points of splinters (`CROWDED`) share load with points nearby, by area."""
     size, nodes = len(points), columns.shape[1]
     weight = np.array([1 / 12] * 3 + [1 / 4] * 3) if nodes == 6 else np.full(3, 1 / 3)
     area = np.bincount(columns.ravel(), (surface.areas[:, None] * weight).ravel(), size)

@@ -48,7 +48,7 @@ STRESSES = airy_stresses(AIRY)
 
 def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
     """Return the stiffness (m, 9, 9) of each `hybrid` face against strains (xx, yy, 2 xy) at its three corners.
-    Strains are given in the face's tangent frame. C : (3, 3) isotropic matrix from strains to stresses."""
+    Strains are in the face's tangent frame. C : (3, 3) isotropic matrix from strains to stresses or forces / length."""
     corners = surface.V[surface.F]
     arm = (corners - corners.mean(axis=1, keepdims=True)) @ tangents(surface).transpose(0, 2, 1)
     x, y = np.moveaxis(POINTS @ (arm / np.abs(arm).max(axis=(1, 2), keepdims=True)), -1, 0)  # (m, 6 points), scaled

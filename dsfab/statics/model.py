@@ -80,5 +80,5 @@ class SheetMaterial:
     law: Law = "plane_stress"
 
     def model_for(self, surface: Surface) -> SheetModel:
-        """Return the model of a sheet with this material and thickness, whose middle surface is `surface`."""
+        """Return the model of a sheet with this material, thickness and law, whose middle surface is `surface`."""
         return SheetModel(surface, self.material, self.thickness, self.law)

@@ -78,7 +78,7 @@ MODE_RESIDUAL = 1e-3
 """Largest accepted relative residual of a mode, in the norm of the stiffness.
 The residual bounds the relative error of the frequency or buckling factor [Parlett 1980, 4.5]."""
 
-INDEPENDENT = 1e-6  # Vectors with less energy than this fraction, after a projection, are rounding errors.
+INDEPENDENT = 1e-6  # Combinations of unit-energy vectors with less energy than this are rounding errors.
 
 
 @dataclass(frozen=True, eq=False)

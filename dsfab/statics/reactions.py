@@ -37,7 +37,7 @@ def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> 
 def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
     """Return the resultant of each support's forces and torques on the sheet.
     The torque at an edge belongs to the supports that clamp the edge, or else to the supports of its ends. Torques at
-    edges that the sheet itself clamps (`SheetModel.clamped`) may belong to no support; then loads are not balanced."""
+    edges that the sheet itself clamps (`clamped`) may belong to no support. Then reactions do not balance the loads."""
     forces = support_forces(surface, supports, answer)
     fixed = np.array([support.fixed_directions(surface) for support in supports])  # (s, n, 3)
     torques = np.zeros((len(supports), 0))
@@ -131,8 +131,8 @@ def support_entries(
 
 
 def _extent(surface: Surface, picked: Bools) -> tuple[int, Floats, float, float]:
-    """Return number and mean place of the picked vertices, and length of edges and area of faces with these corners.
-    Edges inside of picked faces are not counted."""
+    """Return number and mean place of the picked vertices, and length of edges and area of faces between them.
+    Edges of these faces count only at the boundary of the surface."""
     faces, edges = surface.faces_of(picked), surface.edges
     inner = np.zeros(len(edges.ends), dtype=bool)
     inner[edges.of[faces]] = True

@@ -95,7 +95,7 @@ def sheet_answers(
     other_factors : function that factorises any matrix other than that of the case. Loads on the same supports can
                     share one `FactorCache(2)`.
     If modes do not converge, `Answers.refusals` has the reason.
-    Raises StaticsError if the results need more accurate elements, which cannot solve the sheet."""
+    Raises StaticsError if the results need more accurate elements, but these cannot solve the sheet."""
     load, solved, factor_of, surface = case.load, case.equilibrium, case.factor_of, sheet.surface
     plane = flat_axis(surface, load) is not None if case.plane is None else case.plane
     other_factors = other_factors or FactorCache(2)

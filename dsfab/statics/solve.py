@@ -64,7 +64,7 @@ class Equilibrium:
 
     @property
     def bubbles(self) -> Floats | None:
-        """(e, 2) displacement of each edge's middle relative to its ends, metres, along and across the edge.
+        """(e, 2) displacement of each edge's middle from the mean of its ends, metres, along and across the edge.
         None for elements with constant strain, whose edges stay straight."""
         if "along" not in self.on_edges:
             return None
@@ -109,7 +109,7 @@ def equilibria(
 ) -> tuple[Equilibrium, ...]:
     """Return the equilibrium of each load, then of each combination of the loads, from one factorisation.
     K, factor_of : see `equilibrium`.    spreads : part of each load on faces and edges.
-    sums         : for each combination, a factor for each load.
+    sums         : for each combination, a factor for each load. The residual of a combination is an upper bound.
     Raises StaticsError as `equilibrium`, and for loads on different supports."""
     _require_same_supports(loads)
     is_held = held_unknowns(surface, loads, elements)

@@ -74,8 +74,8 @@ def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool
     values : (m, 3 corners, 3) tensors before averaging.
     sided  : True if values change their sign with the face's normal, like bending.
 
-    Averages remove most jumps between faces, which are errors [Hinton and Campbell 1974]. At a fold of over 30 degrees
-    (`SMOOTH`), a face has the mean of its own values instead."""
+    Averages remove most jumps between faces, which are errors [Hinton and Campbell 1974]. If a face's normal is over
+    30 degrees (`SMOOTH`) from the mean normal at a vertex, the face has the mean of its own values there."""
     corner = surface.F.ravel()
     face = np.repeat(np.arange(surface.m), 3)
     first_face = np.full(surface.n, -1)

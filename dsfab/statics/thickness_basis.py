@@ -32,7 +32,7 @@ INDEPENDENT = 1e-10
 ACCURATE = 2.0
 """For a sheet solved at thickness t, results are accurate from t / ACCURATE to t ACCURATE. Largest errors on cut
 vaults: 0.1 % in displacements, 0.4 % in stresses, 2 % in buckling factors."""
-DERIVATIVES, MODE_DERIVATIVES = 3, 2  # How often solutions and buckling modes are derived by the thickness.
+DERIVATIVES, MODE_DERIVATIVES = 3, 2  # Number of derivatives of solutions and modes by the thickness.
 MODES = 3  # Number of buckling modes for each load case; with another thickness, another mode may be the lowest.
 CASES = 3  # Number of load cases with buckling modes in the basis: the cases with the largest compression.
 
@@ -121,7 +121,7 @@ class ThicknessBasis:
     constant, per_metre : f0 (u, k), N, and f1 (u, k), N/m. At thickness t, the loads on the unknowns are f0 + t f1.
     vectors   : (u, b) basis of the displacements.
     reduced   : (3, b, b) stiffness (`projection`) on this basis.    modes : (3, s, s) on the basis of s buckling modes.
-    geometric : (b, s, s) minus the geometric stiffness on the modes, for the displacements of each of `vectors`."""
+    geometric : (b, s, s) minus the geometric stiffness on the modes, for displacements `vectors` and thickness 1 m."""
 
     sheet: SheetModel
     loads: Mapping[str, LoadCase]

@@ -38,7 +38,7 @@ class RibShape(NamedTuple):
 
 def rib_shape(surface: Surface) -> RibShape:
     """Return the width of the rib at each face, and the direction of the border nearest to the face.
-    The width is the diameter of the largest disc that fits into the rib at the nearest border point [Blum 1967]."""
+    The width is the diameter of the largest disc in the rib that touches the nearest border point [Blum 1967]."""
     border = np.flatnonzero(surface.edges.boundary[surface.edges.of.ravel()])
     if not len(border):
         return RibShape(np.full(surface.m, np.inf), tangents(surface)[:, 0])

@@ -195,7 +195,7 @@ def is_searched(preset: Preset) -> bool:
 
 def design_alternatives(design: Design) -> tuple[Alternative, ...]:
     """Compare a design with other structures of its mass: a thinner sheet, and stripes that ignore the stress.
-    Each comparison takes as few solves as are needed to decide. Raises DsfabError if the design cannot be cut."""
+    Each comparison uses fast solves if they are enough to decide. Raises DsfabError if the design cannot be cut."""
 
     def solve() -> tuple[Alternative, ...]:
         slicing, thickness = design.slicing, design.preset.statics.thickness

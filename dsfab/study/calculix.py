@@ -297,7 +297,7 @@ def load_path(
     stop_point: Callable[[LoadPath], int | None] = lambda path: None,
     steps: int = 10,
 ) -> LoadPath:
-    """Compute the displacements of a structure under growing loads, with large displacements.
+    """Return the path of a structure under growing loads, computed with large displacements.
     nodes : (p, 3) initial positions, metres.    watched : (w,) nodes whose displacements are returned.
     factors : factors on the loads. The load grows to each factor in turn.
     stop_point : function of the path so far. It returns the number of the last point that is needed, or None.

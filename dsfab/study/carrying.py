@@ -225,8 +225,8 @@ def _factors(design: Design) -> dict[str, Mapping[str, float]]:
 def use_and_movement(statics: CutStatics, use: bool = True) -> Carrying:
     """Return the mass, largest displacement and largest utilisation of a solved cut sheet.
     use : False to leave out the utilisation, which takes longest.
-    Members of steel or timber are checked by Eurocode. In other materials, the utilisation is a von Mises stress that
-    99 % of the area does not exceed, divided by the strength."""
+    Members of steel or timber are checked by Eurocode. Otherwise, the utilisation is a von Mises stress that 99 % of
+    the area does not exceed, divided by the strength."""
     moved, mass = _movement(statics), _mass(statics.design, statics.thickness)
     if not statics.preset.statics.strength:
         return Carrying(statics.thickness, mass, None, moved, remarks=(NO_STRENGTH,))
@@ -340,7 +340,7 @@ def _movement(statics: CutStatics) -> Movement:
 def judged_span(surface: Surface, load: LoadCase) -> tuple[float, str]:
     """Return the span (m) to which displacements are compared, and the span in words.
     The span is twice the largest distance of a vertex from the supports, measured at right angles to the load. If the
-    direct distance of a vertex from the supports is longer than this, as in a column, the span is this distance."""
+    largest direct distance of a vertex from the supports is longer, as in a column, the span is the direct distance."""
     net, V, parts = load.force.sum(axis=0), surface.V, load.parts
     if parts is not None and (parts.point.any() or parts.bare.any() or parts.covered.any()):
         net = net - surface.areas @ parts.weight

@@ -101,7 +101,7 @@ def six_node_model(
 
 
 def axes_of_file(axis: int) -> Ints:
-    """Return which coordinates (0 to 2) of the surface become x, y and z in the file, (3,). axis : becomes z."""
+    """Return which coordinates (0 to 2) of the surface become x, y and z in the file, (3,). axis : coordinate for z."""
     return np.asarray(np.roll(np.arange(3), 2 - axis))
 
 

@@ -72,7 +72,7 @@ class Comparison:
         return next(competitor for competitor in self.competitors if competitor.name == name)
 
     def gain(self, name: str) -> float:
-        """Return the compliance of a structure divided by that of this design; above 1, the design is stiffer."""
+        """Return compliance of a structure / compliance of design. Above 1, the design is stiffer. nan: inf / inf."""
         rival, design_compliance = self[name].compliance, self.design.compliance
         if np.isfinite(design_compliance):
             return rival / design_compliance
@@ -108,8 +108,8 @@ def comparison(
 ) -> Comparison:
     """Compare the compliance of a design's cut sheet with that of other structures of the same mass.
     against : names of `BASELINES`.     judge : function that solves the design and the uncut sheet.
-    rival_judge : function that solves the other structures, default `judge`.
-    report : function that receives the name of each structure before it is made.
+    rival_judge : function that solves the stiffest variant (by `quick`) of each other structure, default `judge`.
+    report : function that receives the name of each other structure before it is made.
     refuse : True to raise an error if the design does not carry its loads; else `Comparison.design` has the error.
     Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names."""
     rivals = baselines_by_name(against)
@@ -135,7 +135,7 @@ def compare_at(
     report: NameReport | None = None,
 ) -> Comparison:
     """Compare a design with other structures at another mass: the material of each covers `share` of the surface.
-    The widths of the design's stripes are scaled to this share.
+    The widths of the design's stripes are scaled to this share. If the design fails, `Comparison.design` has the error.
     against : names of `BASELINES`.    judge : function that solves all structures.
     Raises DsfabError for unknown names, or if `share` is not between 0 and 1."""
     rivals = baselines_by_name(against)
@@ -259,7 +259,7 @@ class Checks:
 
 
 class Judges(NamedTuple):
-    """Functions that compute the compliance of a design (`own`) and of the structures compared with it (`rival`).
+    """Functions that compute compliances: of a design in all load cases (`own`), and of other structures (`rival`).
     told : message why structures with openings are solved only once; '' if all structures get the same check."""
 
     own: Judge

@@ -108,7 +108,7 @@ def refusals(design: Design, measured: FabricationMeasures | None = None) -> tup
 
 
 def require_fit(design: Design, measured: FabricationMeasures | None = None, measure: bool = True) -> None:
-    """Raise PatternError if `refusals` finds reasons against the export of a design that its preset does not accept.
+    """Raise PatternError if `refusals` finds reasons against an export, unless `fabrication.accept` is true.
     measured : measures of the design.    measure : True to compute missing measures of a design for a workshop."""
     if measured is None and measure and design.resolved_preset.pattern.for_workshop:
         measured = fabrication(design)

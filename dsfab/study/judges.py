@@ -35,7 +35,7 @@ class CaseResponse:
     compliance   : joules.     displacement : largest displacement (m) with its place.
     stress, tension, compression : largest values (Pa), see `dsfab.study.verdict.estimates`.
     triangles    : number of triangles of the mesh on which the stress was computed.
-    utilisation  : stress / strength twice: the largest on 99 % of the area, the largest away from corners.
+    utilisation  : two values of stress / strength: not exceeded on 99 % of the area; largest away from corners.
     reactions    : (3,) newtons for each support, in the order of surface.support.
     imbalance, residual : see `dsfab.statics.Equilibrium`.
     buckling     : lowest buckling factor, or None.     frequency : lowest frequency (Hz), or None.
@@ -170,8 +170,8 @@ def _case_response(
 
 
 def utilisation(stress: Extreme, strength: float) -> tuple[float, float] | None:
-    """Return stress / strength for two stresses: the largest on 99 % of the area, and the largest away from corners.
-    Return None without a strength."""
+    """Return two values of stress / strength, or None without a strength.
+    The first stress is not exceeded on 99 % of the area. The second stress is the largest away from corners."""
     return (stress.quantile / strength, stress.settled / strength) if strength else None
 
 

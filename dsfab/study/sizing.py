@@ -77,7 +77,7 @@ class SizingResult:
 
     def lines(self, every: bool = False) -> Iterator[str]:
         """Yield the lines of a text: a table of the trials, then remarks.
-        every : True to list all trials. False to list the trials with cut designs, and drafts of one thickness only."""
+        every : True to list all trials. False for cut designs, and drafts of the next thinner or chosen thickness."""
         thickness, final = self.trials[-1].thickness, {trial.thickness for trial in self.trials if trial.is_final}
         if every or self.changes or not self.fits:
             shown = {trial.thickness for trial in self.trials} if every else {thickness}
@@ -98,7 +98,7 @@ class SizingResult:
             )
 
     def facts(self) -> dict[str, Any]:
-        """Return the trials as plain values in SI units, for the key `sizing` of `design.json`."""
+        """Return the key `sizing` of `design.json`: the trials as plain values in SI units; unknown values are None."""
 
         def finite(values: dict[str, Any]) -> dict[str, Any]:
             return {key: None if value == float("inf") else value for key, value in values.items()}

@@ -81,7 +81,7 @@ def _check_count(count: int, target: float) -> None:
 
 def halved_edges(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats, Ints, Ints]:
     r"""Divide the faces of V (n, 3), F (m, 3) at the midpoints of the edges marked in `halves` (e,).
-    The longest edge of each divided face must be marked. Return the vertices, the faces, and each face's old face.
+    The longest edge of each divided face must be marked. Return the vertices, the faces, and the old face of each.
 
                  c                             c                          c
                / | \                         / | \                       / \

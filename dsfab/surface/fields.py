@@ -16,7 +16,7 @@ from dsfab.surface.mesh import Surface
 
 
 def hat_gradients(surface: Surface) -> Floats:
-    """Return the gradients (m, 3 corners, 3 xyz), per metre, of each face's linear hat functions: 1 at one corner.
+    """Return the gradients (m, 3 corners, 3 xyz), per metre, of each face's hat functions: linear, 1 at one corner.
     Formula: grad phi_i = n x (p_k - p_j) / (2 A), for corners i, j, k counter-clockwise about the normal n, area A."""
     P = surface.V[surface.F]
     u, v, w = (P[:, (2, 0, 1)] - P[:, (1, 2, 0)]).transpose(2, 0, 1)  # edges opposite to the corners
@@ -43,7 +43,7 @@ def voronoi_mass(surface: Surface) -> Floats:
 
 def assemble(surface: Surface, blocks: Floats, diagonal: Floats | None = None) -> csr_array:
     """Return the sparse matrix (n, n) that sums the blocks (m, 3, 3) of the faces, by the vertices at their corners.
-    diagonal : (n,) numbers to add to the matrix's diagonal."""
+    diagonal : (n,) numbers to add to the diagonal. Zeros are stored, so that all such matrices have one pattern."""
     rows = np.repeat(surface.F, 3, axis=1).ravel()
     columns = np.tile(surface.F, (1, 3)).ravel()
     values = blocks.ravel()

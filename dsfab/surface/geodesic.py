@@ -155,7 +155,7 @@ class Origins(NamedTuple):
 
 class Distances(NamedTuple):
     """Distances along a surface, metres, from the nearest origin to each vertex (n,) and to each edge's middle (e,).
-    reached : (m,) mask of faces partly within the requested distance. Elsewhere: upper bounds, or infinite."""
+    reached : (m,) faces partly within the requested distance. Exact there; elsewhere, upper bounds or infinite."""
 
     vertex: Floats
     middle: Floats

@@ -235,7 +235,7 @@ class Surface:
 
     @cached_property
     def vertex_pieces(self) -> Ints:
-        """Piece (n,) to which each vertex belongs; -1 for a vertex without faces."""
+        """Piece (n,) of one of the faces at each vertex; -1 for a vertex without faces."""
         piece = np.full(self.n, -1, dtype=np.int64)
         piece[self.F] = self.pieces[1][:, None]
         return piece

@@ -32,7 +32,7 @@ def upright_vertices(V: Floats, up: Up) -> Floats:
 
 def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
     """Return 1 or -1 (m, 3) for each face corner: -1 if the face is flipped relative to the first face at the vertex.
-    On an oriented surface, all values are 1."""
+    Each fan of faces at a vertex has its own first face. On an oriented surface, all values are 1."""
     if not len(misoriented_edges(F, edges)):
         return np.ones_like(F)
     h0, h1 = edges.pairs.T

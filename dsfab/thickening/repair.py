@@ -24,7 +24,7 @@ class UnfoldedSheet:
 
 def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
     """Smooth small folds of a sheet, groups of faces that cross each other. Larger groups are intended crossings.
-    A fold is small up to twice the sheet's thickness. D : (n, 3) half-thickness vectors, metres."""
+    A fold is small if its size is at most twice the sheet's thickness. D : (n, 3) half-thickness vectors, metres."""
     all_crossings = crossing = intersecting_pairs(surface.V, surface.F)
     V, averages, half = surface.V, _averages(surface), float(np.median(np.linalg.norm(D, axis=1)))
     for _ in range(10 if len(crossing) else 0):
@@ -122,7 +122,7 @@ def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = N
     """Remove intersections of a skin (closed mesh around a sheet) as far as possible.
     If the sheet crosses itself, dsfab cuts it into patches and unites their solids.
     D     : (n, 3) half-thickness vectors, metres.
-    among : mask (f,) of the skin's faces to test; by default all. Other faces must be free of intersections."""
+    among : mask (f,) of faces to test; by default all. Other faces must not intersect, whatever the wall diagonals."""
     V = surface.V
     backslash = skin.shorter_diagonals(V, D)
     pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash), among)

@@ -15,7 +15,7 @@ def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
     V     : (n, 3) vertices in any unit.
     F     : (m, 3) faces of an oriented manifold.
     among : (m,) marks of the faces to test; the other faces must meet no face. By default, all faces are tested.
-    Faces that touch count as meeting; so do different vertices at the same place."""
+    Faces that touch count as meeting, also at different vertices in the same place, and beside a face without area."""
     if among is not None and not among.all():
         which = np.flatnonzero(among)
         used, corner = np.unique(F[which], return_inverse=True)

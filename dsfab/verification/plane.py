@@ -72,7 +72,7 @@ def cook(cells: int, mesh: Mesh) -> Problem:
 
 def kirsch(cells: int, mesh: Mesh) -> Problem:
     """Return a quarter of a sheet in unit tension along x around a hole of radius 1, cut out at radius 5.
-    Tractions of Kirsch's solution for an infinite sheet act on the outer edge. Value: stress at the hole, exactly 3."""
+    Tractions of Kirsch's solution act on the outer edge. Value: largest stress at the hole, 3 in an infinite sheet."""
     uv, F = square(cells, cells, mesh)
     radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # this makes cells as long as wide
     V = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn], axis=1)

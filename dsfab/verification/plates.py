@@ -64,7 +64,7 @@ def skew_plate(cells: int, mesh: Mesh) -> Problem:
 
 
 def stressed_plate(cells: int, mesh: Mesh) -> Problem:
-    """Return the simply supported plate. Value: stress at its centre / (q (a / h)^2); load q, side a, thickness h."""
+    """Return a simply supported plate. Value: largest stress at centre / (q (a/h)^2); load q, side a, thickness h."""
     problem = plate(cells, mesh, clamped=False)
     surface = problem.surface
     centre = np.abs(surface.V[:, :2] - 0.5).max(axis=1).argmin()

@@ -270,8 +270,8 @@ class Standing:
     unknowns : number of unknowns of the published mesh; None if unknown.
     ours     : largest relative error of dsfab's elements on regular meshes at least as fine as the published mesh; None
                without a comparable mesh.
-    basis    : "unknowns" if `ours` is for the published number of unknowns; "cells" if it is for the published number
-               of cells, because all meshes of dsfab have more unknowns.
+    basis    : "unknowns" if `ours` is for the published number of unknowns, or for dsfab's finest mesh if this is
+               coarser. "cells" if it is for the published number of cells, as dsfab's meshes have more unknowns.
     outcome  : "better" if dsfab's error is smaller than the published error, "alike", "worse", or "unknown"."""
 
     published: Published

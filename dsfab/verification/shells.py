@@ -52,8 +52,8 @@ def holed_hemisphere(cells: int, mesh: Mesh) -> Problem:
 
 
 def pinched_cylinder(cells: int, mesh: Mesh) -> Problem:
-    """Return an eighth of a cylinder between diaphragms, pinched by two unit forces, with a quarter of a force.
-    Radius 300, length 600, thickness 3."""
+    """Return an eighth of a cylinder between diaphragms, pinched by two unit forces.
+    Radius 300, length 600, thickness 3. The eighth bears a quarter of a force."""
     uv, F = square(cells, cells, mesh)
     turn = np.pi / 2 * uv[:, 0]
     surface = Surface(np.stack([300 * np.cos(turn), 300 * uv[:, 1], 300 * np.sin(turn)], axis=1), F)

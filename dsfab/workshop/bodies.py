@@ -153,7 +153,7 @@ def _line_coordinates(axis: Floats, along: Floats, places: Floats, beyond: bool 
 
 
 def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) -> tuple[MemberShape, ...]:
-    """Return the members of a plan as they are built, with the stock's thickness; coordinates in metres.
+    """Return the members of a plan as built, in the order of `shapes`, with the stock's thickness; lengths in metres.
     shapes : members of the design; vertices of the upper skin come first, then vertices of the lower skin.
     shift  : distance of the sheet's middle above the surface, divided by half of the sheet's thickness.
     The oblique cuts of bars are left out."""

@@ -157,7 +157,7 @@ class _CrossingEdge:
         lock(self, "way", np.float64, (2,))
 
     def stations(self, side: int, away: float, y: Floats) -> Floats:
-        """Return arc lengths (q,) of points y (q,) metres left of the crossed axis, `away` metres from this member's.
+        """Return arc lengths (q,) of points y (q,) m left of the crossed axis, `away` metres from this member's axis.
         side : 1 for points after the crossing, -1 for points before it."""
         nx, ny = np.array([-self.way[1], self.way[0]]) * np.sign(-self.way[1]) * side
         return np.asarray(self.s + (away - y * ny) / nx)

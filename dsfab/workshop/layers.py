@@ -23,7 +23,7 @@ BOLT_PITCH = 4.0  # distance between bolts of a splice, in bolt diameters
 
 @dataclass(frozen=True)
 class Layering:
-    """Layers in which strips of equal thickness lie above each other. Layer 0 is outermost, on the normals' side.
+    """Layers in which strips of equal thickness (m) lie above each other. Layer 0 is outermost, on the normals' side.
 
     major  ═══════════════     0      numbers for two layers; with four layers both families alternate
     minor  ─┤ ├─── ┤ ├────     1

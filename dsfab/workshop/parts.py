@@ -234,7 +234,7 @@ def alike_parts(parts: Sequence[FlatPart], distance: float, fit: float) -> list[
     """Return the parts with fewer different shapes: a part that is nearly equal to an earlier part takes its shape.
     parts    : parts in the position that `FlatPart.along_x` gives. Names and engraved lines stay.
     distance : largest distance between the outlines of nearly equal parts, metres.
-    fit      : largest distance between their holes, metres.
+    fit      : largest distance between their matching holes, metres.
     Nearly equal parts may be rotated by 180 degrees, but not mirrored."""
     first_parts = dict[tuple[int, float], list[FlatPart]]()
     result = list[FlatPart]()

@@ -88,7 +88,7 @@ def construction_route(
 
 
 def design_footing(design: Design, up: Floats) -> Footing | None:
-    """Return the supports of a design with anchors; None for a scale model, or if the preset has no anchors."""
+    """Return the supports of a design, with their anchors; None for a scale model, or if the preset has no anchors."""
     options = design.preset.workshop
     if options.model or not options.anchor:
         return None

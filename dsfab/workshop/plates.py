@@ -52,7 +52,7 @@ def plate_parts(
     bolt: float,
     missed_nodes: Container[str] = (),
 ) -> list[FlatPart]:
-    """Return some members as flat plates with holes at their nodes.
+    """Return the given members as flat plates with holes at their nodes.
     normals      : (n, 3) normals at the vertices of the graph's sheet.
     height       : height of the plates over the surface, metres.    bolt : diameter of the holes, metres.
     missed_nodes : names of nodes without a hole."""
@@ -105,7 +105,7 @@ class FlattenedMesh:
 
     @property
     def strain(self) -> float:
-        """Largest strain of a triangle by the flattening."""
+        """Largest strain that flattening causes in a triangle."""
         e1, e2 = (self.V[self.F[:, k]] - self.V[self.F[:, 0]] for k in (1, 2))
         x = e1 / np.linalg.norm(e1, axis=1)[:, None]
         n = np.cross(e1, e2)

@@ -31,7 +31,7 @@ def stock_cost(sheets: Sequence[NestedSheet]) -> float:
 
 
 def stock_words(sheets: Sequence[NestedSheet]) -> str:
-    """Return numbers, sizes and prices of sheets in words: "12 of 2.5 x 1.25 m at 45"."""
+    """Return numbers, sizes and prices (if not 0) of sheets in words: "12 of 2.5 x 1.25 m at 45"."""
     count = Counter((sheet.size, sheet.price) for sheet in sheets)
     return ", ".join(
         f"{many} of {size_words(size)}" + (f" at {money(price)}" if price else "")

@@ -306,7 +306,7 @@ class StripLimits:
 
 
 def drilling_edge(graph: MemberGraph) -> float:
-    """Return the longest mesh edge (m) for which distances between neighbouring holes are exact to `HOLE_FIT`.
+    """Return the longest mesh edge (m) for which typical distances between holes are exact to `HOLE_FIT`.
     Edges of length e change a length L of curvature k by at most about L (e k)^2 / 8. Infinite if no strip bends."""
     strips = [member for member in graph.members if is_strip(member)]
     bends = [np.abs(member.axis.kn[calm_stations(member)]) for member in strips if member.axis is not None]

@@ -32,7 +32,7 @@ from dsfab.report.design.save import save
 
 @dataclass(frozen=True)
 class EditorBuild:
-    """Result of a build: its files, first in the preset's formats, and facts that the editor's page shows."""
+    """Result of a build: files (those in the preset's formats come first), and facts that the editor's page shows."""
 
     files: list[Path]
     facts: dict[str, Any]

@@ -29,7 +29,7 @@ TYPES = {"f": "float32", "i": "uint32", "u": "uint32", "b": "uint8"}
 
 
 def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """Pack facts (JSON values) and arrays (...) into a binary message for the page; masks take a byte per value."""
+    """Pack facts (JSON values) and arrays (...) into bytes: 32-bit floats, unsigned 32-bit integers, 8-bit masks."""
     table, blocks, place = {}, [], 0
     for name, array in arrays.items():
         kind = TYPES[array.dtype.kind]

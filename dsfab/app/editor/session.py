@@ -211,7 +211,7 @@ class Session:
         return self.jobs.submit("picture", lambda progress: self._picture(preset, view, show, size, progress))
 
     def first_model(self) -> bytes:
-        """Return the last draft, packed for a new page; wait while a job makes the first draft. b'' if no job does."""
+        """Return the last draft, packed for a new page; else wait for a draft or sketch; b'' if no job makes one."""
         shown = self._shown
         while shown is None and self._asked and self.jobs.pending(self._asked[0]):
             time.sleep(0.01)

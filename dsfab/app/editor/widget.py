@@ -47,7 +47,7 @@ class Editor(anywidget.AnyWidget):
 
     @property
     def files(self) -> list[Path]:
-        """Files of the last build, first in the preset's formats. The files exist until the widget or Python closes."""
+        """Files of the last build, those in the preset's formats first. They exist until widget or Python closes."""
         return self._session.builds.latest
 
     def close(self) -> None:

@@ -48,7 +48,7 @@ class Outputs:
         return sum(1 for _ in folder.iterdir()) if folder.is_dir() else 1
 
     def free_name(self, name: str) -> str:
-        """Return the first of NAME, NAME-2, NAME-3 ... whose folder has no files of earlier sessions or programs."""
+        """Return the first of NAME, NAME-2, NAME-3 ... whose folder has no files of other sessions or programs."""
         return next(word for word in _numbered_names(name) if not self.foreign_files(word))
 
     def publish(self, files: Path, name: str) -> Path:

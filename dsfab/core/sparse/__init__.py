@@ -35,7 +35,7 @@ __all__ = [
 ]  # fmt: skip
 
 Factor = Pardiso | Multifrontal | SuperLU | Multigrid
-"""Factor of a matrix K (N, N): a call with b, (N,) or (N, k), returns K^-1 b; `refactor(K)` takes another matrix."""
+"""Factor of a matrix K (N, N): a call with b, (N,) or (N, k), returns K^-1 b; `refactor(K)` takes new values of K."""
 
 
 def solver_name() -> str:

@@ -105,7 +105,7 @@ def one_blas_thread() -> Iterator[None]:
 
 
 def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, leaf: int = 192) -> Ints:
-    """Return keys (n,) that sort n points for elimination, by nested dissection. Points of one part have equal keys.
+    """Return sort keys (n,) of a nested dissection of n points. Points of one part or separator have equal keys.
 
     graph    : pairs of different points that the matrix couples, each pair in both directions.
     unknowns : number of unknowns of all points together.
@@ -265,7 +265,7 @@ class Multifrontal:
         self.refactor(K)
 
     def refactor(self, K: csr_array) -> None:
-        """Factorise another matrix K (N, N) with the same pattern. Raises ValueError if its pattern differs."""
+        """Factorise another matrix K (N, N) of equal pattern. Raises ValueError for another size or fewer entries."""
         f = self._fronts
         if len(K.data) != 0 and (K.shape[0] != len(f.order) or K.nnz < len(f.entry)):
             raise ValueError("the pattern of the matrix has changed")

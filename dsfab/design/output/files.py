@@ -221,7 +221,7 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
 
 
 def body_details(design: Design) -> Details:
-    """Return the members as separate bodies, with the thickness and the material of the sheet."""
+    """Return the members as separate bodies, with the sheet's thickness, density, elastic constants and material."""
     return Details(
         tolerance=design.preset.export.step_tolerance or OUTLINE * design.preset.statics.thickness,
         measures=_measures(design),
@@ -328,7 +328,7 @@ def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side
 
 
 def divided_sheet(sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) -> DividedSheet:
-    """Return the sheet, divided into parts: in each part, another of the c fields (n, c) is the largest.
+    """Return the sheet, divided into parts. In each part, one of the c fields (n, c) is the largest.
     D : (n, 3) half-thickness vectors at vertices of the uncut surface.    snap : see `cut`."""
     count = fields.shape[1]
     chart = np.zeros(sheet.surface.m, dtype=np.int64)

@@ -80,7 +80,7 @@ def building(entities: StepEntities, name: str, details: Details, naming: Naming
 
 
 def roof(entities: StepEntities, place: Place, name: str, elements: list[int], naming: Naming) -> None:
-    """Add an IFC roof that consists of `elements` (entity numbers of plates or members), with their material."""
+    """Add an IFC roof of `elements` (entity numbers of plates or members), with their material and properties."""
     title, listed = step_string(one_line(name)), references(elements)
     roof_entity = entities.add(
         f"IFCROOF('{naming('roof')}',$,'{title}',$,'diffusion structure',#{place.placement},$,$,.FREEFORM.)"

@@ -158,7 +158,7 @@ def views_on_paper(part: Part, title: tuple[float, float]) -> tuple[float, list[
 
 
 def _scale(rows: list[list[DrawingView]], title: tuple[float, float]) -> float:
-    """Return the largest standard scale at which all rows fit on the paper, above or beside the title block."""
+    """Return the largest standard scale at which all rows fit above the title block, or the last row fits beside it."""
     extents = np.concatenate([view.extent for row in rows for view in row])
     power = 10.0 ** np.floor(np.log10(extents.max() / max(PAPER)) - 1)
     while True:

@@ -46,7 +46,7 @@ def check_stl(part: Part, path: Path) -> ReadBack:
 
 
 def encode_obj(part: Part) -> Iterator[bytes]:
-    """Yield the bytes of an OBJ file: a line for each vertex and each face, numbers with 17 digits."""
+    """Yield the bytes of an OBJ file: a line for each vertex (17 digits) and each face."""
     yield f"# written by dsfab {__version__}\n# unit: millimetre\no {one_line(part.name)}\n".encode()
     yield from (text.encode("ascii") for text in rows("v %.17g %.17g %.17g\n", *part.V.T))
     yield from (text.encode("ascii") for text in rows("f %d %d %d\n", *(part.F + 1).T))

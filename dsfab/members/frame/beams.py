@@ -18,7 +18,7 @@ SHORT = 1e-3  # Least distance between two nodes of a member, as a fraction of i
 
 
 class BeamRow(NamedTuple):
-    """A beam. ends : numbers of its nodes.    normal : local z.    shift : eccentricity, metres, positive to the left.
+    """A beam. ends : numbers of its nodes.    normal : local z.    width : m.    shift : eccentricity, m, to the left.
     member : number of its member, -1 for a link.    stout : width of the member / length of its bay, at most 1."""
 
     ends: tuple[int, int]

@@ -33,7 +33,7 @@ from dsfab.surface import LoadCase, Surface, Up, upright_vertices
 
 DEEP = {"roof": 50.0, "hung": 50.0, "floor": 25.0, "wall": 20.0}
 """Usual ratio of a surface's size (see `_depth`) to the depth of its ribs, by kind."""
-LOAD = {"roof": 750.0, "hung": 300.0, "floor": 5000.0, "wall": 800.0}  # Usual load by kind, Pa: snow, services ...
+LOAD = {"roof": 750.0, "hung": 300.0, "floor": 5000.0, "wall": 800.0}  # Usual load, Pa: snow, services, people, wind.
 TIMBER, STRENGTH = Material(11e9, 0.3, 420.0), 15e6  # GL24h: strength 24 MPa x 0.8 / 1.25.
 LIMIT = 1 / 300  # Largest usual movement, divided by the span.
 EDGE = 0.5  # Fraction by which the score of a reading is reduced if it supports all edges of the sheet.

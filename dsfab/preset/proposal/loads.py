@@ -20,7 +20,7 @@ LINE_OF_COMMENT = {
     "wind": "Pa, velocity pressure: a placeholder for your site [EN 1991-1-4, 4.5]",
 }
 PRESSURE = {"snow": 1000.0, "people": 5000.0, "services": 300.0, "wind": 500.0}  # Pa; placeholders for values of codes.
-AROUND = 0.3  # A surface is a tower if the horizontal sum of its normals x areas is below this fraction of its area.
+AROUND = 0.3  # A surface is a tower if the horizontal part of sum(normal x area) is below this share of its area.
 
 
 @dataclass(frozen=True)

@@ -199,7 +199,7 @@ class Shape:
 
     @property
     def is_raised(self) -> bool:
-        """True if the surface is probably above the ground: its rise is below `HEAD`, or its lowest z above `HEAD`."""
+        """True if the surface is probably above the ground: its rise is below `HEAD`, or its lowest z >= `HEAD`."""
         return self.rise < HEAD or HEAD <= self.surface.V[:, 2].min() <= 1.5 * self.surface.size
 
     @cached_property

@@ -55,7 +55,7 @@ class MemberFaces:
 
 def drawn_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
     """Return the faces of all bars and plates to draw; in a plan without bars, the faces of all members with parts.
-    Of strips, these are faces of the uppermost layer; of planks, both sides and the upper edge."""
+    Strips show their uppermost layer, planks both sides and the upper edge. Fills are drawn only with planks."""
     assert plan.graph is not None
     if plan.bars:
         return bar_faces(plan, palette)

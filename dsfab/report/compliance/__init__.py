@@ -62,7 +62,7 @@ def write_results(
     preset: "Preset", comparisons: "Sequence[tuple[float | None, Comparison]]", command: str, folder: Path
 ) -> str:
     """Write results.csv and results.json; return the text of results.json.
-    comparisons : share of material, or None for the design itself, and its comparison with competitors."""
+    comparisons : pairs of a share of material (None: the design itself) and the comparison with competitors."""
     from dsfab.preset.file import preset_toml
 
     rows = [{"volume": share, **row} for share, a in comparisons for row in a.record()["competitors"]]

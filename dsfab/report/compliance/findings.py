@@ -174,7 +174,7 @@ class Findings:
 
     @cached_property
     def cut_load_sums(self) -> Mapping[str, Floats]:
-        """Sum of forces (3,), N, on the cut sheet for each load; empty if a load acts on no material."""
+        """Sum of forces (3,), N, on the cut sheet by case and combination; empty if a load acts on no material."""
         if not self.carries:
             return {}
         task, structure = self.task, self.structure

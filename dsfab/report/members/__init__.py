@@ -232,7 +232,7 @@ def diagrams_section(design: Design, number: CaptionNumbers) -> ReportSection:
 
 
 def checks_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
-    """Return a table of the largest utilisation by each check of the standard."""
+    """Return a section with a table of the largest utilisation by each check of the standard."""
     rows = []
     for column, check in enumerate(utilisation.checks):
         values = utilisation.worst[:, column]

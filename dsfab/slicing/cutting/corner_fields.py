@@ -72,7 +72,7 @@ class PolygonField:
         return cls(mesh, field, values, lead, sign, shift, field.blank[face])
 
     def value_index(self, side: int) -> Ints:
-        """Return places (h,) in values.ravel() of z + d (side 0) or z - d (side 1). z : field. d : half-width."""
+        """Return indices (h,) in values.ravel() of z + d (side 0) or z - d (side 1). z : field. d : half-width."""
         return self._lower if side else self._upper
 
     @cached_property

@@ -16,7 +16,7 @@ from dsfab.surface.topology import link_components
 
 GAIN = 0.45
 """`halve_lines` uses `uncapped_target` if this lowers log2(P95 / P5) of the distances of lines by more than GAIN.
-P5, P95 : percentiles."""
+P5, P95 : percentiles. `uncapped_target` removes more lines; structures become up to a tenth softer."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -68,7 +68,7 @@ class PolygonMesh:
         return cls(F, cells, X, weights, parent, family, np.zeros(count, dtype=bool), np.full(count, VOID))
 
     def with_material(self, k: int, material: Bools, blank: Bools) -> Self:
-        """Return the mesh with material (c,) of field k. In faces `blank` (m,), where k has no value, `also` is k."""
+        """Return the mesh with material (c,) of field k. New material in faces `blank` (m,) gets `also` = k."""
         new_material = material & self.void
         joint = (material & ~new_material & self.again) | (new_material & blank[self.parent])
         family, also = np.where(new_material, k, self.family), np.where(joint, k, self.also)

@@ -43,7 +43,7 @@ from dsfab.slicing.finishing.stubs import without_stubs
 from dsfab.surface import Surface
 
 BRIDGED_SHARE, ROUNDING_ROUNDS = 0.95, 5
-"""Openings narrower than BRIDGED_SHARE x `neck` after corners are rounded get bridges, in ROUNDING_ROUNDS rounds."""
+"""After rounding, openings under BRIDGED_SHARE x `neck` get bridges, in up to ROUNDING_ROUNDS rounds."""
 
 PolygonPass = Callable[[PolygonMesh], tuple[PolygonMesh, int]]
 """A pass over the polygons: it returns all polygons, and the number of details that it changed."""

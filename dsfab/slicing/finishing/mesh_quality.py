@@ -16,7 +16,7 @@ from dsfab.surface.topology import next_half_edge, on_boundary
 class Quality(NamedTuple):
     """Shape of triangles.
 
-    worst_angle : the smallest angle, degrees, at `place` (3,).    needles : fraction with an angle under 1 degree.
+    worst_angle : the smallest angle, degrees, at `place` (3,).    needles : share of triangles under 1 degree.
     median      : median of 4 sqrt(3) area / sum of squared sides; equilateral triangles have 1 [Bank, Smith 1997]."""
 
     worst_angle: float

@@ -61,7 +61,7 @@ class Openings:
     def narrowness(self) -> Floats:
         """(o,) width of each opening / width of the narrower member beside it.
         The width is a median along walls that have an opposite wall. If under 5 % of the walls have an opposite wall,
-        the width is the side of a square of equal area. From 5 to 25 %, a harmonic mean joins the two ratios.
+        the width is the side of a square of equal area. From 5 to 25 %, a weighted harmonic mean joins the two ratios.
         The width is at least 2 area / perimeter. The ratio is infinite without members, and for openings at the edge
         of the surface with few opposite walls."""
         across, wall, member = self._crossings, np.flatnonzero(self.void.walls), self._member_widths

@@ -24,7 +24,7 @@ from dsfab.slicing.finishing.loose_ends import Tidy, dependent_polygons, nodes_o
 from dsfab.surface import link_components
 
 LARGE = 1.6
-"""Largest size of the opening that remains where a stub was removed. Usually, 5 % of openings are larger."""
+"""Largest opening where a stub was removed; all sizes here are divided by the median. Usually 5 % are larger."""
 EYELET, LARGER = 0.5, 2.5
 """An eyelet is an opening whose size is less than EYELET x that of a neighbouring opening. Its limit is LARGER."""
 GOOD = 1.1  # Stubs (ends of stripes) stay if all openings beside them have a larger size.

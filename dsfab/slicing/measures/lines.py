@@ -128,7 +128,7 @@ def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans
 
 
 class Middle(NamedTuple):
-    """A middle line of a member: its number, and its points (k, 3), metres."""
+    """A middle line of a member: its number on the longest part of the line, and its points (k, 3), metres."""
 
     number: int
     points: Floats

@@ -30,7 +30,7 @@ from dsfab.surface import CornerField, Surface, link_components
 
 @dataclass(frozen=True, eq=False)
 class DrawnBand:
-    """Stripes of one field of a cut. The field has two values at each place; a stripe lies where a level is between.
+    """Stripes of one field of a cut. The field has two values at each place. In a stripe, a level is between them.
 
     family : name. Fields of the same family do not cross each other.
     field  : the two values at corners of the uncut surface, or (n', 2) at the vertices of the material sheet.

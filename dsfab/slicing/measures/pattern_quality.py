@@ -179,11 +179,11 @@ class Arms(NamedTuple):
     width: Floats
 
     def is_tip(self, width: float) -> bool:
-        """Return True if a member of `width` metres ends here: no strip leaves, or only a strip below 3 x `width`."""
+        """Return True if a member of `width` metres ends here: no strip leaves, or a single strip under 3 x `width`."""
         return len(self.width) == 0 or (len(self.width) == 1 and float(self.width[0]) < 3 * width)
 
     def is_hairpin(self, width: float) -> bool:
-        """Return True if a member of `width` metres ends here, or turns back: two strips leave at under 90 degrees.
+        """Return True if a member of `width` metres ends here, or turns back: two strips less than 90 degrees apart.
         The angle is measured after the surface is unfolded into a plane."""
         if len(self.width) != 2 or not self.direction.any():
             return self.is_tip(width)
@@ -249,14 +249,14 @@ Quantiles = tuple[float, float, float]
 class FamilyQuality:
     """Quality of one family of members.
 
-    spacing    : distance between middle lines of neighbours, metres: 5 %, 50 % and 95 % quantiles of the area.
+    spacing    : distance between middle lines of neighbours, metres: 5 %, 50 %, 95 % quantiles over the striped area.
     opening    : clear distance between neighbours, metres: the same quantiles of the open area.
     deviation  : mean angle between members and stress, degrees, with more weight where stress is large and clear.
     off        : fraction of this weight where the angle is over 30 degrees.
     dead_ends  : places where members end in nothing or turn back.
     slits      : number of slits (`Bays.slits`): openings narrower than the members beside them.
     slit_share : fraction of the members' length beside openings narrower than the members.
-    drawn      : False if the family has no members."""
+    drawn      : False if the family has no members; then all numbers are 0."""
 
     spacing: Quantiles
     opening: Quantiles

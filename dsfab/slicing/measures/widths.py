@@ -298,7 +298,7 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
 
     Widths and gaps are lengths of straight lines from wall to wall. They are exact between straight walls. On walls
     that bend by an angle a from edge to edge, the relative error of a width is up to 1 - cos a. Two walls at an angle
-    over 20 degrees form a corner, which has no width. Pieces without any line have the size 4 area / perimeter."""
+    over 20 degrees form a corner, without a width. Pieces and openings without lines have size 4 area / perimeter."""
     part, mesh = SheetPart.from_cells(cells.surface, built), _mesh_width(cells)
     material, from_material = part.surface, part.cells
     across = crossings(material, material.edges.boundary)

@@ -131,7 +131,7 @@ class ComparisonTask:
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """A structure whose compliance is compared with that of a design.
+    """A design's sheet, or another structure, whose compliance is computed for a comparison.
     cells  : all cells, material and void.        names : names of the fields of the cut, see `cut`.
     sheet  : material without loose pieces.       pieces : number of pieces of `sheet`.      thickness : metres."""
 

@@ -126,7 +126,7 @@ def check_contents(
 
 
 def file_soundness(contents: FileContents, tell: Progress) -> Soundness:
-    """Look for holes in a file's surface and for triangles that cross. In a STEP file, finer triangles are tried, too.
+    """Look for holes and crossing triangles in a file's surface. If triangles of a STEP file cross, try finer ones.
     tell : function that receives the progress."""
     finer = "drawing finer triangles on curved faces, because some triangles cross"
     triangles = StepTriangles(contents.V, contents.F, contents.face, contents.collapsed)

@@ -195,7 +195,7 @@ def _neighbours(F: Ints, first_faces: Ints, second_faces: Ints) -> Bools:
 
 
 MIXED_UP = {1e-3: "m", 1e-2: "dm", 1e-1: "cm", 25.4: "mm", 1e3: "mm", 1 / 25.4: "in", 1 / 304.8: "ft"}
-"""True unit of a file that was read in millimetres, by the wrong size that results, divided by the true size."""
+"""Probable true unit of a file's numbers, by the size of the file's solid divided by the size of the design."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +230,7 @@ class Distance:
 
     @property
     def meant_unit(self) -> str | None:
-        """True unit of the file's numbers if the size of the solid shows that the assumed unit is wrong; else None."""
+        """Probable unit of the file's numbers if `scale` shows (to 2 %) that the assumed unit is wrong; else None."""
         return next((unit for factor, unit in MIXED_UP.items() if abs(self.scale / factor - 1) < 0.02), None)
 
 

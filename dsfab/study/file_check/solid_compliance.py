@@ -218,7 +218,7 @@ GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
 
 @dataclass(frozen=True)
 class SolidCompliance:
-    """Compliances (J) of a cut sheet (`shell`) and of the solid in a file (`solid`), under the same loads.
+    """Compliances (J) of a cut sheet (`shell`) and the solid in a file (`solid`), under loads that shape the pattern.
     tetrahedra : number of tetrahedra in the solid model.    unknowns : number of unknowns.
     edge       : longest edge on the surface of the solid model, metres.    elements : elements of the shell."""
 
@@ -260,7 +260,7 @@ def compared_compliance(contents: FileContents, design: Design, edge: float | No
 @dataclass(frozen=True, eq=False)
 class SupportPoints:
     """Maps from the unknowns of a solid model to the displacements on which supports and loads of its sheet act.
-    thickness : metres.    shift : distance from the sheet to the middle of the solid, in halves of the thickness."""
+    thickness : metres.    shift : distance from the sheet to the middle of the solid: -1, 0 or 1 half thickness."""
 
     model: SolidModel
     sheet: Surface

@@ -152,7 +152,7 @@ def solid_check(
 
 def softest_range(path: LoadPath) -> tuple[float, float] | None:
     """Return a range of load factors to solve in finer steps: around the step with the largest displacement per load.
-    Return None if the displacement per load is similar in all steps, or if the range is only 2 % wide."""
+    Return None if the displacement per load is similar in all steps, or if the range is at most 2 % wide."""
     moves = _relative_moves(path)
     step = int(moves.argmax())
     below, above = float(path.load[max(step - 1, 1)]), float(path.load[min(step + 2, len(path.load) - 1)])
@@ -161,7 +161,7 @@ def softest_range(path: LoadPath) -> tuple[float, float] | None:
 
 def limit_of(path: LoadPath) -> tuple[int, bool]:
     """Return the number of the last point of a path that the structure bears, and True if the structure fails next.
-    A structure fails in a step with over 100 times the displacement per load of the first step, and by a snap-through
+    A structure fails in a step with over 100 times the displacement per load of the first step, or by a snap-through
     (`JUMP`). It also fails if the path ends before its last load, unless the time limit ended the path."""
     moves = _relative_moves(path)
     jump = (moves[1:] > JUMP * moves[:-1]) & (moves[1:] > CANDIDATE)
@@ -172,9 +172,9 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
 
 
 def last_point(path: LoadPath) -> int | None:
-    """Return the number of the point at which the computation of a path may stop; None if no point allows this.
+    """Return the number of the point at which the computation of a path may stop; None if there is no such point.
     The computation may stop at the end of a step in which the structure fails (`limit_of`), or at a soft point from
-    which CalculiX cannot raise the load by 2.5 %."""
+    which a step of at most 2.5 % of the load finds no equilibrium."""
     limit_step, snaps = limit_of(replace(path, whole=True))
     moves = _relative_moves(path)
     for start, increment in path.failed:

@@ -45,7 +45,7 @@ class Range(BaseModel):
         return self
 
     def value_at(self, u: float) -> int | float:
-        """Return the value at position u (0 to 1) of the range. A linear range of integers is divided equally."""
+        """Return the value at position u (0 to 1) of the range. In a linear range, integers have equal parts of u."""
         if self._whole and not self.log:
             return self.start + min(int(u * (self.to - self.start + 1)), int(self.to - self.start))
         value = self._interpolate(u)

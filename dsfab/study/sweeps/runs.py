@@ -30,7 +30,7 @@ MOST = 1_000_000  # limit on the number of runs
 
 def points(plan: Plan) -> list[Changes]:
     """Return the changed values of each run of a plan, without repetition. `plan.sampling` is grid, csv, sobol or lhs.
-    sobol : scrambled Sobol points. A larger set begins with a smaller set, so a sweep can be extended.
+    sobol : scrambled Sobol points. A larger set begins with the points of a smaller set, so a sweep can be extended.
     lhs   : Latin hypercube [McKay, Beckman, Conover 1979]. Another number of points gives other points.
     Raises PresetError for more than `MOST` points, and for a CSV file that cannot be read."""
     kind, _, rest = plan.sampling.partition(":")
@@ -101,7 +101,7 @@ def _unit(kind: str, count: int, dimensions: int, seed: int) -> Floats:
 
 
 def from_csv(path: Path) -> Iterator[Changes]:
-    """Yield the changed values of each row in a CSV file. Column names are preset keys, such as pattern.rim.
+    """Yield the changed values of each row in a CSV file. Column names are dotted preset keys; values are as for --set.
     If the names of some columns begin with 'in:', only these columns are used.
     Raises PresetError for a file that has no rows or cannot be read."""
     try:
@@ -329,12 +329,12 @@ Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
 
 
 def search(plan: Plan, make: Make) -> None:
-    """Search for the design with the best value of a metric under the constraints. make : carries out runs."""
+    """Search for the best `plan.search.metric` under the constraints. make : carries out a limited number of runs."""
     _Search(plan, make).run()
 
 
 def cost(row: RunRow | None, metric: str, limits: Sequence[Constraint]) -> float:
-    """Return the cost of a run, which is smaller for better runs: the logarithm of the metric, negative if more is
+    """Return the cost of a run, which is smaller for better runs: the logarithm of the metric, times -1 if more is
     better. A run that failed or misses a constraint costs at least `MISSED`."""
     if row is None:
         return NOT_MADE

@@ -65,7 +65,7 @@ _thread_state = threading.local()  # for each worker thread: the job, its base p
 
 
 def execute(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
-    """Carry out a run and return its result. A run that fails also returns the metrics that were computed before."""
+    """Carry out a run and return its result. A failed run returns an error and the metrics that could be computed."""
     with _run_lock:
         return _run_job(job, number, changes)
 
@@ -232,7 +232,7 @@ class LocalWorkers:
             self.pids[worker] = future.result()
 
     def lost(self, worker: str) -> str:
-        """End a worker. Return why it died if the system has just killed a process for lack of memory; else ''."""
+        """End a worker. Return a reason if low memory made the system kill a process since the last call; else ''."""
         self.pids.pop(worker, None)
         pool = self._pools.pop(worker, None)
         if pool is None:

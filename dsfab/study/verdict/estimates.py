@@ -78,7 +78,7 @@ def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     Each mesh has four times the triangles of the previous mesh. The bound covers only errors of the mesh.
     One mesh: the bound is infinite. Two meshes: half of the step between the values is added to the last value, and the
     bound is the step. Three meshes: the ratio of the two steps gives the limit, and the bound is the distance to the
-    limit. If the steps do not clearly shrink, the last value stays, and the bound is twice a step."""
+    limit. If the steps do not clearly shrink, the last value stays, and the bound is at least twice the last step."""
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
     finest, step = values[-1], values[-1] - values[-2]
@@ -117,7 +117,7 @@ class Extreme:
 def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> dict[str, Extreme]:
     """Return the largest stresses (Pa) by name: stress (von Mises), tension and compression (principal, at least 0).
     supported : (n,) mask of supported vertices.
-    Each face counts with its largest value on the upper side, in the middle, and on the lower side."""
+    The value of a face is the largest of its values on the upper side, in the middle, and on the lower side."""
     principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
     values = {
         "stress": stress.largest,

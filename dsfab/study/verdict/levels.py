@@ -124,7 +124,7 @@ def rib_softening(
 
 
 def _means_within(surface: Surface, reach: float) -> csr_array:
-    """Return the matrix (m, m) that averages vectors on faces over the area within `reach`, metres, of each face."""
+    """Return the matrix (m, m) that averages face vectors within `reach`, metres; opposite normals flip the vectors."""
     tree = cKDTree(surface.centroids)
     pairs = tree.sparse_distance_matrix(tree, min(reach, 2 * surface.mean_edge), output_type="coo_matrix")
     face, neighbour = pairs.coords
@@ -152,7 +152,7 @@ PARDISO needs less, because it stores only half of a symmetric factor."""
 
 @dataclass(frozen=True)
 class Level:
-    """Results on one mesh, by load case. Main elements: the first pair of membrane and bending elements in `level`.
+    """Results on one mesh, by load case. Main elements: the first of the `pairs` of elements given to `level`.
     triangles  : number of triangles.      unknowns : number of unknowns of the main elements.
     compliance : compliance (J) by the main elements.
     midedge    : compliance (J) by `SPREAD_ELEMENTS`; empty if not solved.
@@ -239,5 +239,5 @@ def _energy_norm(surface: Surface, difference: Floats, matrix: Floats) -> float:
 
 
 def memory_needed(unknowns: int, bending: str | None, solver: str) -> int:
-    """Return the expected memory (bytes) of a solve. bending : name of the bending element; None for a solve in 2D."""
+    """Return the expected memory (bytes) of a solve. bending : element, or None in 2D. solver : from `solver_name`."""
     return int(BYTES_PER_UNKNOWN[solver][bending] * unknowns)

@@ -298,9 +298,9 @@ def check(
     why the compliance is unknown or the sheet fails.
     subject : a design, or a surface with loads.
     sheet   : cut sheet; default: that of the design.
-    depth   : "quick": one solve on the cut mesh. "full": an extrapolation from two or three meshes.
+    depth   : "quick": one solve on the cut mesh. "full": an extrapolation from two meshes, or three (bound over 2 %).
     budget  : memory limit of each solve, bytes.
-    cells   : mesh of the material and the openings, to repair very thin triangles if they stop the solver.
+    cells   : cut mesh with openings (default: the design's), to repair very thin triangles that stop the solver.
     Raises ValueError for a `LoadedSurface` without a sheet."""
     start = time.perf_counter()
     setting = LoadedSurface.from_design(subject) if isinstance(subject, Design) else subject

@@ -63,7 +63,7 @@ def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
 
 
 def _ragged_runs(turn: Floats) -> list[tuple[Ints, bool]]:
-    """Return the ragged parts of a closed border by its turns, radians: vertex indices, and True for a whole border."""
+    """Return the ragged parts of a closed border by its turns, radians: indices in `turn`; True for a whole border."""
     large = np.flatnonzero(np.abs(turn) > RAGGED_TURN)
     if len(large) < LEAST_TURNS:
         return []

@@ -133,7 +133,7 @@ def _join_at_points(mesh: MendedMesh) -> MendedMesh:
 
 
 def _single_faces(V: Floats, F: Ints) -> Ints:
-    """Return the faces (k,) that stay, if at most one face of each set of overlapping faces stays."""
+    """Return the faces (k,) that stay: one of overlapping faces, but no equal faces at an edge of two other faces."""
     once = complement(overlapping_faces(V, F).whole, len(F))
     if len(once) == len(F):
         return once
@@ -196,8 +196,8 @@ and the face's height is below `LOW` times the mesh's mean edge. Higher faces ma
 
 
 def is_scan(V: Floats, F: Ints) -> bool:
-    """Return whether a mesh V (n, 3), F (m, 3) is a raw scan: a fine mesh with several small holes, with several edges
-    that have more than two faces, or with many folded faces."""
+    """Return whether a mesh V (n, 3), F (m, 3) is a raw scan. A scan is a fine mesh with several small holes, several
+    edges of more than two faces, or many folded faces."""
     F = F[in_reach(V)[F].all(axis=1)]
     if not len(F):
         return False

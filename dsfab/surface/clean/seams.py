@@ -85,8 +85,8 @@ def coincident(V: Floats) -> int:
 
 
 SAG = 1 / 15
-"""Largest width of a seam between two patches, divided by the length of a boundary edge beside it; the height / chord
-of an arc of 30 degrees."""
+"""Largest width of a seam between two patches, divided by the length of a boundary edge beside it.
+The value is height / chord of an arc of 30 degrees."""
 
 
 def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
@@ -128,7 +128,7 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
 def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     """Return pairs of a boundary edge and a near boundary vertex: rows (k,) of `ends`, and vertices (k,).
     ends   : (b, 2) vertices of each boundary edge.
-    within : largest distance; up to `SAG` x edge length if a boundary is not a closed loop."""
+    within : largest distance; or `SAG` x edge length, if that is larger and some boundary is not a closed loop."""
     a, b = V[ends].transpose(1, 0, 2)
     border, loops = np.unique(ends), (np.bincount(ends.ravel())[ends] == 2).all()
     long = lengths(b - a)
@@ -192,7 +192,7 @@ def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
 
 
 def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
-    """Return the faces, divided into fans of triangles by vertices (k,) on half-edges (k,) of different faces."""
+    """Return the faces, divided into fans by vertices (k,) on half-edges (k,), at most one half-edge of each face."""
     start, end, across = (F.ravel()[next_half_edge(half, k)] for k in range(3))
     order = np.lexsort((positions_on_segments(V[vertex], V[start], V[end]), half))
     half, vertex, end, across = half[order], vertex[order], end[order], across[order]

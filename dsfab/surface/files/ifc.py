@@ -28,7 +28,7 @@ LEVELS = 50  # Largest number of assemblies, storeys and buildings around an ele
 
 def read_ifc(path: Path, only: Sequence[str] = ()) -> TriangleFile:
     """Return the triangles of all elements of a building, such as roofs, slabs and plates. Openings are cut out.
-    Vertices are in the length unit of the file's project. Neighbouring faces share no vertices.
+    Vertices are in the length unit of the file's project. Different elements share no vertices.
     only : names of the elements, classes (`IfcRoof`), layers, storeys and assemblies to read; by default all.
     Raises MalformedFileError for a file that is not IFC, SurfaceError for a file without elements with faces."""
     import ifcopenshell

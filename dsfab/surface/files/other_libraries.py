@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 def surface_from(V: Any, F: Iterable[Any], unit: str = "m") -> Surface:
     """Return a surface from vertices V (n, 3), in `unit`, and polygons F: (m, 3), (m, 4), or lists of any length.
-    Polygons are cut into triangles, and faces get one orientation. Vertices keep their numbers.
-    Raises SurfaceError for invalid or repeated faces, and for edges with more than two faces."""
+    Polygons are cut into triangles, and faces get one orientation. Vertices are not merged and keep their numbers.
+    Raises SurfaceError for invalid or repeated faces, edges of over two faces, parts that touch at an inner vertex."""
     mesh = _polygons(V, F)
     return oriented_surface(mesh.V * metres_per(unit), triangles(mesh).F)
 

@@ -25,7 +25,7 @@ def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     sizes   : (f,) number of corners of each face.
 
     If only one diagonal is inside the quad, the cut follows this diagonal. Otherwise the cut follows the shorter
-    diagonal, or the longer diagonal if the triangles then continue flat neighbours much better."""
+    diagonal, or the other diagonal if the triangles then continue flat neighbours much better."""
     start = np.cumsum(sizes) - sizes
     Q = corners[start[quads][:, None] + np.arange(4)]
     P = V[_inside(Q, len(V))] if len(Q) and len(V) else np.zeros((len(Q), 4, 3))

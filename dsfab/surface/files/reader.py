@@ -175,7 +175,7 @@ def _inside_out(V: Floats, F: Ints, edges: EdgeTable) -> Bools:
 @dataclass(frozen=True)
 class MeshFacts:
     """Facts about a mesh file, sound or not. Lengths are in metres, converted from `unit`.
-    unit_guess     : unit that the file declares (`unit_said`), or a guess from the size of the numbers.
+    unit_guess     : unit that the file declares (if `unit_said`), or a guess from the size of the numbers.
     faces          : number of triangles; all other facts ignore faces with vertices that are not finite.
     polygons       : number of faces in the file.    box, low : size, and smallest coordinates along x, y, z.
     volume         : cubic metres; None unless the mesh is closed and oriented.

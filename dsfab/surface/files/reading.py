@@ -155,7 +155,7 @@ def _mark_layer(word: str) -> str:
 
 
 def contents(counts: Counter[Content]) -> tuple[Content, ...]:
-    """Return the inventory of a file from counts of its things. Many hidden layers, or unselected names, are joined."""
+    """Return a file's inventory from counts of its things. Many hidden layers or unselected names become one entry."""
     shown = {thing: count for thing, count in counts.items() if count}
     for kind, start, plural in (("hidden object", "on layer ", "on {} layers"), (UNSELECTED, "of ", "of {} names")):
         similar = [thing for thing in shown if thing.kind == kind]
@@ -179,9 +179,9 @@ def selected_parts(
     parts: Iterable[tuple[Sequence[str], Part]], only: Sequence[str], counts: Counter[Content]
 ) -> Iterator[Part]:
     """Yield the parts of a file that the user names in `only`, and count other parts in `counts`.
-    parts : pairs of a part's names and the part. Layers, blocks or assemblies of the part also give names.
-    only  : the user's names; upper or lower case is free. Without names, all parts are yielded.
-    Raises SurfaceError for a name that the file lacks."""
+    parts : pairs of names and a part: the part's own names, then those of its layers, blocks or assemblies.
+    only  : the user's names, in upper or lower case; empty for all parts.
+    Raises SurfaceError for a name that the file lacks, or that fits several names."""
     if not only:
         yield from (part for _, part in parts)
         return
@@ -492,7 +492,7 @@ _APART = "put the outlines into a separate drawing"  # Remedy in the messages ab
 
 def curve_points(spans: Floats, curve: Callable[[Floats], Floats]) -> Floats:
     """Return points (k, 3) on a curve, so dense that the polyline follows the curve within `CURVE_TOLERANCE`.
-    spans : (s,) parameters that divide the curve into parts.    curve : function from parameters (k,) to points."""
+    spans : (s,) ends of the curve's parts, of up to 1024 points each.    curve : function from parameters to points."""
     count = 4
     while True:
         t = np.interp(np.arange(2 * count * (len(spans) - 1) + 1) / (2 * count), np.arange(len(spans)), spans)

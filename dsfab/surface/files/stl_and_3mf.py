@@ -262,7 +262,7 @@ _AID = Content("printing aid", "dropped", "that only the slicer uses")
 def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int, int]]]:
     """Return the printing aids, such as supports, that the settings of a slicer program name.
     texts : content of the archive's files, by name.    Keys: (object, component) for an aid that is a whole component,
-    with an empty list; (object, "") for first and last triangle of each aid inside an object.
+    with an empty list; (object, "") with the first and last triangle of each aid inside an object.
     Sources: Slic3r_PE_model.config [PrusaSlicer], model_settings.config [Bambu Studio, OrcaSlicer]."""
     aids: dict[tuple[str, str], list[tuple[int, int]]] = {}
     for name in ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config"):

@@ -164,7 +164,7 @@ def en1990_combinations(
 ) -> list[Combination]:
     """Return all combinations of the load cases by EN 1990; ultimate limit states come first.
     Each selection of variable cases is combined with the permanent loads, and each selected case is the leading action
-    once. Two cases of one kind in `ONE_AT_A_TIME` never act together. Permanent loads are favourable only with wind."""
+    once. Cases of one kind in `ONE_AT_A_TIME` never act together. Permanent loads may be favourable only with wind."""
     permanent, groups = _permanent_and_groups(loads, actions, factors.psi)
     combinations: dict[tuple[str, tuple[tuple[str, float], ...]], Combination] = {}
     for chosen in product(*groups):

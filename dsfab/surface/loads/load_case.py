@@ -22,8 +22,8 @@ EDGE_ON = 1e-12  # A face with the normal n is parallel to a unit direction d if
 class Snow:
     """A snow load, or another load per *plan* area: a force s A |n . d| d on a face of area A and unit normal n.
     s is `pressure` (Pa) with its shape factor, and d the unit vector of `direction` [EN 1991-1-3, 5.2]. An open sheet
-    carries snow on all picked faces, a closed surface only on upper faces.
-    shape   : "mu1" to multiply `pressure` (s_k on the ground) by `snow_shape_factor`; "": `pressure` includes a factor.
+    carries snow on all picked faces, also under overhangs; a closed surface only on upper faces.
+    shape   : "mu1" to multiply `pressure` (s_k on the ground) by `snow_shape_factor`; "" if it includes the factor.
     kind    : "snow"; or "imposed" for people and services [EN 1991-1-1, 6.3].
     covered : true if a covering closes the openings, so that members also carry the snow on the covering."""
 
@@ -75,7 +75,7 @@ class Wind:
     Normals n point to the outside, see `outward_normals`. By default, walls across the wind have the coefficients +0.8
     and -0.5 [EN 1991-1-4:2005, table 7.1, zones D and E, h/d = 1].
 
-    This load is a first estimate: suction along roofs and side walls, and pressure inside open halls, are missing.
+    This first estimate lacks suction along roofs and side walls, and pressure in open halls; add `pressure` loads.
 
     covered : see `Snow`; an open lattice also has different coefficients [EN 1991-1-4, 7.11]."""
 

@@ -296,7 +296,7 @@ def _border_edges(s: Surface, extent: Extent) -> Bools:
 
 
 def _turns_back(depth: Floats) -> Bools:
-    """Mark edges (k,) that cross an outline more than once. depth : (p, k) depth inside, at p points of each edge."""
+    """Mark edges (k,) that cross an outline more than once. depth : (p, k) depth inside it at p points of each edge."""
     sign = np.sign(depth)
     low, high = np.minimum.accumulate(sign), np.maximum.accumulate(sign)
     fell, rose = (high > 0) & (sign < 0), (low < 0) & (sign > 0)

@@ -188,7 +188,7 @@ class ClosedCurves:
         return tuple(np.array(curve, dtype=np.float64) for curve in self.curves or ())
 
     def extent(self, surface: Surface) -> Extent:
-        """Return the prisms above and below the curves, normal to each curve's plane.
+        """Return the prisms on both sides of the curves, normal to each curve's plane.
         Raises SurfaceError for curves that cross themselves or have no area."""
         planes: list[_Plane] = []
         for number, loop in enumerate(self.loops()):
@@ -287,8 +287,8 @@ class _Plane:
         return bool(np.abs(self.distances(loop)).max() < ONE_PLANE * size)
 
     def extent(self, surface: Surface, depth: float | None) -> Extent:
-        """Return the prism above and below the curves, normal to the plane. depth : height of the prism to each side of
-        the plane, metres; None: unlimited for horizontal curves, else up to the nearest part of the surface."""
+        """Return the prism on both sides of the plane, normal to it. depth : height of the prism to each side of
+        the plane, metres; None: unlimited for horizontal curves, else only through the surface's nearest part."""
         loops, normal = [self.projected(loop) for loop in self.loops], self.axes[2]
         low, high = (-depth, depth) if depth else (-np.inf, np.inf)
         if depth is None and not self.level:

@@ -294,7 +294,7 @@ class Vertices:
 
 @dataclass(frozen=True)
 class VerticesLeft(Vertices):
-    """Picked vertices that remain after voids are cut out. ends : (k, 2) the edges between these vertices."""
+    """Picked vertices that remain after voids are cut out. ends : (k, 2) edges between them, smaller index first."""
 
     ends: tuple[tuple[int, int], ...] = ()
 

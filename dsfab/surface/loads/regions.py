@@ -21,7 +21,7 @@ from dsfab.surface.topology import corner_fans, edge_table
 
 
 class RegionError(SurfaceError, ValueError):
-    """Error for a region whose values contradict each other; also a ValueError, for pydantic."""
+    """Error for a region with contradictory values; also a ValueError, so that pydantic adds the preset's key."""
 
 
 @dataclass(frozen=True)

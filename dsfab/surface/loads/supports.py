@@ -62,7 +62,7 @@ Hold = Literal["xyz", "xy", "xz", "yz", "x", "y", "z", ""]
 
 
 class SupportError(SurfaceError, ValueError):
-    """Error for a support with wrong values; also a ValueError, for pydantic."""
+    """Error for a support with wrong values; also a ValueError, so that pydantic adds the preset's key."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class Support:
         return np.asarray(edges_of(self.at, surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
 
     def springs(self, surface: Surface) -> Floats:
-        """Return the springs' stiffness (n, 3), N/m; the sum is `spring`. Raises SurfaceError if no face is there."""
+        """Return the stiffness (n, 3), N/m; the sum is `spring`. Raises SurfaceError for vertices without faces."""
         if self.spring is None:
             return np.zeros((surface.n, 3))
         share = np.where(self.at.vertices(surface), surface.vertex_areas, 0.0)

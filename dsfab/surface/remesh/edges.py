@@ -418,7 +418,7 @@ def _low_border_faces(surface: Surface, ratio: float) -> tuple[Ints, Ints, Ints,
 
 
 def _collapsed_tips(surface: Surface) -> Ints | None:
-    """Return the vertex (n,) onto which each vertex merges, so that low faces at a curved border vanish; else None.
+    """Return the vertex (n,) onto which each vertex merges, to remove low faces at a curved border; None if no merge.
     The inner corner of a low face merges with the nearer end of the border edge. A corner stays at a crease, at a side
     of the bounding box, and where another face would become low or turn much."""
     V, F, edges, n = surface.V, surface.F, surface.edges, surface.n

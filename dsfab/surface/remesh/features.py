@@ -44,7 +44,7 @@ def vertices_of_two_edges(V: Floats, ends: Ints) -> SmoothVertices:
 def design_features(surface: Surface, edge: float) -> Bools:
     """Mark the edges (e,) on boundaries, seams and creases, without short, slight creases from slivers or noise.
     A crease is slight if the mean normals on its two sides differ by less than `DULL`.
-    edge : wanted edge length of a new mesh, metres; short creases are below about two such edges."""
+    edge : wanted edge length of a new mesh, metres; a crease is short below about two such lengths."""
     sharp = sharp_edges(surface)
     marks = border_edges(surface) | sharp
     crease = np.flatnonzero(sharp)
@@ -104,7 +104,7 @@ class FeatureCurves:
         return (1 - t) * self.points[k - 1] + t * self.points[k]
 
     def points_between(self, start: Floats, end: Floats) -> tuple[Ints, Ints]:
-        """Return pairs (j,), (j,) of an interval, `start` to `end` (k,), metres, and a point inside this interval."""
+        """Return pairs (j,), (j,): an interval from `start` to `end` (k,) on the axis, metres; a point inside it."""
         low, high = np.searchsorted(self.at, start, side="right"), np.searchsorted(self.at, end, side="left")
         count = np.maximum(high - low, 0)
         which = np.repeat(np.arange(len(start)), count)
@@ -125,7 +125,7 @@ class FeatureCurves:
 
 def feature_curves(surface: Surface, edge: float) -> FeatureCurves:
     """Return the boundaries and creases of a surface, and the seams of a one-sided surface.
-    edge : wanted edge length of a new mesh, metres; creases that are short for these edges are left out."""
+    edge : wanted edge length of a new mesh, metres; short, slight creases are left out, see `design_features`."""
     ends = surface.edges.ends[design_features(surface, edge)]
     extremes = np.concatenate([surface.V.argmin(axis=0), surface.V.argmax(axis=0), surface.pinches])
     corners = np.zeros(surface.n, dtype=bool)

@@ -49,7 +49,7 @@ def remeshed_surface(
     - The bounding box, the numbers of pieces and holes, and the orientation of the faces do not change.
     - Creases from noise, and very thin triangles (slivers) at the border, are removed.
     - Edges are shorter between close boundaries or creases.
-    - With `finest`, normals rotate by about 15 degrees along an edge.
+    - With `finest`, normals rotate by about 15 degrees along an edge. Equal surfaces give equal meshes.
     - Without `sizes`, a surface with mirror symmetries (within a twentieth of `edge`) gets an exactly symmetric mesh.
       The bounding box of this mesh is exact to a fiftieth of `edge`.
 
@@ -78,12 +78,12 @@ def _smallest_angle(surface: Surface) -> float:
 
 
 def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
-    """Return the surface, remeshed on one side of its mirrors and copied to the other sides; None if not possible."""
+    """Return the surface, remeshed on one side of its mirrors and copied; None without mirrors, or for small parts."""
     surface = nearest_on.surface
     mirrors = Mirrors.from_surface(nearest_on, edge, smooth)
     chamber = Chamber.from_mirrors(surface, mirrors, edge) if mirrors else None
     piece = chamber.piece if chamber else None
-    if chamber is None or piece is None or piece.area < 100 * np.sqrt(3) / 4 * edge**2:
+    if chamber is None or piece is None or piece.area < 100 * np.sqrt(3) / 4 * edge**2:  # under 100 triangles
         return None
     net = _net(NearestOnSurface(piece), sizes, edge)
     planes = chamber.planes_of(net.V)

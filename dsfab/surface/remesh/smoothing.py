@@ -60,7 +60,7 @@ def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
 
 
 def _corner_normals(surface: Surface, features: Bools) -> Floats:
-    """Return the normals (m, 3, 3) at face corners: means over the vertex's faces up to the creases `features` (e,)."""
+    """Return normals (m, 3, 3) at face corners: angle-weighted means of the vertex's faces between creases (e,)."""
     fan = corner_fans(surface.F, surface.edges, apart=features).ravel()
     count = int(fan.max()) + 1
     weighted = (face_angles(surface.V, surface.F)[:, :, None] * surface.normals[:, None]).reshape(-1, 3)

@@ -186,7 +186,7 @@ def _relax(chart: MeshChart, X: Floats, F: Ints) -> Floats:
     return chart.move(X, 0.8 * step, border)
 
 
-Field = Callable[[Floats], Floats]  # Maps points (q, 3) to approximate distances (q,) from a solid, negative inside.
+Field = Callable[[Floats], Floats]  # Points (q, 3) -> approximate distances (q,) from a solid, m; negative inside.
 Point = Sequence[float] | Floats
 EDGE_CORRECTION = 0.9  # Remeshing makes edges too long; the wanted length is multiplied by this.
 
@@ -215,8 +215,8 @@ def ellipsoid(centre: Point, radii: Point, axes: Floats | None = None) -> Field:
 
 
 def limb(points: Sequence[Point], radii: Sequence[float], soft: float = 0.3) -> Field:
-    """Return the signed distance from a tube along a polyline, with round ends, as a function of points (q, 3).
-    points, radii : corners of the polyline, and the tube's radius at each corner; the radius is linear in between.
+    """Return the approximate signed distance from a tube with round ends as a function of points (q, 3).
+    points, radii : corners of the tube's middle line, and its radius at each corner; the radius is linear in between.
     soft          : width of the fillets at the corners, divided by the smallest radius."""
     parts = [_cone(*ends) for ends in zip(points[:-1], points[1:], radii[:-1], radii[1:], strict=True)]
     return smooth_union(parts, soft * min(radii)) if len(parts) > 1 else parts[0]
@@ -238,7 +238,7 @@ def _cone(a: Point, b: Point, at_a: float, at_b: float) -> Field:
 
 def rounded_box(centre: Point, halves: Point, rounding: float, axes: Floats | None = None) -> Field:
     """Return the signed distance from a box with rounded edges as a function of points (q, 3); lengths in metres.
-    halves : half of each side length.    rounding : radius of the edges.
+    halves : half of each side length, roundings included.    rounding : radius of the edges.
     axes   : (3, 3) unit directions of the sides, in rows; by default x, y, z."""
     c, h, R = np.array(centre), np.array(halves) - rounding, np.eye(3) if axes is None else axes
 
@@ -316,7 +316,7 @@ class LevelSet:
 
 def skin(field: Field, low: Point, high: Point, edge: float, floor: float | None = None) -> Surface:
     """Return the surface of a solid as a mesh of even triangles about `edge` metres wide, normals outward.
-    field     : signed distance from the solid, a function of points (q, 3).
+    field     : approximate signed distance from the solid, metres, a function of points (q, 3).
     low, high : corners of a box around the solid, metres.
     floor     : None for a closed surface, or the height (m) of a level plane at which the surface ends with a boundary.
     Raises SurfaceError if `edge` is too long for the solid's details, or so short that the mesh is too large."""

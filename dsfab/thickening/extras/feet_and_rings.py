@@ -116,7 +116,7 @@ def bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
 
 
 def closed_bar(P: Floats, along: Floats, normal: Floats, width: float, height: float) -> tuple[Floats, Ints]:
-    """Return the mesh of a rectangular bar along a closed polyline: vertices (4 k, 3), metres, and faces (8 k, 3).
+    """Return the mesh of a rectangular bar along a closed polyline: vertices (4 k, 3), m, and outward faces (8 k, 3).
     P      : (k, 3) corners of the polyline, metres.
     along  : (k, 3) unit directions of the sides that begin at these corners.
     normal : (k, 3) unit normals of these sides; the bar's height is along the normals.

@@ -35,7 +35,7 @@ class BarStock:
         return (self.bar + self.plate) / 2
 
     def bolt_stations(self, bar: LatticeBar) -> tuple[tuple[float, ...], float]:
-        """Return the distances (m) from a bar's end to its bolts, and to the plate's end; () and 0 if too short."""
+        """Return distances (m) from a bar's end to its bolts and the plate's end; () and 0 if the bar is too short."""
         clear, room = BAR_CLEARANCE * self.bolt, bar.length / 2
         for *steps, end_distance in BOLT_SPACINGS:
             stations = clear + self.bolt * np.cumsum(steps)

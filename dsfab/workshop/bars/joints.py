@@ -191,7 +191,7 @@ class LatticeBar:
 
     @cached_property
     def twist(self) -> float:
-        """Angle (radians) from the normal of the first end to the normal of the second end, about the direction."""
+        """Angle (radians) from the first end's normal to the second end's normal, right-handed about the direction."""
         begin_normal, end_normal = self.normals
         return float(np.arctan2(np.cross(begin_normal, end_normal) @ self.direction, begin_normal @ end_normal))
 

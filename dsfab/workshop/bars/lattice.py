@@ -133,7 +133,7 @@ def _member_bays(
 def _place_groups(
     keys: list[str], raw_bays: list[_RawBay], places: dict[str, tuple[Floats, Floats]], bolt: float
 ) -> tuple[Ints, int]:
-    """Return the group (k,) of each node, and the number of bays too short for bars, whose nodes form groups."""
+    """Group nodes of bays too short for bars, and overlapping free ends. Return groups (k,), number of short bays."""
     number = {key: k for k, key in enumerate(keys)}
     half = np.zeros(len(keys))
     ends = np.array([[number[key] for key in raw_bay.ends] for raw_bay in raw_bays], dtype=np.int64).reshape(-1, 2)

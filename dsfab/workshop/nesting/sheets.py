@@ -49,7 +49,7 @@ class NestedSheet:
 def nest_parts(
     parts: Sequence[FlatPart], stock: Sequence[SheetSize], gap: float, grain: bool = False, prices: Sequence[float] = ()
 ) -> list[NestedSheet]:
-    """Nest (arrange) all parts on sheets of the stock at least cost, or with least sheet area if there are no prices.
+    """Nest (arrange) all parts on sheets of the stock at low cost, or with little sheet area if there are no prices.
     stock  : lengths and widths of the sheets, metres.
     gap    : least distance between parts, and between parts and the edges of sheets, metres.
     grain  : true if parts of members must lie lengthwise on the sheets.

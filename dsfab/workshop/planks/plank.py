@@ -56,7 +56,7 @@ def level_cut(
     layer: Development, ground: BasePlane, station: float, at_end: bool, depth: float
 ) -> tuple[float, float] | None:
     """Return arc lengths of the right and left corner of a plank's end that is cut horizontally at a support.
-    station, at_end : arc length of the uncut end; True for the last end of the plank. None if the cut is impossible."""
+    station, at_end : arc length of the uncut end; True for the plank's last end. Returns None if no cut is possible."""
     height = ground.support_height(layer.course.frame_at(np.array([station]))[0][0], depth)
     direction = layer.frame(np.array([station]))[1][0] * (1 if at_end else -1)
     if height is None or -direction @ ground.up < STEEP_SINE:

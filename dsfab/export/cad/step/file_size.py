@@ -159,7 +159,7 @@ def _require_hope(simple: Part) -> None:
 
 
 def simplification(part: Part, step: float) -> tuple[Part, float]:
-    """Return a part coarsened within `step` (mm), and its distance (mm) from the old part. On failure, no triangles."""
+    """Coarsen a part within `step` (mm). Return it and its distance (mm) from the old part, or no triangles and inf."""
     try:
         V, F = coarsen_mesh(part.V, part.F, step)
     except SolidError:

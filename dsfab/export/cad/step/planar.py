@@ -13,7 +13,7 @@ FLATNESS = 1e-5  # largest distance (mm) of vertices from the plane or long edge
 def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FLATNESS) -> tuple[Ints, Floats]:
     """Return the region (m,) of each triangle, and twice the area vector (r, 3) of each region.
     tolerance : largest distance (mm) of a vertex from a neighbour's plane, and from the mean plane of its region.
-    Neighbours join if the third vertex of each lies in its neighbour's plane, and their normals agree.
+    Neighbours join if the third vertex of each is in its neighbour's plane, and their normals differ by < 90 degrees.
     A very thin triangle (height below FLATNESS) joins only the neighbour at its longest edge. Its own plane is inexact.
     Small angles can add up: a region is divided again if a vertex is too far from the region's mean plane."""
     corners = V[F]
@@ -258,7 +258,7 @@ def _long_edges(
 
 
 def _loop_areas(V: Floats, begin: Ints, start: Ints, face_of_loop: Ints, normals: Floats) -> Floats:
-    """Return twice the area (l,) inside each loop, negative if clockwise; 0 for the only loop of a face."""
+    """Return twice the area (l,) inside each loop, negative if clockwise about the normal; 0 for a face's only loop."""
     around = np.zeros(len(face_of_loop))
     many = np.flatnonzero(np.bincount(face_of_loop)[face_of_loop] > 1)
     if len(many):

@@ -143,7 +143,7 @@ def smooth_use(part: Part) -> SampledUse:
 
 def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffix: str = ".step") -> SampledUse:
     """Let OCCT cut the solid in a file once, and compare the solid's box with the part's box; return the result.
-    file : STEP text, or OCCT's binary shape.    faces : number of faces in the file."""
+    file : STEP text, or OCCT's binary shape (`suffix` ".bin").    faces : number of faces in the file."""
     if faces > MOST_FACES:
         return SampledUse(False)
     with _file(file, suffix) as path:
@@ -152,7 +152,7 @@ def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffi
 
 
 def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
-    """Let OCCT cut the solid in a file; return the fault of the halves, or "", and the box (six numbers, mm, or [])."""
+    """Let OCCT cut the solid in a file; return the halves' fault or "", and the solid's box (6 numbers, mm, or [])."""
     seconds = 30.0 + 0.03 * faces  # several times the usual duration of a trial cut
     try:
         report = occt_report("sample", str(path), seconds=seconds)

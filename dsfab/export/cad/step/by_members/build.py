@@ -76,7 +76,7 @@ class RoughError(ExportError):
 
 @derived
 def member_file(part: Part) -> MemberFile:
-    """Return the checked STEP file of a part. Finer patches follow if this file is inexact or invalid.
+    """Return the checked STEP file of a part, with finer patches if a first file is inexact or invalid.
     Raises NotByMembersError with the reason, and BudgetError if the file is too large."""
     try:
         plan = SolidPlan(part)

@@ -87,7 +87,7 @@ class SampledChain:
         return arc_lengths(self.middle)
 
     def direction(self, from_start: bool, reach: float) -> tuple[Floats, Floats]:
-        """Return the vector from an end of the chain to the point `reach` mm along it, and the normal at the end."""
+        """Return the vector from an end of the chain to the point `reach` mm along it, and the unit normal there."""
         if (from_start, reach) not in self._directions:
             x = min(reach / self.lengths[-1], 0.5)
             Q, target = self.Q[0 if from_start else -1], self.point(x if from_start else 1 - x)
@@ -117,7 +117,7 @@ class ChainCurve:
 
     @classmethod
     def from_spline(cls, spline: Spline, distance: float) -> "ChainCurve":
-        """Convert a spline of degree 1, 2 or 3 to cubics. distance : largest distance of samples from the spline."""
+        """Convert a spline of degree 1, 2 or 3 to cubics. distance : largest distance of samples, mm."""
         breaks = np.unique(spline.knots)
         x = READ_PLACES[None] * np.diff(breaks)[:, None] + breaks[:-1, None]
         values = spline(x.ravel()).reshape(len(breaks) - 1, 4, -1)

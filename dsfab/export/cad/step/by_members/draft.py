@@ -160,7 +160,7 @@ class ManyFacesError(ExportError):
 
 @dataclass(frozen=True, eq=False)
 class MemberDraft:
-    """STEP text before checks, with numbers of its solids, faces and trimmed faces.
+    """STEP text before checks, with counts of its solids, faces and trimmed faces.
     gap : widest gap between a trimmed face and its edges, mm."""
 
     text: str
@@ -347,7 +347,7 @@ class _Fits:
 
 
 class RegionQuads:
-    """Search for four-sided regions, with a cache. reach : length (mm) of a chain over which its direction counts."""
+    """Search for four-sided regions, with a cache. reach : length (mm) over which a chain's direction is measured."""
 
     def __init__(self, reach: float) -> None:
         self.reach, self.known = reach, dict[int, tuple[list[ChainLoop], list[SampledChain], Quad | None]]()

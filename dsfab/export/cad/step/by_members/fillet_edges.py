@@ -77,7 +77,7 @@ TANGENT_GAP = 3e-5
 """Largest gap (mm) that OCCT may leave at the end of the largest fillet."""
 
 POLE_OFFSET = 1e-5
-"""Movement (mm) of a pole of a seam that continues a wall's edge; OCCT then gives the seam enough tolerance."""
+"""Movement (mm) of a pole of a seam that continues a wall's edge beside a trimmed face, for OCCT's tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +135,7 @@ def _share_to_gap(poles: Floats, end: int, half: float) -> float:
 def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
-    """Extend seams (edges between faces) and their surfaces beyond corners, so that OCCT can make fillets.
+    """Extend seams (edges between faces) and their surfaces for fillets, but no seam that would leave one of its faces.
     Return the model, the trimmed faces, and by edge number the long seams and the walls' edges beside them."""
     corners = filled_corners(model)
     loops = _edges_around(model, faces, corners)

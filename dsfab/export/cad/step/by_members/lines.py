@@ -307,7 +307,7 @@ class _Corners:
         return self.made[k][2]
 
     def _known_way(self, node: int) -> Floats | None:
-        """Return an outline's tangent (6,) at a node; None at a corner, or if a border is almost parallel."""
+        """Return an outline's tangent (6,) at a node; None at a corner, or if a border is within 25 degrees of it."""
         if node not in self.nodes:
             return None
         before, after = self.nodes[node]

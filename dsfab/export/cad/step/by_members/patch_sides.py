@@ -198,7 +198,7 @@ class LineFits:
     """Fit of lines (curves) to chains of mesh edges, with a cache for chains whose points did not change.
     distance : allowed distance of the solid from the mesh, mm.    box : (2, 3) box that must contain all poles, mm.
     skins    : (2, 3) box around both skins of the sheet, mm. Poles of parabolas are at most `distance` outside of it.
-    away     : function of points (k, 6) that returns vectors to skins.    closely : True to halve long, far cubics."""
+    away     : function of points (k, 6): vectors to skins.    closely : True to halve long cubics far from skins."""
 
     def __init__(
         self, distance: float, box: Floats, skins: Floats, away: Callable[[Floats], Floats], closely: bool = False
@@ -210,7 +210,7 @@ class LineFits:
 
     def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
         """Fit lines along all chains. A line follows several chains if it has fewer cubics than a line for each chain.
-        reach : length (mm) of a chain over which its direction counts."""
+        reach : length (mm) at the end of a chain over which its direction is measured."""
         turns, self.within = partial(chain_turn, chains, reach), chain_tolerances(net, chains, self.distance)
         arced = {k: OUTLINE_SHARE * self.distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
         rounded = round_chains(net, chains, arced)
@@ -306,7 +306,7 @@ Turn = Callable[[ChainEnd, ChainEnd], float]
 
 
 def chain_turn(chains: Mapping[int, SampledChain], reach: float, first_end: ChainEnd, second_end: ChainEnd) -> float:
-    """Return the bend (degrees) where two chains meet. reach : length (mm) over which a chain's direction counts."""
+    """Return the bend (degrees) where two chains meet. reach : length (mm) to measure a chain's direction."""
     directions = [chains[k].direction(end == 0, reach)[0] for k, end in (first_end, second_end)]
     a, b = (direction / np.linalg.norm(direction) for direction in directions)
     return float(np.degrees(np.arccos(np.clip(-a @ b, -1, 1))))

@@ -108,7 +108,7 @@ MOVED = 1 / 400  # largest movement of points inside a face, as a fraction of th
 
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
-    """Cut the edges of trimmed faces near sharp corners, and fit each face exactly to its edges at these corners.
+    """Cut all edges near the sharp corners of trimmed faces, and fit each face exactly to its edges at these corners.
     If a face would move by over `MOVED`, or have gaps over `SPLIT`, edges of walls move onto it, by up to `SPLIT`."""
     face_edges = {e for face in faces for loop in face.loops for e, _ in loop}
     near_vertices = {v for e in face_edges for v in (model.edges[e].start, model.edges[e].end)}
@@ -236,7 +236,7 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
     """Return changes of pole heights that put a surface onto the first group of points, and near the third group.
-    rows : basis at each group.    distances : of points from the surface.    calm, smooth : weights of small moves."""
+    rows : basis at each group.    distances : from the surface.    calm, smooth : weights of small and smooth moves."""
     held_weight, move_weight = 1e6, 1e-4  # weights: of points that the surface must contain; of small pole movements
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), move_weight * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]

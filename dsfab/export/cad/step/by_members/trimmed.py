@@ -59,7 +59,7 @@ class FaceDomain:
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
         """Return two of the directions `ways` (k, 2) for the sides of a parallelogram, in right-handed order.
-        With these sides, the corners of a quadratic surface through the points are least far outside of `box`."""
+        With these sides, the corners of a quadratic surface fitted to the points are least far outside of `box`."""
         least_sine = 1 / 4  # sine of the angle of the sides; at smaller angles, a bent surface would have folds
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
@@ -182,7 +182,7 @@ def trimmed_face(
 
 
 def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
-    """Return a mask (k,) of points (k, 6) inside closed lines (., 6), with normals within 70 degrees of the mean."""
+    """Return a mask (k,) of points (k, 6) inside lines (., 6), with normals within 70 degrees of the lines' mean."""
     mean = middle_normal(np.concatenate(lines))
     plane = axes_of(mean)[:2].T
     is_inside = points_inside(points[:, :3] @ plane, [line[:, :3] @ plane for line in lines])

@@ -123,7 +123,7 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Return how far a face uses its limits: over 1 if the gap, a distance, or a pole is beyond its limit."""
+    """Return the largest value / limit of a face: over 1 if the gap, a distance, or a pole is beyond its limit."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
     astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # includes the error of OCCT's triangles

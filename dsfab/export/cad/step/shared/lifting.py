@@ -104,7 +104,7 @@ class CreaseSides:
         return cls(surface, creases, vertex, corner, N, half, mitre)
 
     def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
-        """Return weights (k, n) as two matrices (k, s), with columns as in `vertex`: one for each side of a crease."""
+        """Return weights (k, n) as two matrices (k, s), one for each side of a crease. Columns : as in `vertex`."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         columns = np.tile(weights.indices, (2, 1)).astype(np.int64)
@@ -120,7 +120,7 @@ class CreaseSides:
         return first_rows, second_rows
 
     def between_faces(self, weights: csr_array) -> Ints:
-        """Return numbers (j,) of points, by weights (k, n), that involve a crease vertex, but lie in no single face."""
+        """Return numbers (j,) of rows of weights (k, n) whose vertices include a crease vertex, but share no face."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         faces = self._faces(weights.indices[is_beside].astype(np.int64), row[is_beside], weights.shape[0])

@@ -99,7 +99,7 @@ class PieceJudge:
 
     @cached_property
     def excess_volumes(self) -> Floats:
-        """(p,) fraction of volume that each smooth piece may have above `volumes`: flat triangles cut bends short."""
+        """(p,) fraction by which each smooth piece may exceed `volumes`, because flat triangles cut bends short."""
         sheet = self.sheet
         upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # `nearest` is twice as fast for points on a skin
         return np.maximum(self._sum(self.limits.rounder[self.limits.nearest(upper)]) / self.volumes, 0.0)

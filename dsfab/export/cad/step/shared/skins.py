@@ -17,7 +17,7 @@ from dsfab.surface.topology import on_boundary
 @dataclass(frozen=True, eq=False)
 class DenseSurface:
     """Surface with an upper and a lower skin, perhaps with divided triangles. Fields in metres, properties in mm.
-    half   : (n,) half the thickness at each vertex.    shift : distance of the sheet's middle from the surface / half.
+    half   : (n,) half the thickness at each vertex.    shift : distance from surface to the sheet's middle / half.
     parent : (m,) undivided triangle that contains each triangle.    twins : (k, 2) vertices with opposite normals."""
 
     surface: Surface
