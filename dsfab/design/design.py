@@ -39,7 +39,7 @@ from dsfab.results import (
 )
 from dsfab.slicing import Sheet
 from dsfab.slicing.measures.pattern_quality import PatternQuality
-from dsfab.statics import SectionForces, ShearRecovery, section_forces, sheet_stress, solve_for
+from dsfab.statics import SectionForces, ShearRecovery, section_forces, sheet_stress, solve_for, with_barlike_ribs
 from dsfab.surface import FileRecord, LoadCase, Surface
 from dsfab.thickening import Solid
 
@@ -406,7 +406,7 @@ class Design:
         return self.cached_result("slicing", "section forces", self._section_forces)
 
     def _section_forces(self) -> dict[str, SectionForces]:
-        model = self.preset.statics.sheet().model_for(self.sheet.surface)
+        model = with_barlike_ribs(self.preset.statics.sheet().model_for(self.sheet.surface))
         loads = self._loads_on_sheet(self.statics.cases)
         answers, forces, shear = solve_for(model, loads, "stress"), {}, None
         for name, answer in answers.items():

@@ -2,8 +2,6 @@
 
 from collections.abc import Mapping
 
-from scipy.sparse import csr_array
-
 from dsfab.core.errors import StaticsError
 from dsfab.statics.assembly import matrix_sum
 from dsfab.statics.bending import bending_stiffness
@@ -49,7 +47,7 @@ from dsfab.statics.stress import (
     stress,
     von_mises,
 )
-from dsfab.statics.torsion import rib_shape, torsion_loss, torsion_share
+from dsfab.statics.torsion import rib_shape, torsion_share, with_barlike_ribs
 from dsfab.statics.variable_thickness import optimality_step, varying_thickness
 from dsfab.surface.loads.load_case import LoadCase
 
@@ -63,7 +61,7 @@ __all__ = [
     "needle_message", "optimality_step", "plane_von_mises", "resultant", "rib_shape", "section_forces",
     "sheet_answers", "sheet_stiffness", "sheet_stress", "solve_cases", "solve_for", "solve_statics", "spread_load",
     "stiffness_factor", "stress", "support_entries", "support_reactions", "tolerance_of", "torsion_share",
-    "varying_thickness", "von_mises",
+    "varying_thickness", "von_mises", "with_barlike_ribs",
 ]  # fmt: skip
 
 
@@ -103,7 +101,7 @@ def solve_cases(
     """Solve load cases that have the same supports. Return the equilibria of cases and combinations by name.
     spreads      : part of each case's load on faces and edges, by name of the case; None without loads on them.
     combinations : factor of each case, by name of the combination, then by name of the case.
-    bars         : True if ribs twist like rectangular bars.
+    bars         : True if ribs twist like rectangular bars (`with_barlike_ribs`).
     Raises StaticsError as `solve_statics`, for cases on different supports, and for combinations of unknown cases."""
     sums = dict(combinations or {})
     for name, factors in sums.items():
@@ -111,9 +109,7 @@ def solve_cases(
             raise StaticsError(f"combination {name} has a factor for {unknown[0]!r}; the cases are {', '.join(loads)}")
     if flat_axis(sheet.surface, *loads.values()) is not None:
         elements = elements.in_plane
-    K = sheet_stiffness(sheet, elements)
-    if bars and elements.bending:
-        K = csr_array(K + torsion_loss(sheet, elements, rib_shape(sheet.surface)))
+    K = sheet_stiffness(with_barlike_ribs(sheet) if bars else sheet, elements)
     spread_loads = None if spreads is None else [spreads[name] for name in loads]
     table = [[factors.get(case, 0.0) for case in loads] for factors in sums.values()]
     clamped_loads = [sheet.with_clamped_edges(load) for load in loads.values()]

@@ -126,15 +126,18 @@ def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     return assemble_blocks(blocks, elements.columns(surface, "normal", "rotation", "slope"), elements.unknowns(surface))
 
 
-def bending_stiffness(surface: Surface, material: Material, thickness: float, elements: Elements = PAPER) -> csr_array:
+def bending_stiffness(
+    surface: Surface, material: Material, thickness: float, elements: Elements = PAPER, rigidity: Floats | None = None
+) -> csr_array:
     """Return the bending stiffness K_b, N/m, over the unknowns of `elements`; by default (3 n, 3 n).
-    K_b is symmetric and positive semidefinite. Raises ValueError for elements without bending."""
+    rigidity : see `SheetModel`; `hinge` does not use it.    Raises ValueError for elements without bending."""
+    D = material.bending(thickness) if rigidity is None else rigidity
     if elements.bending == "hinge":
         return zero_padded(hinge_blocks(surface, material, thickness).matrix(), elements.unknowns(surface))
     if elements.bending == "midedge":
-        return midedge_stiffness(surface, material.bending(thickness), elements)
+        return midedge_stiffness(surface, D, elements)
     if elements.bending == "hhj":
-        return hhj_stiffness(surface, material.bending(thickness), elements)
+        return hhj_stiffness(surface, D, elements)
     raise ValueError(f"{elements} has no bending")
 
 

@@ -8,7 +8,7 @@ from dsfab.core.arrays import Floats
 from dsfab.statics.assembly import angle_gradients, hinges
 from dsfab.statics.bending import GAUSS, half_edge_frames
 from dsfab.statics.elements import INVERSE_MASS, Elements, edge_frames, half_edge_signs, voigt
-from dsfab.statics.model import Material
+from dsfab.statics.model import Material, SheetModel
 from dsfab.statics.solve import Equilibrium
 from dsfab.surface.fields import hat_gradients, tangents
 from dsfab.surface.mesh import Surface
@@ -26,22 +26,20 @@ def facet_number(surface: Surface, thickness: float) -> float:
     return float(np.median(fold * surface.edge_lengths[surface.edges.count == 2]) / thickness)
 
 
-def face_moments(
-    surface: Surface, material: Material, thickness: float, elements: Elements, answer: Equilibrium
-) -> Floats:
+def face_moments(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> Floats:
     """Return moments per length (m, 3 corners, 3), (xx, yy, xy), newtons, at each face's corners in its tangent frame.
     answer : solution by `elements`. A sheet that was solved in its plane has no moments.
     `midedge` : constant on each face. A mean of many faces has an error in proportion to the mesh width.
     `hhj`     : linear on each face, computed again from the displacements [Hellan 1967].
     `hinge`   : constant on each face, for pictures only. Single faces have errors of 8 to 60 %. Moments at free edges
                 are too small, because only edges between two faces have a hinge."""
+    surface = sheet.surface
     if elements.bending is None:
         return np.zeros((surface.m, 3, 3))
-    D = material.bending(thickness)
     if elements.bending == "hhj":
-        return _linear_moments(surface, D, answer)
+        return _linear_moments(surface, sheet.bending, answer)
     curvature = _midedge_curvature if elements.bending == "midedge" else _hinge_curvature
-    return np.repeat((curvature(surface, answer) @ D)[:, None], 3, axis=1)
+    return np.repeat(curvature(surface, answer)[:, None] @ sheet.bending, 3, axis=1)
 
 
 def hinge_energy(surface: Surface, material: Material, thickness: float, answer: Equilibrium) -> Floats:

@@ -55,7 +55,8 @@ class SheetModel:
     """A thin elastic sheet.
     surface : middle surface.    thickness : metres.    law : see `Material.membrane`.
     clamped : (e,) edges that do not rotate, besides the edges that supports clamp; None without such edges.
-    carried : (n,) masses that vibrate with the sheet, such as glass, kg; None without such masses."""
+    carried : (n,) masses that vibrate with the sheet, such as glass, kg; None without such masses.
+    rigidity : (m, 3, 3) bending stiffness of each face, N m, in its frame; None for `Material.bending` everywhere."""
 
     surface: Surface
     material: Material
@@ -63,6 +64,12 @@ class SheetModel:
     law: Law = "plane_stress"
     clamped: Bools | None = None
     carried: Floats | None = None
+    rigidity: Floats | None = None
+
+    @property
+    def bending(self) -> Floats:
+        """Matrix from curvatures (xx, yy, 2 xy) to moments per length, N m: (3, 3), or (m, 3, 3) with `rigidity`."""
+        return self.material.bending(self.thickness) if self.rigidity is None else self.rigidity
 
     def with_clamped_edges(self, load: LoadCase) -> LoadCase:
         """Return a copy of the load case in which this sheet's clamped edges are clamped, too."""

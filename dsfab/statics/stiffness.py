@@ -36,7 +36,7 @@ def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontex
         K = membrane_stiffness(surface, material, thickness, sheet.law, elements)
     if elements.bending:
         with row("bending"):
-            K = matrix_sum(K, bending_stiffness(surface, material, thickness, elements))
+            K = matrix_sum(K, bending_stiffness(surface, material, thickness, elements, sheet.rigidity))
     return K
 
 

@@ -225,12 +225,12 @@ def sheet_stress(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> 
     surface, material, thickness, law = sheet.surface, sheet.material, sheet.thickness, sheet.law
     strain = membrane_strains(surface, answer)
     membrane = membrane_stresses(surface, material, law, elements, strain)
-    moments = face_moments(surface, material, thickness, elements, answer)
+    moments = face_moments(sheet, elements, answer)
     stretched = 0.5 * thickness * _mean_product(membrane, strain)
     if elements.bending == "hinge":
         bent = hinge_energy(surface, material, thickness, answer) / surface.areas
     else:
-        bent = 0.5 * _mean_product(moments, moments @ np.linalg.inv(material.bending(thickness)))
+        bent = 0.5 * _mean_product(moments, moments @ np.linalg.inv(sheet.bending))
     frame, bending = tangents(surface), 6 / thickness**2 * moments
     linear, curved = elements.membrane != "constant", elements.bending == "hhj"
     smooth_membrane = vertex_averages(surface, frame, membrane, sided=False) if linear else membrane

@@ -57,7 +57,9 @@ class ThicknessStiffness:
         surface, material = sheet.surface, sheet.material
         is_held = held_unknowns(surface, loads, elements, plane=elements.bending is None)
         membrane = membrane_stiffness(surface, material, 1.0, sheet.law, elements)
-        bending = bending_stiffness(surface, material, 1.0, elements) if elements.bending else csr_array(0.0 * membrane)
+        bending = csr_array(0.0 * membrane)
+        if elements.bending:
+            bending = bending_stiffness(surface, material, 1.0, elements, sheet.bending / sheet.thickness**3)
         return cls(surface, elements, membrane, bending, loads[0], is_held)
 
     def matrix(self, thickness: float) -> csr_array:

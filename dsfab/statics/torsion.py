@@ -1,14 +1,13 @@
 """Torsion of ribs: a bar with a rectangular section is softer than a strip of a thin sheet."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Bools, Floats, Ints
-from dsfab.statics.bending import hhj_stiffness, midedge_stiffness
-from dsfab.statics.elements import Elements, voigt
+from dsfab.statics.elements import voigt
 from dsfab.statics.model import SheetModel
 from dsfab.surface import Surface, half_edges
 from dsfab.surface.fields import tangents
@@ -83,18 +82,16 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
     return radius
 
 
-def torsion_loss(sheet: SheetModel, elements: Elements, ribs: RibShape) -> csr_array:
-    """Return a negative stiffness, N/m, over the unknowns of `elements`. Added to the stiffness of the sheet, it makes
-    ribs twist as softly as bars with a rectangular section (`torsion_share`).
-    Raises ValueError unless the elements bend by `hhj` or `midedge`."""
-    if elements.bending not in ("hhj", "midedge"):
-        raise ValueError(f"{elements}: only hhj and midedge bending can reduce the torsion of ribs")
-    share = torsion_share(ribs.widths / sheet.thickness)
+def with_barlike_ribs(sheet: SheetModel, ribs: RibShape | None = None) -> SheetModel:
+    """Return the sheet with ribs that twist as softly as rectangular bars. ribs : `rib_shape`, if it is known.
+    The bending stiffness D of each face is reduced by (1 - `torsion_share`) D_66 t t^T. The vector t is defined by
+    t . kappa = 2 kappa_ab, a along the rib, b across it."""
+    ribs = ribs or rib_shape(sheet.surface)
+    D, share = sheet.material.bending(sheet.thickness), torsion_share(ribs.widths / sheet.thickness)
     a = np.einsum("mx,max->ma", ribs.along, tangents(sheet.surface))
     t = voigt(a, np.stack([-a[:, 1], a[:, 0]], axis=1)) * np.array([2.0, 2.0, 1.0])
-    stiff = sheet.material.bending(sheet.thickness)[2, 2]
-    lost = (stiff * (1 - share))[:, None, None] * t[:, :, None] * t[:, None]
-    return -(hhj_stiffness if elements.bending == "hhj" else midedge_stiffness)(sheet.surface, lost, elements)
+    lost = (D[2, 2] * (1 - share))[:, None, None] * t[:, :, None] * t[:, None]
+    return replace(sheet, rigidity=D - lost)
 
 
 def _border_points(surface: Surface, border: Ints, points_per_edge: int = 12) -> tuple[Floats, Ints]:

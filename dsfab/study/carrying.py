@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -30,13 +30,15 @@ from dsfab.statics import (
     lowest_buckling,
     mode_supports,
     needle_message,
+    rib_shape,
     section_forces,
     sheet_stiffness,
     sheet_stress,
     stress,
+    with_barlike_ribs,
 )
 from dsfab.study.verdict import BUDGET
-from dsfab.study.verdict.estimates import quantile, rib_width
+from dsfab.study.verdict.estimates import quantile
 from dsfab.study.verdict.levels import memory_needed
 from dsfab.surface import LoadCase, Support, Surface, support_names
 
@@ -48,9 +50,6 @@ NO_STRENGTH = "the preset has no material and no strength; set statics.material 
 BUCKLED_CASES = 3
 """Number of cases and combinations for which buckling is computed: those with the largest compression. The number is
 limited because each buckling analysis takes as long as a solve."""
-NARROW_RIB = 3.0
-"""Smallest ratio of mean rib width to thickness. In a narrower rib, a shell twists too stiffly: the solid bar has
-less than 0.8 times the torsional stiffness of the shell (`torsion_share`)."""
 
 
 @dataclass(frozen=True)
@@ -155,12 +154,20 @@ class CutStatics:
         statics = preset.statics.model_copy(update={"thickness": self.thickness})
         return preset.model_copy(update={"statics": statics})
 
-    @property
+    @cached_property
     def model(self) -> SheetModel:
-        return self.design.preset.statics.sheet(self.thickness).model_for(self.design.sheet.surface)
+        """The cut sheet with ribs that twist as bars."""
+        return barlike_model(self.design, self.thickness)
 
     def stress(self, name: str) -> SheetStress:
         return sheet_stress(self.model, self.answers[name].elements, self.answers[name])
+
+
+def barlike_model(design: Design, thickness: float) -> SheetModel:
+    """Return the cut sheet of a design with a thickness (m), and with ribs that twist as softly as bars."""
+    surface = design.sheet.surface
+    ribs = design.cached_result("slicing", "rib shape", lambda: rib_shape(surface))  # independent of the thickness
+    return with_barlike_ribs(design.preset.statics.sheet(thickness).model_for(surface), ribs)
 
 
 def carrying(design: Design) -> Carrying:
@@ -247,17 +254,8 @@ def cut_carrying(statics: CutStatics) -> Carrying:
         faults.append(f"the load on {use.member} is {use.value:.0%} of its resistance ({use.check})")
     if factor is not None and factor <= 1:
         faults.append(f"the sheet buckles at {factor:.2g} times its load")
-    remarks = (*outcome.remarks, *aside, *_narrow_ribs(statics))
+    remarks = (*outcome.remarks, *aside)
     return replace(outcome, buckling=factor, buckling_case=buckling_case, faults=tuple(faults), remarks=remarks)
-
-
-def _narrow_ribs(statics: CutStatics) -> tuple[str, ...]:
-    """Return a remark if ribs are so narrow that shell elements make them too stiff against twist; else ()."""
-    ratio = rib_width(statics.model.surface) / statics.thickness
-    if ratio >= NARROW_RIB or next(iter(statics.answers.values())).elements.bending is None:
-        return ()
-    solid = "the solid twists more easily than the shell; it may move more and buckle earlier (see dsfab compare)"
-    return (f"ribs are only {ratio:.2g} times as wide as the sheet is thick: {solid}",)
 
 
 def _mass(design: Design, thickness: float) -> float:
@@ -289,7 +287,7 @@ def _most_used_by_code(statics: CutStatics) -> MemberUse:
 
 
 def _member_forces(statics: CutStatics) -> "dict[str, MemberForces]":
-    from dsfab.members.frame import member_forces
+    from dsfab.members.frame import member_cuts, member_forces
 
     factors, surface, sections = _factors(statics.design), statics.model.surface, {}
     linear = next(iter(statics.answers.values())).elements.bending == "hhj"
@@ -298,7 +296,9 @@ def _member_forces(statics: CutStatics) -> "dict[str, MemberForces]":
     for name in (name for name in statics.answers if name not in factors):
         result = statics.stress(name)
         sections[name] = section_forces(surface, statics.thickness, result, recovery)
-    by_member = member_forces(statics.design.members, sections)
+    graph = statics.design.members
+    cuts = statics.design.cached_result("slicing", "member cuts", lambda: member_cuts(graph))
+    by_member = member_forces(graph, sections, cuts)
     return {name: replace(part, forces=_with_sums(part.forces, factors)) for name, part in by_member.items()}
 
 

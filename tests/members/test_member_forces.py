@@ -13,7 +13,8 @@ from dsfab.export import Details
 from dsfab.export.tables.forces import sheet_names
 from dsfab.members import Member, MemberGraph
 from dsfab.members.eurocode import MemberBays, Rules, utilisation
-from dsfab.members.frame.forces import forces_along
+from dsfab.members.frame import STATIONS, member_cuts, member_forces
+from dsfab.members.frame.forces import PLANES, MemberCuts, forces_in
 from dsfab.statics import Material
 from dsfab.surface import Surface
 from tests.members.axes import axis
@@ -24,13 +25,17 @@ from tests.statics.supports import hold
 N, VY, VZ, MT, MY, MZ = range(6)
 
 
+def whole_graph(surface, line, cells) -> MemberGraph:
+    """A graph of one member of these cells."""
+    member = Member("A1", "strip", "major", 0, 1, cells, 1.0, line, np.full((len(line.s), 2), 0.1), ())
+    return MemberGraph(SimpleNamespace(surface=surface), np.arange(surface.m), (member,), ())
+
+
 def borne(surface, found, line, at, cells=None) -> np.ndarray:
     """(k, 6) of a member along `line`, of all cells or of some, at arc lengths (k,)."""
-    cells = np.arange(surface.m) if cells is None else np.asarray(cells)
-    width = np.full((len(line.s), 2), 0.1)
-    member = Member("A1", "strip", "major", 0, 1, cells, 1.0, line, width, ())
-    graph = MemberGraph(SimpleNamespace(surface=surface), np.arange(surface.m), (member,), ())
-    return forces_along(graph, member, np.array(at), ("bay",) * len(at), {"load": found}).forces["load"]
+    graph = whole_graph(surface, line, np.arange(surface.m) if cells is None else np.asarray(cells))
+    cut = MemberCuts.from_member(graph, graph.members[0], np.array(at), ("bay",) * len(at))
+    return forces_in(graph, "A1", cut, {"load": found}).forces["load"]
 
 
 STRIP = axis(np.outer(np.linspace(0, 1, 21), [1, 0, 0]) + [0, 0.075, 0], [0, 0, 1])
@@ -73,6 +78,16 @@ def test_a_strip_in_torsion_has_its_torque():
     rows = borne(s, found, line, [0.4, 0.5, 0.6])
     assert rows[:, MT] == pytest.approx(10.0, rel=0.02)
     assert np.abs(rows[:, [N, VY, VZ, MZ]]).max() < 1
+
+
+def test_cuts_of_bays_end_at_free_edges(vault):
+    """At round corners a part of a cut belongs to the crossing member; no bay is judged there."""
+    cuts = member_cuts(vault.members)
+    long = {name: np.ptp(cut.s.reshape(-1, STATIONS), axis=1) > 0.4 for name, cut in cuts.items()}
+    assert sum(bays.sum() for bays in long.values()) > 50
+    for name, cut in cuts.items():
+        ends = np.bincount(cut.sections.end_station, minlength=len(cut.s)).reshape(-1, STATIONS)
+        assert (ends[long[name]] == 2 * PLANES).all(), name
 
 
 def test_a_ring_beam_under_radial_load():
@@ -130,8 +145,8 @@ def cross(arm=1.0, width=0.1, cells=40) -> Surface:
     return Surface(V[used], F.reshape(-1, 3))
 
 
-def test_a_grid_of_two_crossing_beams():
-    """A load in the middle, four ends on supports: each arm bears a quarter, M = P x / 4 from its end, and sags."""
+def loaded_cross():
+    """The cross with a load P in its middle and its four ends on supports: the sheet, P, and its section forces."""
     s, P = cross(), 400.0
     ends = np.abs(s.V[:, :2]).max(axis=1) > 1 - 1e-9
     middle = np.linalg.norm(s.V, axis=1).argmin()
@@ -141,10 +156,20 @@ def test_a_grid_of_two_crossing_beams():
     found = forces_of(
         s, hold(s, (ends, "z"), (np.arange(s.n) == middle, "xy"), (ends & (s.V[:, 0] > 0.9), "y")), edge=down
     )
+    return s, P, found
+
+
+def beam_of_cross(s, turn):
+    """The axis and the cells of the beam along x (0) or y (1)."""
+    line = axis(np.outer(np.linspace(-1, 1, 41), np.roll([1.0, 0, 0], turn)), [0, 0, 1])
+    return line, np.flatnonzero(np.abs(s.centroids[:, 1 - turn]) < 0.05)
+
+
+def test_a_grid_of_two_crossing_beams():
+    """A load in the middle, four ends on supports: each arm bears a quarter, M = P x / 4 from its end, and sags."""
+    s, P, found = loaded_cross()
     for turn in (0, 1):
-        way = np.roll([1.0, 0, 0], turn)
-        line = axis(np.outer(np.linspace(-1, 1, 41), way), [0, 0, 1])
-        cells = np.flatnonzero(np.abs(s.centroids[:, 1 - turn]) < 0.05)
+        line, cells = beam_of_cross(s, turn)
         at = np.array([0.3, 0.6, 0.85, 1.4])
         rows = borne(s, found, line, at, cells)
         assert rows[:, MY] == pytest.approx(-P / 4 * np.minimum(at, 2 - at), rel=0.02)
@@ -153,6 +178,18 @@ def test_a_grid_of_two_crossing_beams():
             -P / 4, rel=0.1
         )  # a width from the corners of the node, where twist has no bound
         assert np.abs(rows[:, [N, VY, MZ]]).max() < 1e-6 * P
+
+
+def test_the_shear_of_a_bay_balances_its_moments():
+    """A quarter of the load everywhere, also beside the node, where sums of the sheet's shear are off."""
+    s, P, found = loaded_cross()
+    line, cells = beam_of_cross(s, 0)
+    at = np.linspace(0.2, 0.92, STATIONS)
+    assert abs(borne(s, found, line, at, cells)[-1, VZ] / (-P / 4) - 1) > 0.1
+    graph = whole_graph(s, line, cells)
+    cut = MemberCuts.from_member(graph, graph.members[0], at, ("bay",) * STATIONS)
+    rows = member_forces(graph, {"load": found}, {"A1": cut})["A1"].forces["load"]
+    assert rows[:, VZ] == pytest.approx(-P / 4, rel=0.03)
 
 
 @pytest.fixture(scope="module")

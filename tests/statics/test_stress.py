@@ -98,7 +98,7 @@ def test_hinges_bend_a_parabola_right_in_the_mean_and_scatter_where_the_mesh_is_
     x, y = s.V[:, 0], s.V[:, 1]
     u = np.stack([0 * x, 0 * x, x**2 / 2 - y**2 / 4 + x * y / 2], axis=1)
     given = Equilibrium(u, 0 * u, 0.0, 0.0)
-    xx, yy, xy = face_moments(s, Material(12.0, 0.0), 1.0, Elements("constant", "hinge"), given)[:, 0].T
+    xx, yy, xy = face_moments(SheetModel(s, Material(12.0, 0.0), 1.0), Elements("constant", "hinge"), given)[:, 0].T
     t = tangents(s)[:, :, :2]
     full = t.transpose(0, 2, 1) @ np.stack([np.stack([xx, xy], 1), np.stack([xy, yy], 1)], 1) @ t
     inner = ~s.edges.boundary[s.edges.of].any(axis=1)
@@ -245,7 +245,9 @@ def test_moments_agree_with_the_operators_of_the_stiffness():
     answer, _ = shaken(s, MIDEDGE)
     local = np.concatenate([answer.u[s.F].reshape(-1, 9), answer.on_edges["rotation"][s.edges.of]], axis=1)
     slow = np.einsum("mik,mk->mi", curvatures(s), local) @ D
-    assert_allclose(face_moments(s, STEEL, 0.05, MIDEDGE, answer)[:, 1], slow, atol=1e-9 * np.abs(slow).max())
+    assert_allclose(
+        face_moments(SheetModel(s, STEEL, 0.05), MIDEDGE, answer)[:, 1], slow, atol=1e-9 * np.abs(slow).max()
+    )
 
     answer, _ = shaken(s, BEST)
     w = np.einsum("mcx,mx->mc", answer.u[s.F], s.normals)
@@ -253,7 +255,7 @@ def test_moments_agree_with_the_operators_of_the_stiffness():
     edges = [answer.on_edges[name][s.edges.of] for name in ("normal", "rotation", "slope")]
     x = np.concatenate([w, edges[0] * lean, *edges[1:]], axis=1)
     slow = np.einsum("ab,mbik,mk->mai", INVERSE_MASS, moment_loads(s), x) @ D / s.areas[:, None, None]
-    assert_allclose(face_moments(s, STEEL, 0.05, BEST, answer), slow, atol=1e-9 * np.abs(slow).max())
+    assert_allclose(face_moments(SheetModel(s, STEEL, 0.05), BEST, answer), slow, atol=1e-9 * np.abs(slow).max())
 
 
 @pairs

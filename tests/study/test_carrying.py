@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dsfab.design import Design, sheet_loads
-from dsfab.preset.file import load_preset
+from dsfab.preset.file import load_preset, with_overrides
 from dsfab.preset.model import Preset
 from dsfab.results import SlicingResult
 from dsfab.study.carrying import carrying, cut_carrying, cut_statics, judged_span, use_and_movement
@@ -68,11 +68,18 @@ def test_a_cantilever_has_the_movement_stress_and_reaction_of_a_beam():
     assert judged.outcome == "carries"
 
 
-def test_ribs_that_are_hardly_wider_than_thick_are_named():
-    design = strip((0, 0, -1e3))
-    for thickness, is_named in ((0.1, True), (0.05, False)):  # the strip is 0.2 m wide
-        remarks = cut_carrying(cut_statics(design, thickness)).remarks
-        assert any("times as wide as the sheet is thick" in words for words in remarks) is is_named
+def test_a_strip_in_torsion_turns_as_a_bar():
+    """An even torque t turns the end of a strip twice as wide as thick by t L^2 / (2 G J), J = .2287 w h^3
+    [Timoshenko and Goodier 1970, table 10]. A thin sheet would turn by .69 of that."""
+    design, per_metre, thickness = strip((0, 0, -1.0)), 500.0, WIDTH / 2
+    lines = [
+        {"kind": "line", "at": {"pick": "side", "axis": "y", "end": end}, "per_metre": (0, 0, sign * per_metre)}
+        for end, sign in (("min", -1), ("max", 1))
+    ]
+    preset = with_overrides(design.preset, {"surface.load": lines, "statics.thickness": thickness})
+    judged = carrying(whole(Design.from_preset(preset)))
+    turned = per_metre * WIDTH * LENGTH**2 / (2 * YOUNG / 2 * 0.2287 * WIDTH * thickness**3)
+    assert judged.movement.value == pytest.approx(turned * WIDTH / 2, rel=0.05)  # the wall hinders the warping
 
 
 @pytest.mark.parametrize(("share", "outcome"), [(0.5, "carries"), (1.1, "does not carry")])

