@@ -12,6 +12,8 @@ from dsfab.results import SlicingResult
 from dsfab.study.carrying import carrying, cut_carrying, cut_statics, judged_span, use_and_movement
 from dsfab.study.verdict import whole_sheet
 from dsfab.surface import All, Force, LoadCase, Pressure, SelfWeight, Side, Support, Vertices
+from tests.benchmarks.solid_verdicts import solid_verdict
+from tests.calculix import needs_ccx
 from tests.shapes import annulus, grid
 
 LENGTH, WIDTH, THICKNESS, YOUNG = 2.0, 0.2, 0.02, 210e9
@@ -171,3 +173,11 @@ def test_members_of_a_graded_material_have_the_utilisation_of_the_members_report
         load = sheet_loads(design.surface, design.slicing.cells.subset(), design.sheet, {name: case.load})[name]
         rows = [row.vertical for row in judged.reactions if row.case == name]
         assert sum(rows) == pytest.approx(-load.force[:, 2].sum(), rel=1e-6)
+
+
+@pytest.mark.slow
+@needs_ccx
+def test_a_slab_of_narrow_ribs_moves_as_its_solid():
+    """Ribs are .1 m wide and .3 m high: as a thin sheet the slab would move by .7 of its solid."""
+    preset = load_preset("slab", {"surface.edge": 0.3, "pattern.fillet": 0.0})
+    assert solid_verdict(Design.from_preset(preset), buckling=False).ratios[0] == pytest.approx(1.0, abs=0.1)

@@ -193,12 +193,12 @@ def member_forces(
     by_member = {}
     for name, cut in (member_cuts(graph) if cuts is None else cuts).items():
         part = forces_in(graph, name, cut, forces)
-        balanced = {case: _with_balanced_shear(rows, cut) for case, rows in part.forces.items()}
+        balanced = {case: with_balanced_shear(rows, cut) for case, rows in part.forces.items()}
         by_member[name] = replace(part, forces=balanced)
     return by_member
 
 
-def _with_balanced_shear(forces: Floats, cut: MemberCuts) -> Floats:
+def with_balanced_shear(forces: Floats, cut: MemberCuts) -> Floats:
     """Return forces (k, 6) whose mean Vz in each bay balances the change of moments: T x dM/ds.
     Beside joints, the shear of the sheet is far off up to a width away, and moments by some %. In bays longer than two
     widths only inner stations count, and Vz has their slope. In shorter bays all stations count, and Vz is constant."""
