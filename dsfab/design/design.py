@@ -39,7 +39,16 @@ from dsfab.results import (
 )
 from dsfab.slicing import Sheet
 from dsfab.slicing.measures.pattern_quality import PatternQuality
-from dsfab.statics import SectionForces, ShearRecovery, section_forces, sheet_stress, solve_for, with_barlike_ribs
+from dsfab.statics import (
+    SectionForces,
+    ShearRecovery,
+    SheetModel,
+    rib_shape,
+    section_forces,
+    sheet_stress,
+    solve_for,
+    with_barlike_ribs,
+)
 from dsfab.surface import FileRecord, LoadCase, Surface
 from dsfab.thickening import Solid
 
@@ -48,7 +57,7 @@ if TYPE_CHECKING:
 
     from dsfab.members import MemberGraph
     from dsfab.members.eurocode import Utilisation
-    from dsfab.members.frame import Frame, FrameAgreement, MemberForces
+    from dsfab.members.frame import Frame, FrameAgreement, MemberCuts, MemberForces
     from dsfab.report.design.save import SavedDesign
 
 T = TypeVar("T")
@@ -324,7 +333,21 @@ class Design:
         """Forces and moments along the axis of each member, by name of the member, from `section_forces`."""
         from dsfab.members.frame import member_forces
 
-        return self.cached_result("slicing", "member forces", lambda: member_forces(self.members, self.section_forces))
+        make = partial(member_forces, self.members, self.section_forces, self.member_cuts)
+        return self.cached_result("slicing", "member forces", make)
+
+    @property
+    def member_cuts(self) -> "dict[str, MemberCuts]":
+        """Cuts across each member, by name of the member; they do not depend on the thickness."""
+        from dsfab.members.frame import member_cuts
+
+        return self.cached_result("slicing", "member cuts", lambda: member_cuts(self.members))
+
+    def sheet_with_ribs(self, thickness: float) -> SheetModel:
+        """Return the cut sheet with a thickness (m), and with ribs that twist as softly as bars."""
+        surface = self.sheet.surface
+        ribs = self.cached_result("slicing", "rib shape", lambda: rib_shape(surface))  # independent of the thickness
+        return with_barlike_ribs(self.preset.statics.sheet(thickness).model_for(surface), ribs)
 
     @property
     def member_utilisation(self) -> "Utilisation":
@@ -406,7 +429,7 @@ class Design:
         return self.cached_result("slicing", "section forces", self._section_forces)
 
     def _section_forces(self) -> dict[str, SectionForces]:
-        model = with_barlike_ribs(self.preset.statics.sheet().model_for(self.sheet.surface))
+        model = self.sheet_with_ribs(self.preset.statics.thickness)
         loads = self._loads_on_sheet(self.statics.cases)
         answers, forces, shear = solve_for(model, loads, "stress"), {}, None
         for name, answer in answers.items():

@@ -109,7 +109,7 @@ def solve_cases(
             raise StaticsError(f"combination {name} has a factor for {unknown[0]!r}; the cases are {', '.join(loads)}")
     if flat_axis(sheet.surface, *loads.values()) is not None:
         elements = elements.in_plane
-    K = sheet_stiffness(with_barlike_ribs(sheet) if bars else sheet, elements)
+    K = sheet_stiffness(with_barlike_ribs(sheet) if bars and elements.bending else sheet, elements)
     spread_loads = None if spreads is None else [spreads[name] for name in loads]
     table = [[factors.get(case, 0.0) for case in loads] for factors in sums.values()]
     clamped_loads = [sheet.with_clamped_edges(load) for load in loads.values()]

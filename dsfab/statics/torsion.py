@@ -15,6 +15,7 @@ from dsfab.surface.fields import tangents
 APART = np.radians(60)
 """Smallest angle, seen from the centre of a disc in a rib, between border points on different sides of the rib.
 Points at a smaller angle lie on the same side [Ma, Bae and Choi 2012]."""
+LEAN = 0.5  # Least cosine of the angle between a face and its nearest border, if this border belongs to its rib.
 
 
 def torsion_share(ratio: Floats) -> Floats:
@@ -28,7 +29,7 @@ def torsion_share(ratio: Floats) -> Floats:
 
 
 class RibShape(NamedTuple):
-    """Width and direction of the rib at each face. widths : (m,) metres; inf for a sheet without any border.
+    """Width and direction of the rib at each face. widths : (m,) metres; inf for faces without a border.
     along : (m, 3) unit vectors in the face, along the border nearest to the face."""
 
     widths: Floats
@@ -51,7 +52,10 @@ def rib_shape(surface: Surface) -> RibShape:
     nearest = np.asarray(tree.query(surface.centroids)[1])
     along = d[h[nearest]]
     along -= np.einsum("mx,mx->m", along, surface.normals)[:, None] * surface.normals
-    return RibShape(2 * radius[nearest], along / np.linalg.norm(along, axis=1, keepdims=True))
+    length = np.linalg.norm(along, axis=1)
+    leans = length < LEAN  # at a fold the nearest border may belong to the other plate
+    along = np.where(leans[:, None], tangents(surface)[:, 0], along / np.maximum(length, LEAN)[:, None])
+    return RibShape(np.where(leans, np.inf, 2 * radius[nearest]), along)
 
 
 def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, largest: float) -> Floats:

@@ -30,12 +30,10 @@ from dsfab.statics import (
     lowest_buckling,
     mode_supports,
     needle_message,
-    rib_shape,
     section_forces,
     sheet_stiffness,
     sheet_stress,
     stress,
-    with_barlike_ribs,
 )
 from dsfab.study.verdict import BUDGET
 from dsfab.study.verdict.estimates import quantile
@@ -157,17 +155,10 @@ class CutStatics:
     @cached_property
     def model(self) -> SheetModel:
         """The cut sheet with ribs that twist as bars."""
-        return barlike_model(self.design, self.thickness)
+        return self.design.sheet_with_ribs(self.thickness)
 
     def stress(self, name: str) -> SheetStress:
         return sheet_stress(self.model, self.answers[name].elements, self.answers[name])
-
-
-def barlike_model(design: Design, thickness: float) -> SheetModel:
-    """Return the cut sheet of a design with a thickness (m), and with ribs that twist as softly as bars."""
-    surface = design.sheet.surface
-    ribs = design.cached_result("slicing", "rib shape", lambda: rib_shape(surface))  # independent of the thickness
-    return with_barlike_ribs(design.preset.statics.sheet(thickness).model_for(surface), ribs)
 
 
 def carrying(design: Design) -> Carrying:
@@ -287,7 +278,7 @@ def _most_used_by_code(statics: CutStatics) -> MemberUse:
 
 
 def _member_forces(statics: CutStatics) -> "dict[str, MemberForces]":
-    from dsfab.members.frame import member_cuts, member_forces
+    from dsfab.members.frame import member_forces
 
     factors, surface, sections = _factors(statics.design), statics.model.surface, {}
     linear = next(iter(statics.answers.values())).elements.bending == "hhj"
@@ -296,9 +287,7 @@ def _member_forces(statics: CutStatics) -> "dict[str, MemberForces]":
     for name in (name for name in statics.answers if name not in factors):
         result = statics.stress(name)
         sections[name] = section_forces(surface, statics.thickness, result, recovery)
-    graph = statics.design.members
-    cuts = statics.design.cached_result("slicing", "member cuts", lambda: member_cuts(graph))
-    by_member = member_forces(graph, sections, cuts)
+    by_member = member_forces(statics.design.members, sections, statics.design.member_cuts)
     return {name: replace(part, forces=_with_sums(part.forces, factors)) for name, part in by_member.items()}
 
 

@@ -16,7 +16,7 @@ from dsfab.preset.file import with_overrides
 from dsfab.preset.model import Preset
 from dsfab.preset.proposal.sizes import sizes, two_digits
 from dsfab.statics.thickness_basis import ACCURATE, ThicknessBasis
-from dsfab.study.carrying import Carrying, CutStatics, barlike_model, carrying, cut_loads, use_and_movement
+from dsfab.study.carrying import Carrying, CutStatics, carrying, cut_loads, use_and_movement
 from dsfab.study.fabrication import spacing_changes
 
 REACH, REACH_UP = 3.0, 6.0
@@ -319,7 +319,7 @@ def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) ->
     """Return a trial for each thickness, without utilisation. Raises StaticsError if the loads are not carried."""
     progress("sizing", f"solving a draft of the cut sheet for {len(stock)} thicknesses")
     loads = cut_loads(design, design.preset.statics.thickness)
-    model = barlike_model(design, design.preset.statics.thickness)
+    model = design.sheet_with_ribs(design.preset.statics.thickness)
     cases = design.preset.judged_in("ULS", loads)
     rows = _StockTrials(design, ThicknessBasis.from_sheet(model, loads, cases))
     for t in stock:

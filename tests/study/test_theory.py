@@ -17,6 +17,7 @@ from dsfab.statics import (
     sheet_stiffness,
     sheet_stress,
     torsion_share,
+    with_barlike_ribs,
 )
 from dsfab.study.verdict import LoadedSurface, check, whole_sheet
 from dsfab.study.verdict.calibration import TABLE
@@ -137,6 +138,18 @@ def test_rough_outlines_do_not_make_ribs_narrow():
 def test_a_slender_ring_is_no_disc(width):
     """Of discs that began as large as the ring the next touching points were neighbours: half of it was 2 m wide."""
     assert rib_shape(ring_around_polygon(width, 96)).widths == pytest.approx(width, rel=0.02)
+
+
+def test_a_plate_whose_border_lies_on_another_plate_is_no_rib():
+    """A wall on the middle of a floor's side: borders beside the wall run at right angles to some faces of the wall."""
+    floor, wall = grid(10, 10, 1.0, 1.0), grid(4, 4, 0.4, 0.4)
+    upright = np.stack([wall.V[:, 0] + 0.3, 0 * wall.V[:, 0], wall.V[:, 1]], axis=1)
+    surface = glued(Surface(np.concatenate([floor.V, upright]), np.concatenate([floor.F, wall.F + floor.n])))
+    shape = rib_shape(surface)
+    assert np.linalg.norm(shape.along, axis=1) == pytest.approx(1.0)
+    assert np.einsum("mx,mx->m", shape.along, surface.normals) == pytest.approx(0.0, abs=1e-9)
+    assert np.isinf(shape.widths).any()
+    assert np.isfinite(with_barlike_ribs(SheetMaterial(SOFT, 0.05).model_for(surface)).bending).all()
 
 
 def test_ribs_soften_a_verdict_in_bending_only():

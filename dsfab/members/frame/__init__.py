@@ -7,10 +7,18 @@ model    `Frame`, its solution, comparison with the sheet
 forces   member forces from the section forces of the sheet"""
 
 from dsfab.members.frame.build import frame_of
-from dsfab.members.frame.forces import COMPONENTS, STATIONS, MemberForces, forces_in, member_cuts, member_forces
+from dsfab.members.frame.forces import (
+    COMPONENTS,
+    STATIONS,
+    MemberCuts,
+    MemberForces,
+    forces_in,
+    member_cuts,
+    member_forces,
+)
 from dsfab.members.frame.model import BeamMaterial, Frame, FrameAgreement, agreement, solve_frame, torsion_constant
 
 __all__ = [
-    "COMPONENTS", "STATIONS", "BeamMaterial", "Frame", "FrameAgreement", "MemberForces", "agreement", "forces_in",
-    "frame_of", "member_cuts", "member_forces", "solve_frame", "torsion_constant",
+    "COMPONENTS", "STATIONS", "BeamMaterial", "Frame", "FrameAgreement", "MemberCuts", "MemberForces", "agreement",
+    "forces_in", "frame_of", "member_cuts", "member_forces", "solve_frame", "torsion_constant",
 ]  # fmt: skip

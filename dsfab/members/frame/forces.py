@@ -199,21 +199,26 @@ def member_forces(
 
 
 def with_balanced_shear(forces: Floats, cut: MemberCuts) -> Floats:
-    """Return forces (k, 6) whose mean Vz in each bay balances the change of moments: T x dM/ds.
-    Beside joints, the shear of the sheet is far off up to a width away, and moments by some %. In bays longer than two
-    widths only inner stations count, and Vz has their slope. In shorter bays all stations count, and Vz is constant."""
+    """Return forces (k, 6) with a shear force Vz that agrees with the change of moments in each bay: T x dM/ds.
+    Beside joints, sums of the sheet's shear can be far off up to a width away. In bays up to two widths long, Vz is the
+    mean slope of the moments. In longer bays only the first and the last Vz can change: to the Vz of the next station,
+    if that balances the moments between both stations better."""
     s, width, shear = (values.reshape(-1, STATIONS) for values in (cut.s, cut.width, forces[:, 2]))
     axes = cut.axes.reshape(-1, STATIONS, 3, 3)
-    moments = np.einsum("bkai,bka->bki", axes, forces[:, 3:].reshape(-1, STATIONS, 3))
+    x, middle = s - s.mean(axis=1, keepdims=True), axes[:, STATIONS // 2]
+    lever = np.cross(middle[:, 2], middle[:, 0])  # V = N . (T x dM/ds) = (N x T) . dM/ds
+    moment = np.einsum("bkai,bka,bi->bk", axes, forces[:, 3:].reshape(-1, STATIONS, 3), lever)
+    tiny = np.finfo(float).tiny
+    mean = (x * moment).sum(axis=1) / np.maximum((x**2).sum(axis=1), tiny)
     is_long = np.ptp(s, axis=1) > 2 * width.mean(axis=1)
-    counts = np.where(is_long[:, None], [0, 1, 1, 1, 0], [1, 1, 1, 1, 1])
-    x = s - s.mean(axis=1, keepdims=True)
-    slopes = counts * x / np.maximum((counts * x**2).sum(axis=1, keepdims=True), np.finfo(float).tiny)
-    middle, change = axes[:, STATIONS // 2], np.einsum("bk,bki->bi", slopes, moments)
-    mean = np.einsum("bi,bi->b", np.cross(middle[:, 0], change), middle[:, 2])
-    balanced = forces.copy()
-    balanced[:, 2] = (mean[:, None] + ((slopes * shear).sum(axis=1) * is_long)[:, None] * x).ravel()
-    return balanced
+    balanced = np.where(is_long[:, None], shear, mean[:, None])
+    for end, beside in ((0, 1), (-1, -2)):
+        wanted = (moment[:, end] - moment[:, beside]) / np.where(is_long, s[:, end] - s[:, beside], 1.0)
+        own, other = (np.abs((values + shear[:, beside]) / 2 - wanted) for values in (shear[:, end], shear[:, beside]))
+        balanced[:, end] = np.where(is_long & (other < own), shear[:, beside], balanced[:, end])
+    result = forces.copy()
+    result[:, 2] = balanced.ravel()
+    return result
 
 
 def forces_in(graph: MemberGraph, name: str, cut: MemberCuts, forces: Mapping[str, SectionForces]) -> MemberForces:
@@ -269,7 +274,7 @@ def _stations(graph: MemberGraph, member: Member) -> tuple[Floats, tuple[str, ..
         half = np.array([_half(graph, member, node) for node in (node_a, node_b)]) + graph.sheet.surface.mean_edge / 2
         half = fitting(half, length)
         if length > member.mean_width:
-            clear = _complete_part(begin + half[0], begin + length - half[1], incomplete)
+            clear = _complete_part(begin + half[0], begin + length - half[1], incomplete, graph.sheet.surface.mean_edge)
             s.append(clear[0] + np.array(SHARES) * (clear[1] - clear[0]))
             names += [f"{node_a.id} {node_b.id}"] * len(SHARES)
     return np.concatenate(s) if s else np.zeros(0), tuple(names)
@@ -288,12 +293,12 @@ def _incomplete_cuts(graph: MemberGraph, member: Member) -> Floats:
     return np.asarray((intervals + turns).reshape(-1, 2))
 
 
-def _complete_part(begin: float, end: float, incomplete: Floats) -> tuple[float, float]:
-    """Return the part of a bay between incomplete cuts at both ends; the whole bay if no such part is left."""
+def _complete_part(begin: float, end: float, incomplete: Floats, least: float) -> tuple[float, float]:
+    """Return the part of a bay between incomplete cuts at both ends; the whole bay if less than `least` (m) is left."""
     low, high = incomplete[(incomplete[:, 1] > begin) & (incomplete[:, 0] < end)].T
     at_begin = low + high < begin + end
     complete = high[at_begin].max(initial=begin), low[~at_begin].min(initial=end)
-    return complete if complete[0] < complete[1] else (begin, end)
+    return complete if complete[1] - complete[0] > least else (begin, end)
 
 
 def _half(graph: MemberGraph, member: Member, node: Node) -> float:
