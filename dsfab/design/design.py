@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from dsfab.report.design.save import SavedDesign
 
 T = TypeVar("T")
-RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}  # Result names by stage.
+RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}  # Names of results, if not just the stage's.
 
 
 @dataclass
@@ -352,7 +352,7 @@ class Design:
 
     @property
     def fields(self) -> Mapping[str, Floats] | None:
-        """Fields of the VTU file by name, (n, ...) or (m, ...), for a design that was read from a folder; else None."""
+        """Fields of the VTU file by name, (n, ...) at vertices or (m, ...) on faces; None if not read from a folder."""
         return self._results.result("fields", lambda: None)
 
     @property
@@ -362,7 +362,7 @@ class Design:
 
     @property
     def seconds(self) -> Mapping[str, float]:
-        """Computing times (s) of the computed stages, by row of the table `TIMED`."""
+        """Computing times (s) of the stages computed so far, by name of the stage or step (`TIMED`)."""
         return MappingProxyType(self._log.seconds)
 
     @property
@@ -393,7 +393,8 @@ class Design:
 
     @property
     def cut_loads(self) -> dict[str, LoadCase]:
-        """Loads that the pattern follows, on the cut sheet, by name. Raises StaticsError if a load has no support."""
+        """Loads on the cut sheet, by name, in the load cases and combinations that the pattern follows.
+        Raises StaticsError if a load has no support."""
         return self._loads_on_sheet(self.preset.followed_weights)
 
     def _loads_on_sheet(self, names: Iterable[str]) -> dict[str, LoadCase]:

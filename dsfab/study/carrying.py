@@ -65,7 +65,7 @@ class MemberUse:
 
 @dataclass(frozen=True)
 class Movement:
-    """The largest displacement, `value` (m), and its place. span : length (m) to which it is compared.
+    """The largest displacement, `value` (m), and its place. span : length (m) to which `value` is compared.
     about : the span in words."""
 
     value: float
@@ -149,7 +149,7 @@ class CutStatics:
 
     @property
     def preset(self) -> Preset:
-        """The preset of the design, with this thickness."""
+        """The preset of the design, with the thickness `thickness`."""
         preset = self.design.preset
         statics = preset.statics.model_copy(update={"thickness": self.thickness})
         return preset.model_copy(update={"statics": statics})

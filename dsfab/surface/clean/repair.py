@@ -92,7 +92,7 @@ def sound_faces(V: Floats, F: Ints) -> MendedMesh:
 
 
 def single_sheet(mesh: MendedMesh, metres: float) -> MendedMesh:
-    """Return the mesh with one copy of each sheet; slabs become their middle surfaces. metres : unit of V in m."""
+    """Return the mesh with one copy of each sheet; slabs become middle surfaces. metres : unit of the mesh, in m."""
     V, F, texts = single_sheets(mesh.V, mesh.F, metres)
     return _compact(MendedMesh(V, F, (*mesh.repairs, *texts))) if texts else mesh
 
@@ -133,7 +133,8 @@ def _join_at_points(mesh: MendedMesh) -> MendedMesh:
 
 
 def _single_faces(V: Floats, F: Ints) -> Ints:
-    """Return the faces (k,) that stay: one of overlapping faces, but no equal faces at an edge of two other faces."""
+    """Return the faces (k,) that stay: one of overlapping faces. Faces that repeat each other are all dropped if
+    one of their edges has two other faces."""
     once = complement(overlapping_faces(V, F).whole, len(F))
     if len(once) == len(F):
         return once
