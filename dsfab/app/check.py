@@ -46,7 +46,7 @@ class Expected:
         return self.preset if self.preset is not None else str(neighbour) if neighbour.is_file() else None
 
     def read_preset(self, name: str) -> "Preset":
-        """Read a preset. name : of a shipped preset, of a preset file, or of a folder that `dsfab build` wrote."""
+        """Read a preset. name : shipped preset, path of a preset file, or folder that `dsfab build` wrote."""
         folder = built_folder(name)
         return Source(self.set_).read_preset(str(folder / "preset.toml") if folder else name)
 

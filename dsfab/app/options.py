@@ -115,7 +115,7 @@ class MeshFlags:
 
     @property
     def wishes(self) -> "MeshWishes":
-        """These options as the input of a proposal: the user's choice of parts, supports and loads of a mesh."""
+        """Options as the input of a proposal: the user's choice of parts, supports and loads of a mesh."""
         from dsfab.preset.proposal import MeshWishes
 
         return MeshWishes(self.stand or "", self.built_in, self.load, self.only)

@@ -195,7 +195,7 @@ ALIKE = 0.05  # Relative difference below which widths of openings or bars count
 
 
 def split_value(values: Floats, threshold: float, tolerance: float = ALIKE) -> float:
-    """Return a limit between small and large values (k,): the middle of the widest gap of values near `threshold`.
+    """Return a limit between small and large values (k,): the middle of the widest gap between values near `threshold`.
     tolerance : values at a smaller distance from the threshold may be on either side of the limit."""
     close_values = values[np.abs(values - threshold) < tolerance]
     if not len(close_values):

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from dsfab.report.design.save import SavedDesign
 
 T = TypeVar("T")
-RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}  # Names of results, if not just the stage's.
+RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}  # Results by stage; default: stage name.
 
 
 @dataclass
@@ -362,7 +362,7 @@ class Design:
 
     @property
     def seconds(self) -> Mapping[str, float]:
-        """Computing times (s) of the stages computed so far, by name of the stage or step (`TIMED`)."""
+        """Computing times (s) of the stages computed so far, by name of the stage or step, such as those in `TIMED`."""
         return MappingProxyType(self._log.seconds)
 
     @property

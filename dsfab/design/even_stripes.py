@@ -262,7 +262,7 @@ def follows_membrane(preset: Preset, surface: Surface, statics: StaticsResult) -
 
 
 def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) -> StaticsResult:
-    """Return statics with the stresses of the stiffest sheet of varying thickness: forces / the preset's thickness.
+    """Return statics of the stiffest sheet of varying thickness; stress is its force divided by the preset's thickness.
     A pattern from these statics follows these stresses. Raises PatternError if the sheet bends."""
     if not follows_membrane(preset, surface, statics):
         raise PatternError(

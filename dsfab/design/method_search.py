@@ -39,7 +39,7 @@ class MethodCandidate:
     choice  : tried modes and phases, best first, or None. even : evenly spaced stripes; None for stripes on modes.
     sheet   : cut sheet; None before the trial, or if the trial failed.
     grading : (n, f) relative half-width of f families at n vertices; None without the rule `stressed`.
-    notes   : notes for the user.    drawn : finished stripes, as a build draws them; None before."""
+    notes   : notes for the user.    drawn : finished stripes, as a build draws them, or None."""
 
     preset: Preset
     attempt: Attempt
@@ -305,7 +305,8 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
 
 
 def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return all candidates. If two to four of the best are nearly equal, these are cut and solved as in a build."""
+    """Return all candidates. If at least two are nearly the best, up to four of these are cut and solved as in a build.
+    The best is cut last, so that slicing can continue from its cut."""
     *flaws, soft = min(candidate.attempt.rank for candidate in candidates)
     limit = (*flaws, (1 + NEAR_BEST) * soft)
     shares = [other for other in candidates if other.sheet and other.preset.pattern.width.solid_fraction]

@@ -111,7 +111,7 @@ def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[f
 
 
 class EarlierStripes(NamedTuple):
-    """Evenly spaced stripes of an earlier design with equal surface and stress. asked : options [pattern] for them."""
+    """Evenly spaced stripes of an earlier design with equal surface and stress. asked : its [pattern] options."""
 
     asked: Pattern
     even: EvenStripes

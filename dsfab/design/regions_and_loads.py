@@ -330,7 +330,7 @@ def permanent_loads(preset: Preset, surface: Surface, load: LoadCase) -> dict[st
 
 def sheet_loads(surface: Surface, material: Sheet, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
     """Return each load of the uncut surface on a cut sheet, by name. material : the sheet with its loose pieces.
-    Raises StaticsError if over 1 % of a load is on loose pieces (which reach no support), and as `sheet_load`."""
+    Raises StaticsError if over 1 % of a load is on loose pieces (which reach no support), or as `sheet_load` does."""
     if lost := lost_load(surface, material, sheet, loads.values()):
         raise StaticsError(f"{lost}; {LOST_LOAD_REMEDY}")
     return loads_on(surface, sheet, loads)

@@ -250,7 +250,7 @@ def filled_plate(
 ) -> FilledOpenings | None:
     """Return the largest group of neighbouring filled openings. Return None for fewer than `FILLED_PLATE` openings,
     and for a group with its centre inside a small, supported boundary loop.
-    cells : the cut surface before, and after openings were filled and corners rounded."""
+    cells : two cut sheets: before and after openings were filled and corners rounded."""
     spacings = [family.distance(surface.area, surface.mean_edge) for family in options.drawn_families]
     fillings = merged_members(options, surface, pattern), largest_filling(*cells, max(spacings))
     filling = max(filter(None, fillings), key=lambda group: group.openings, default=None)

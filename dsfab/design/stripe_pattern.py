@@ -154,7 +154,7 @@ def corrected_pattern(
 
 
 def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
-    """Return the mean `aim` of the closest trials with too little and too much material; 0 if none or nearly equal."""
+    """Return the mean `aim` of the closest trials below and above `requested`; 0 if none, or if aims nearly agree."""
     pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in trials for b in trials if a.total < requested < b.total]
     gap, middle = min(pairs, default=(0.0, 0.0))
     return middle if gap > SHARE_TOLERANCE / 16 else 0.0

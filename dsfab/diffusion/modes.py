@@ -202,8 +202,8 @@ def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int
 
 def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Floats) -> Floats:
     """Return modes with signs, and with bases of repeated eigenvalues, that do not depend on the solver.
-    A mode's sign makes its third moment positive; if this moment is about zero, its first clear product with a field of
-    `_reference_fields`."""
+    A mode's sign makes its third moment positive. If this moment is about zero, the sign makes the first clear product
+    with a field of `_reference_fields` positive."""
     fields = _reference_fields(surface, mass, axes)
     out = X.copy()
     start = 0
@@ -233,7 +233,7 @@ def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
 
 
 def _aligned_basis(space: Floats, fields: Floats, mass: Floats) -> Floats:
-    """Return a basis of the columns of `space`, orthonormal in diag(mass): projections of `fields` onto this space."""
+    """Return a basis of the columns of `space`, orthonormal with weights `mass`, from projections of `fields`."""
     coordinates = space.T @ (mass[:, None] * fields)  # (c, fields)
     basis: list[Floats] = []
     for candidate in [*coordinates.T, *np.eye(space.shape[1])]:

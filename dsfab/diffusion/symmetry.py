@@ -282,7 +282,7 @@ class _QuickCheck:
 
     @cached_property
     def _held_points(self) -> list[tuple[Floats, cKDTree]]:
-        """For each load case with supports: a sample, and a k-d tree, of supported points relative to the centroid."""
+        """For load cases with supports: sample of supported points, and k-d tree of all; relative to the centroid."""
         held_points = [self.surface.V[load.supported] - self.centre for load in self.loads]
         return [(x[:: max(len(x) // SAMPLE_POINTS, 1)], cKDTree(x)) for x in held_points if len(x)]
 

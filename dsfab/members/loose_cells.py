@@ -13,7 +13,7 @@ from dsfab.surface import link_components
 
 
 def owners(overlay: Overlay, components: list[Component]) -> Ints:
-    """Return for each cell and each of f fields the number (m, f) of the field's component with this cell; -1: none."""
+    """Return the number (m, f) of the component that contains each cell, for each of f fields; -1 for none."""
     member = np.full((overlay.sheet.surface.m, overlay.part.shape[1]), -1)
     for number, component in enumerate(components):
         if component.field >= 0:
@@ -53,7 +53,7 @@ def with_loose_cells(overlay: Overlay, components: list[Component]) -> list[Comp
 
 
 def _borders(overlay: Overlay, member: Ints, patch: Ints) -> tuple[Ints, Floats]:
-    """Return pairs (b, 2) of a patch and a component beside it, and the length (b,) of their common border, metres.
+    """Return sorted pairs (b, 2) of a patch and a component beside it, and lengths (b,) of their common borders, m.
     member : components of the cells, from `owners`.    patch : (m,) patch of each cell of no component, else -1."""
     surface, total = overlay.sheet.surface, int(member.max()) + 1
     f, g = np.concatenate([overlay.adjacent_cells, overlay.adjacent_cells[:, ::-1]]).T

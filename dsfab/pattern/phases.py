@@ -248,8 +248,8 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
 def propagate_phases(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
-    """Set `signs` and `shifts` (m,) for the faces in `order`. Then sign x phase + shift, with the phase of each face,
-    continues without a jump from a face to the next face; the phase of the first face stays.
+    """Set `signs` and `shifts` (m,) of the faces in `order`. Then sign x phase + shift has no jump between a face and
+    its predecessor. The first face gets the sign 1 and the shift 0.
     order, predecessor : results of scipy's breadth-first search: faces, and (m,) the face before each face.
     s, q : sign and shift between adjacent faces.    link : (m, m) 1 + index into s, q; negative in reverse."""
     child = order[1:]

@@ -80,7 +80,7 @@ def _open_side(surface: Surface, load: LoadCase, groups: list[Ints], up: Floats)
 
 
 def _upward_supports(load: LoadCase, up: Floats) -> Bools:
-    """Mark the supported vertices (n,). Leave out vertices that are only held sideways, as at a plane of symmetry."""
+    """Return a mask (n,) of supported vertices, without vertices held only sideways, as at a plane of symmetry."""
     axis = int(np.argmax(np.abs(up)))
     upwards = load.fixed[:, axis] | (load.spring[:, axis] > 0)
     return np.asarray(upwards if upwards.any() else load.supported)

@@ -162,8 +162,8 @@ def fit_view(points: Floats, side: ViewSide, box: tuple[float, float, float, flo
 
 
 def plan_and_elevation(V: Floats, up: Floats) -> tuple[ViewSide, ViewSide]:
-    """Return views of vertices V (n, 3) from above, and at the long side of the smallest rectangle around the plan.
-    A rectangle along the coordinate axes is preferred if its area is up to 2 % larger."""
+    """Return views of vertices V (n, 3), from above and facing the long side of the smallest rectangle around the plan.
+    Both align with this rectangle. A rectangle along the coordinate axes is preferred if up to 2 % larger in area."""
     across = np.eye(3)[{0: 1, 1: 0, 2: 0}[int(np.argmax(np.abs(up)))]]
     turns = np.radians(np.arange(90.0))
     rights = np.outer(np.cos(turns), across) + np.outer(np.sin(turns), np.cross(up, across))

@@ -112,7 +112,7 @@ def _wrong_share(surface: Surface, families: Sequence[StripedField], value: Sequ
 
 
 def upsampled_beside_exact(design: Design, folder: Path) -> PaperComparison:
-    """Return words and a chart (file in `folder`) that compare a design's exact cut with its cut by upsampling."""
+    """Compare a design's exact cut with interpolated cuts after 0, 1, 2 ... divisions; save a chart in `folder`."""
     title = "Adaptive upsampling compared with the exact cut"
     try:
         comparison = compare_design_cuts(design)

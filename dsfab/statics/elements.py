@@ -184,7 +184,7 @@ USES: Mapping[Quantity | Aid, Use] = MappingProxyType(
 """Elements for each use. Bounds of compliances in `dsfab.study.verdict.estimates` are calibrated for these elements."""
 
 REPORTED: tuple[Elements, ...] = tuple(dict.fromkeys(use.pair for use in USES.values() if use.tolerance is not None))
-"""All elements whose results may appear in reports."""
+"""Elements whose results may appear in reports."""
 
 
 def elements_of(use: Quantity | Aid) -> Elements:

@@ -52,8 +52,8 @@ def _tetrahedron_volumes(V: Floats, F: Ints) -> Floats:
 
 
 def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
-    """Yield for each block of k faces: its slice; the first corner of each face, relative to the middle of the bounding
-    box (3, k); and twice the area vectors (3, k)."""
+    """Yield for each block of k faces: its slice; the first corners (3, k), relative to the middle of the bounding box;
+    twice the area vectors (3, k)."""
     if not len(F):
         return
     columns = np.ascontiguousarray((V - bounding_box(V, F).mean(axis=0)).T)

@@ -29,7 +29,7 @@ TYPES = {"f": "float32", "i": "uint32", "u": "uint32", "b": "uint8"}
 
 
 def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """Pack facts (JSON values) and arrays into bytes, as 32-bit floats, unsigned 32-bit integers or 8-bit masks."""
+    """Pack facts (JSON values) and arrays (32-bit floats, unsigned 32-bit integers or 8-bit masks) into bytes."""
     table, blocks, place = {}, [], 0
     for name, array in arrays.items():
         kind = TYPES[array.dtype.kind]
@@ -46,7 +46,7 @@ def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
 def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return facts and arrays with which the page draws a draft (a design before the cut): surface, stripes, statics,
     marks of loads and supports, and boundary loops. V (n, 3), metres from the surface's middle, and F (m, 3) are the
-    mesh of the stripes (`StripedMesh`). Loops are vertices of `uncut` (k, 3), the surface, if it exists, else of V."""
+    mesh of the stripes (`StripedMesh`). Loops index `uncut` (k, 3), the surface's vertices, if present, else V."""
     surface, statics, modes = draft.surface, draft.statics, draft.diffusion
     mesh = StripedMesh.from_design(draft)
     up = up_axis(surface.V, surface, draft.load)
@@ -94,7 +94,7 @@ def pattern_widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any
     """Return facts about a draft's pattern, and arrays (n, 2) on the mesh of the stripes: columns major and minor.
     half   : half the width of a stripe, in periods (distances between stripes before halvings remove stripes).
     slope  : stripes per metre; for a pattern of modes, stripes per metre at the frequency 1.
-    shares : only for evenly spaced stripes: factor from half-widths in distances of the remaining stripes to `half`."""
+    shares : factor from half-widths, in periods of the remaining stripes, to `half`; only for evenly spaced stripes."""
     pattern, options, surface = draft.pattern, draft.preset.pattern, draft.surface
     mesh = StripedMesh.from_design(draft)
     facts = {

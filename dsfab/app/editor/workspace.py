@@ -124,7 +124,7 @@ class OpenedPreset:
         return _mesh_file(self.preset) if self.mesh else None
 
     def command(self, changes: Mapping[str, Any]) -> tuple[str, bool]:
-        """Return a command line for the changed preset, and True if the preset must first be saved as NAME.toml."""
+        """Return a command line that builds the changed preset, and True if NAME.toml must first be saved."""
         preset = self.preset_with(changes)
         if self.words and self.decided and MATERIAL in changes:  # `dsfab build` must not propose another thickness
             changes = {"statics.thickness": preset.statics.thickness, **changes}

@@ -135,7 +135,7 @@ def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, lea
 
 
 def upper_half(points: Floats, part: Ints) -> Ints:
-    """Return 1 for points (k, 3) in the upper half of their part along its longest axis, else 0. part : (k,) number."""
+    """Return 1 for points (k, 3) in the upper half of their part (k,) along the part's longest axis, else 0."""
     count = np.bincount(part)
     begin = np.cumsum(count) - count
     used = count > 0
@@ -318,7 +318,7 @@ def _add_update(pivot_rows: Numbers, rest: Numbers, update: Numbers, positions: 
 
 
 def _partial_factorisation(pivot_rows: Numbers, rest: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-    """Eliminate the pivot rows; return the factor's diagonal block L, P below, and `rest` (upper triangle)."""
+    """Eliminate pivot rows; return the factor's diagonal block L, P below it, and updated `rest` (upper triangle)."""
     k, is_complex = len(pivot_rows), np.iscomplexobj(pivot_rows)
     potrf, trsm, rank_k = (zpotrf, ztrsm, zherk) if is_complex else (dpotrf, dtrsm, dsyrk)
     if not k:

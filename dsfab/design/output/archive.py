@@ -29,7 +29,7 @@ from dsfab.thickening import Repairs, Solid
 
 def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine, ...]:
     """Return the edges of the sheet by family, then the centre lines of its members, in metres on the middle surface.
-    tolerance : largest distance (m) between a line and its simplified points; the line's `length` does not change.
+    tolerance : largest distance (m) between a full line and its simplified line. `length` is that of the full line.
     A family has no centre lines if it has no stripes, or if its stripes touch everywhere."""
     pattern, sheet, surface = design.pattern, design.sheet, design.surface
     phases = [stripe_phase(design, k) for k in range(len(pattern.names))]
@@ -233,8 +233,8 @@ _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFil
 
 
 def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
-    """Return the preset as a build writes it into `folder`: curves replace names of drawings. A mesh file that lies in
-    `home` loses its path. A mesh from Python is written into `folder`.
+    """Return the preset as a build writes it into `folder`: curves replace names of drawings. A mesh file in `home` is
+    named without its path. A mesh from Python is written into `folder`.
     home : path of `folder` after the build. Raises SurfaceError for a missing drawing."""
     preset = preset.self_contained()
     section = preset.surface

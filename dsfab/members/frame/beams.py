@@ -19,7 +19,7 @@ SHORT = 1e-3  # Least distance between two nodes of a member, as a fraction of i
 
 class BeamRow(NamedTuple):
     """A straight beam. ends : numbers of its two nodes.    normal : local z axis, normal to the surface.    width : m.
-    shift  : metres from the beam to the middle of the material, positive to the left.    member : number; -1: link.
+    shift  : metres from the beam to the material's middle, positive to the left.    member : its number, -1 for a link.
     stout  : width of the member / length of its bay (part between nodes), at most 1; 0 for a link."""
 
     ends: tuple[int, int]

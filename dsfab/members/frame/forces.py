@@ -200,8 +200,8 @@ def member_forces(
 
 def _with_balanced_shear(forces: Floats, cut: MemberCuts) -> Floats:
     """Return forces (k, 6) with corrected shear Vz: its mean in each bay balances the change of moments along the axis.
-    Near joints, the shear of the sheet is inaccurate. In bays longer than two widths only inner stations count, and Vz
-    has the slope of their shear. In shorter bays all stations count, and Vz is constant."""
+    Up to a width from joints, the sheet's shear is far off, and moments by some %. In bays longer than two widths only
+    inner stations count, and Vz has the slope of their shear. In shorter bays all stations count; Vz is constant."""
     s, width, shear = (values.reshape(-1, STATIONS) for values in (cut.s, cut.width, forces[:, 2]))
     axes = cut.axes.reshape(-1, STATIONS, 3, 3)
     moments = np.einsum("bkai,bka->bki", axes, forces[:, 3:].reshape(-1, STATIONS, 3))

@@ -17,7 +17,7 @@ SAME = 0.25
 
 def fitting(halves: Floats, length: float) -> Floats:
     """Return the lengths (2,) that the joints at both ends take from a bay (part of a member between nodes), metres.
-    halves : (2,) half lengths of the joints; the result is smaller if their sum exceeds 0.8 `length`."""
+    halves : (2,) half lengths of the joints, which are scaled to a sum of 0.8 `length` if their sum is larger."""
     clear = 0.2
     return halves * min(1.0, (1 - clear) * length / max(float(halves.sum()), 1e-30))
 

@@ -152,7 +152,8 @@ def usual_unit(unit: str, size: float) -> float:
 
 def likely_units(shape: Shape) -> list[tuple[str, float]]:
     """Return pairs (unit, probability), the most probable first, for a shape whose coordinates are those in its file.
-    The probabilities follow from usual sizes of buildings. Shapes on the ground too low for people are improbable."""
+    The probabilities follow from usual sizes of buildings. A unit is improbable if it makes a shape on the ground too
+    low for people."""
     V = shape.surface.V
     size, plan = float(np.ptp(V, axis=0).max()), V[:, :2] - V[:, :2].mean(axis=0)
     narrow = np.ptp(plan @ np.linalg.svd(plan, full_matrices=False)[2].T, axis=0).min()

@@ -88,7 +88,7 @@ class Cells:
 
     def with_new_lines(self, lines: Ints) -> "Cells":
         """Return polygons with new values in `sides_on`: the mark -1 - l of level l becomes the line lines[l, polygon].
-        lines : (levels, c) rows of `CutLines`; a dimension may be 1 if all levels, or all polygons, have one line."""
+        lines : (levels, c) rows of `CutLines`; a dimension may be 1 if all levels, or all polygons, share a line."""
         side = np.flatnonzero(self.sides_on < 0)
         if not len(side):
             return self
@@ -286,7 +286,7 @@ def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools,
 
 
 def largest_ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floats:
-    """Return the largest `difference` (n,) on the sides at each vertex; 0 without sides. sides : both ends of each."""
+    """Return the largest `difference` on sides at each of n vertices; 0 without sides. sides : ends of each side."""
     reach = np.zeros(n)
     for end in sides:
         np.maximum.at(reach, end, difference)

@@ -209,7 +209,7 @@ def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
 @dataclass(frozen=True, eq=False)
 class StripeCut:
     """A cut along the stripes of a `CornerField`, in progress.
-    seen   : the field on the polygons.    levels : values of the field at the edges of stripes.
+    seen   : the field on the polygons.    levels : values at which to cut the field.
     tip    : largest move of an edge of a stripe onto a vertex, as a fraction of a polygon side.
     active : (c,) mask of polygons to cut.    solid : (c,) mask of polygons inside stripes.
     source : (c,) for each polygon, its polygon before the last split.    size : of the surface, m.

@@ -67,8 +67,8 @@ class PolygonMesh:
         return cls(F, cells, X, weights, parent, family, np.zeros(count, dtype=bool), np.full(count, VOID))
 
     def with_material(self, k: int, material: Bools, blank: Bools) -> Self:
-        """Return the mesh with material (c,) of field k: `family` becomes k where the mesh was void.
-        `also` becomes k in earlier material that is cut again, and in new material of faces `blank` (m,)."""
+        """Return the mesh with material (c,) of field k. In this material, `family` becomes k where the mesh was void.
+        `also` becomes k where earlier material is cut again, and in new material of faces `blank` (m,)."""
         new_material = material & self.void
         joint = (material & ~new_material & self.again) | (new_material & blank[self.parent])
         family, also = np.where(new_material, k, self.family), np.where(joint, k, self.also)

@@ -191,7 +191,7 @@ class Stretches:
         return np.asarray((index >= 0) & (x <= self.high[order][np.maximum(index, 0)]))
 
     def overlaps(self, stretches: "Stretches", count: int) -> Bools:
-        """Return a mask of all `count` parts: True if they overlap parts of `stretches`, which must be disjoint."""
+        """Return a mask (count,) of parts that overlap any part of `stretches`, whose parts must be disjoint."""
         if not len(stretches.low):
             return np.zeros(count, dtype=bool)
         order = np.argsort(stretches.low)

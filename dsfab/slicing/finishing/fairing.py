@@ -122,8 +122,8 @@ def _lateral(sheet: Sheet, p: Ints) -> Floats:
 
 
 def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
-    """Return weights (k, order + 1) of points in the derivative of an order along each row of P (k, order + 1, 3), and
-    lengths (k,) over which to integrate this derivative. least : (k,) shorter distances count as this, metres."""
+    """Return weights (k, order + 1) of points for the `order`-th derivative along each row of P (k, order + 1, 3).
+    Return also lengths (k,) over which to integrate it. least : (k,) shorter distances count as this, metres."""
     length = np.maximum(np.linalg.norm(np.diff(P, axis=1), axis=2), least[:, None])
     u = np.concatenate([np.zeros((len(P), 1)), np.cumsum(length, axis=1)], axis=1)
     gap = u[:, :, None] - u[:, None, :] + np.eye(order + 1)

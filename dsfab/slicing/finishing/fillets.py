@@ -39,7 +39,7 @@ class DiscStops:
 
 
 def rolled_arcs(sheet: Sheet, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
-    """Yield corners (p,) in narrow tips of openings that a rolling disc of `radius` metres cannot reach, and arcs.
+    """Yield corners (p,) in narrow tips of openings that a disc of `radius` metres cannot reach, and their arcs.
     First, the corner of a tip is a vertex near the disc; in a second yield, it is the vertex farthest from the disc.
     taken : parts of walls; corners on these parts are left out. The caller may add parts between the yields."""
     flat, walls = flat_openings_of(sheet), sheet.walls
@@ -330,7 +330,7 @@ def _with_fillets(sheet: Sheet, fillets: Fillets) -> Sheet:
 
 
 def _colours(arc: Ints, corner: Ints) -> Ints:
-    """Return a group number for each arc. Arcs of a group fill cells without common vertices.
+    """Return the group of each arc. Cells of different arcs in a group share no vertex. A mixed order saves groups.
     arc, corner : (p,) arc, and (p, 3) vertices of a cell that the arc fills at least in part."""
     vertex, arc = corner.ravel(), np.repeat(arc, 3)
     count = int(arc.max()) + 1

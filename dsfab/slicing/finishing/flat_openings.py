@@ -37,7 +37,7 @@ class FlatOpenings:
 
     @cached_property
     def shape(self) -> "manifold3d.CrossSection":
-        """All openings as a plane shape."""
+        """Openings of the sheet as a plane shape."""
         import manifold3d
 
         loops = np.split(self.start, np.flatnonzero(np.diff(self.chain)) + 1)

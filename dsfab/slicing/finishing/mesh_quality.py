@@ -374,7 +374,7 @@ def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Impro
     sheet     : all cells cut from the surface `uncut`, material and void.
     tolerance : largest move of stripe edges, of edges between two families and of the surface's boundary, metres. With
                 0 the material covers the same points as before.
-    Cells stay in their uncut faces, vertices stay in place or disappear, and the surface keeps its topology."""
+    Cells stay in their uncut faces; vertices stay or disappear. Interpolated fields stay exact; the topology stays."""
     cut, zone = CellMesh.from_sheet(sheet, uncut), np.ones(sheet.surface.n, dtype=bool)
     flips = collapses = 0
     for _ in range(40):  # usually the loop ends after fewer than ten rounds

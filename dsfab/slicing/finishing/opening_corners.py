@@ -90,7 +90,7 @@ def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | No
 
 
 def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]:
-    """Return centres (k, 2) of circles that touch the first segments of polylines a and b, and True (k,) if in void."""
+    """Return centres (k, 2) of circles that touch the first segments of polylines a and b, and a mask: True in void."""
     u, v = (unit_vectors(line[:, 1] - line[:, 0]) for line in (a, b))
     left_normal, right_normal = np.stack([u[:, 1], -u[:, 0]], axis=1), np.stack([-v[:, 1], v[:, 0]], axis=1)
     centre, in_void = circle_centres(a[:, 0], left_normal, b[:, 0], right_normal, radius)
@@ -152,7 +152,7 @@ class Corners:
         return Stretches.from_chains(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
 
     def with_arc_feet(self, tips: "Corners", arcs: Arcs) -> "Corners":
-        """Return the corners, where the ends of arcs (p,) replace the corners that these arcs cut off.
+        """Return the corners with the ends of arcs (p,) in place of the corners that these arcs cut off.
         tips : (p,) the corners of the arcs. An end of an arc has `turn` 0."""
         walls, chain = self.walls, self.walls.chain[tips.first]
         free = ~tips.stretches(arcs).covers(walls.chain[self.first], self.place)

@@ -94,7 +94,7 @@ class Openings:
         return self.slits & (self.narrowness < split_value(self.narrowness, least, ALIKE))
 
     def slits_between(self, family: Bools) -> tuple[int, float]:
-        """Return how many slits lie mostly beside a family, and the share of the family's walls at narrow slits.
+        """Return how many slits lie mostly beside a family, and the share of its walls at narrow parts of slits.
         family : (m',) mask of the family's cells."""
         own_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         own_edges[self.void.cut_surface.edges.of[family]] = True

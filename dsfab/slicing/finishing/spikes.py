@@ -42,7 +42,7 @@ class Spike(NamedTuple):
 
 def without_spikes(cells: Sheet) -> tuple[Sheet, int]:
     """Cut teeth (spikes) off the material of a sheet without point contacts; return also the number of teeth.
-    A tooth stays if the material beyond its base has edges besides the tooth's: a cut could divide the material."""
+    A tooth stays if another wall or surface edge lies beyond its base, because a cut could divide the material."""
     count = 0
     for _ in range(4):  # repeat, because a round cuts only spikes that do not touch each other
         all_spikes = _spikes(cells) if cells.has_openings else []
@@ -112,7 +112,7 @@ def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
 
 
 def _cells_beyond_chord(cells: Sheet, spike: Spike) -> Ints | None:
-    """Return the cells (c,) of a tooth, partly or fully beyond its base; None if they reach another edge."""
+    """Return cells (c,) at least partly beyond a tooth's base; None if another wall or surface edge lies beyond it."""
     surface, material, twins = cells.surface, cells.material, cells.surface.edges.twins
     outline_vertices, seen, waiting = set(spike.outline.tolist()), set[int](), set(spike.cells.tolist())
     while waiting:

@@ -170,7 +170,7 @@ def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field])
 
 def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy) -> list[FairBar]:
     """Return the new bars. They replace nodes with stripes (and crossings) there, or stripes near singular points.
-    New bars replace different polygons. A new bar must deviate from the old bar, but by fewer than `FAR` widths."""
+    No two new bars replace the same polygon. `ASKEW`, `UNEVEN` and `FAR` limit the `deviation` of a new bar."""
     bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
     for lumps, seeds in ((with_crossings(mesh, nodes), nodes), (nodes, nodes), (none, near_singular)):
         label = mesh.part_labels(_with_touching_stretches(mesh, lumps | seeds, between_crossings(mesh, tidy, lumps)))

@@ -24,10 +24,10 @@ from dsfab.slicing.finishing.loose_ends import Tidy, dependent_polygons, nodes_o
 from dsfab.surface import link_components
 
 LARGE = 1.6
-"""Largest size / median size of an opening that remains where a stub (end of a stripe) was removed."""
+"""Largest size / median size of openings where a stub (stripe end) was removed. Usually 5 % of openings are larger."""
 EYELET, LARGER = 0.5, 2.5
 """An eyelet is an opening under EYELET times the size of a neighbouring opening. Where a stub beside an eyelet is
-removed, the remaining opening may have a size up to LARGER."""
+removed, the remaining opening may have a size up to LARGER times the median."""
 GOOD = 1.1  # Stubs (ends of stripes) stay if all openings beside them have a larger size.
 SMALL = 0.6  # Stubs (ends of stripes) stay if the opening without them would have a smaller size.
 TURN = float(np.radians(110))

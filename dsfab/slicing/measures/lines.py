@@ -126,7 +126,7 @@ def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans
 
 
 class Middle(NamedTuple):
-    """A middle line of a member: points (k, 3), metres, and the number that most of the line's length has."""
+    """A middle line of a member: points (k, 3), metres, and its number (if it changes, the one on the longest part)."""
 
     number: int
     points: Floats

@@ -30,7 +30,7 @@ from dsfab.surface import CornerField, Surface, link_components
 
 @dataclass(frozen=True, eq=False)
 class DrawnBand:
-    """Stripes of a field of a cut, which has two values at each place. In a stripe, a level is between these values.
+    """Stripes of one field of a cut. The field has two values at each place. In a stripe, a level is between them.
     family : name. Fields of the same family do not cross each other.
     field  : the two values at corners of the uncut surface, or (n', 2) at the vertices of the material sheet.
     levels : (k,) ascending, one for each stripe.

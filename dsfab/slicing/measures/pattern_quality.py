@@ -27,7 +27,7 @@ from dsfab.surface.topology import link_components
 class Bays:
     """Middle lines of a family's members, divided into bays: from one crossing with the other family to the next.
     Edges of faces divide the bays further, into b parts.
-    piece  : (b,) piece of `middles` that contains each part.    at : (b, 3) barycentric coordinates of the middles.
+    piece  : (b,) piece of `middles` that contains each part.    at : (b, 3) barycentric coordinates of its midpoint.
     length : (b,) length of each part, metres.    bay : (b,) number of each part's bay.    count : number of bays.
     angle  : (c,) angle between members at crossings, degrees. Crossings in material other than stripes are left out."""
 
@@ -151,7 +151,7 @@ def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confiden
 
 
 def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools:
-    """Return a mask (j,) of nodes where members turn back. along : (s, 3) stress directions. clear : (s,) if clear."""
+    """Mark nodes (j,) where members turn back. along : (s, 3) stress directions.    clear : (s,) True if clear."""
     pieces = np.flatnonzero(~middles.copy)
     step = middles.points[pieces, 1] - middles.points[pieces, 0]
     ahead = np.where(np.einsum("px,px->p", step, along[pieces]) < 0, -1, 1)  # -1: opposite to `along`

@@ -149,7 +149,7 @@ class Structure:
 
     @cached_property
     def material(self) -> Sheet:
-        """All cells with material, as a sheet, including pieces that reach no support."""
+        """Every cell with material, as a sheet, including pieces that reach no support."""
         return self.cells.subset()
 
     @property

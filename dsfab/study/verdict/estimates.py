@@ -142,7 +142,7 @@ def quantile(value: Floats, weight: Floats, share: float = 0.99) -> float:
 
 
 def off_corners(surface: Surface, supported: Bools) -> Bools:
-    """Mark faces (m,) far from reentrant corners and ends of supports: over the mean rib width, or 5 % of the size."""
+    """Mark faces (m,) away from reentrant corners and support ends: beyond min(mean rib width, 5 % of the size)."""
     corners = np.concatenate([inward_corners(surface), support_ends(surface, supported)])
     if not len(corners):
         return np.ones(surface.m, dtype=bool)

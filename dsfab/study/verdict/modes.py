@@ -65,7 +65,7 @@ class ModeIntervals:
 
     @property
     def local(self) -> Mapping[str, str]:
-        """Notes by case, if its lowest buckling mode on the finest mesh moves only a small part of the sheet."""
+        """Notes, by case, on lowest buckling modes on the finest mesh that move only a small part of the sheet."""
         return self.levels[-1].local if self.levels else {}
 
 

@@ -105,7 +105,7 @@ class CaseVerdict:
     value  : compliance, J; nan if nothing was solved.
     bound  : largest error of the value, divided by the value; inf if unknown.
     status : fail if the sheet does not carry the loads; pass if the bound is at most `CONVERGED`; else unknown.
-    spread : compliance by quadratic + midedge elements / compliance by quadratic + hhj elements - 1, on the first mesh.
+    spread : (compliance by quadratic + midedge elements) / (compliance by quadratic + hhj elements) - 1; first mesh.
     zz_membrane, zz_bending : energies of stress errors on the finest mesh, divided by the compliance.
     theory : fraction by which a solid may be softer than this thin sheet."""
 

@@ -453,7 +453,7 @@ class LoadCase:
         return self.with_parts(surface, self.parts.on_share(weight=share))
 
     def on_share(self, surface: Surface, share: Floats) -> Self:
-        """Return the load case of a sheet that keeps `share` (m,) of each face: loads `weight` and `bare` shrink."""
+        """Return the load case of a sheet that keeps a fraction (m,) of each face; loads `weight` and `bare` shrink."""
         if self.parts is None:
             return self
         return self.with_parts(surface, self.parts.on_share(share, share))

@@ -302,8 +302,8 @@ class _Plane:
         return Extent(prism_depth, foot[:, None] + ends, min(_width(flat) for flat in loops))
 
     def _nearest_part(self, surface: Surface) -> tuple[float, float]:
-        """Return distances (m) from the plane to both ends of a prism that contains only the surface's nearest part.
-        An end is infinite if nothing lies behind the nearest part on its side."""
+        """Return lower and upper end, metres from the plane, of a prism that contains only the surface's nearest part.
+        An end is infinite if nothing lies behind the nearest part on this side."""
         reach, normal = np.abs(self.distances(surface.V)).max() + surface.size, self.axes[2]
         nearest_hits, behind = list[float](), list[float]()
         for p in self._sight_points():

@@ -140,8 +140,8 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _leading(net: Net, long: Bools, length: Floats) -> Bools:
-    """Return the marks `long` (e,) without edges under 70 % of the longest marked edge in any of their faces.
-    In thin faces, marked edges shorter than the longest marked edge lose their marks."""
+    """Return the mask `long` (e,) without edges shorter than 70 % of the longest marked edge in one of their faces.
+    Around thin faces, all edges shorter than the longest marked edge are left out."""
     faces = np.flatnonzero(faces_at(net.edges.of, long))
     edge = net.edges.of[faces]
     marked_length = np.where(long, length, -1.0)[edge]

@@ -104,7 +104,7 @@ class FeatureCurves:
         return (1 - t) * self.points[k - 1] + t * self.points[k]
 
     def points_between(self, start: Floats, end: Floats) -> tuple[Ints, Ints]:
-        """Return the numbers of intervals (j,), and of points (j,) of the curves inside these intervals.
+        """Return pairs as two arrays (j,): the index of an interval, and the index of a curve point inside it.
         start, end : (k,) ends of the intervals on the axis of arc length, metres."""
         low, high = np.searchsorted(self.at, start, side="right"), np.searchsorted(self.at, end, side="left")
         count = np.maximum(high - low, 0)

@@ -32,7 +32,7 @@ def centroid(surface: Surface) -> Floats:
 
 
 def round_axis(surface: Surface, axes: Floats) -> Floats | None:
-    """Return the first of `axes` (3, 3) for which the moments along the two other axes are nearly equal, or None."""
+    """Return the first of `axes` (3, 3) for which the other two have nearly equal second moments of area, or None."""
     x = surface.centroids - centroid(surface)
     inertia = [float(surface.areas @ (x @ axis) ** 2) for axis in axes]
     for k in range(3):

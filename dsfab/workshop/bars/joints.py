@@ -250,7 +250,7 @@ class BarLattice:
 @dataclass(frozen=True, eq=False)
 class _BayEnds:
     """The 2 b ends of b bays (parts of members between two nodes).
-    node, width : (2 b,) node number, and width of the bay, metres.    opposite : (2 b,) the bay's other end."""
+    node, width : (2 b,) node number, and width of the bay, metres.    opposite : (2 b,) index of the other end."""
 
     node: Ints
     width: Floats

@@ -111,7 +111,7 @@ def plank_marks(
 
 
 def letters_within(name: str, stock: PlankStock, room: float) -> float:
-    """Return the height of letters (m) in a name on a plank, reduced to keep the name within 2 `room` metres."""
+    """Return the height of letters (m) for a plank's or cover plate's name, at most 2 `room` metres long."""
     high = letter_height(stock.depth, stock.letters[0])
     return high * min(1.0, 2 * room / text_length(name, high))
 

@@ -87,7 +87,7 @@ ENCODERS: dict[str, Callable[[Part], tuple[int, float, Iterable[str]]]] = {
     "faceted": _encode_faceted,
     "tessellated": _encode_tessellated,
 }
-"""Function of each strategy. It returns number of faces (limit: `step_faces`), expected size in bytes, and text."""
+"""Function of each strategy. It returns the number of faces (limit: `step_faces`), the expected bytes, and the text."""
 
 
 def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes]) -> Iterator[bytes]:

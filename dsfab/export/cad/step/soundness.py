@@ -144,7 +144,7 @@ def smooth_use(part: Part) -> SampledUse:
 
 def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffix: str = ".step") -> SampledUse:
     """Let OCCT cut the solid in a file once, and compare the solid's box with the part's box; return the result.
-    file : STEP text, or OCCT's binary shape (`suffix` ".bin").    faces : number; no cut above `MOST_FACES`."""
+    file : STEP text, or OCCT's binary shape (`suffix` ".bin").    faces : number of faces; no cut over `MOST_FACES`."""
     if faces > MOST_FACES:
         return SampledUse(False)
     with _file(file, suffix) as path:

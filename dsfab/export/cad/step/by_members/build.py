@@ -110,7 +110,7 @@ def _tried(part: Part, plan: SolidPlan, fine: bool) -> MemberFile:
 @dataclass(frozen=True, eq=False)
 class TriangleReport:
     """Report on OCCT's triangles. there, back : distances of triangles from the mesh, and of the mesh from triangles.
-    shape : OCCT's binary shape.    fault : reason why no solid was found in the triangles, or ""."""
+    shape : OCCT's binary shape.    fault : why the triangles bound no solid, or why OCCT cannot tell; or ""."""
 
     there: MeshDistances
     back: MeshDistances

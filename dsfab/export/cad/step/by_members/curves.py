@@ -36,7 +36,7 @@ class InnerSpline:
 
     @cached_property
     def hats(self) -> Floats:
-        """Weights (k + 1, k, 4) of Bezier poles: the sum with weights of row i is the curve's point at `places[i]`."""
+        """Weights (k + 1, k, 4) of Bezier poles. Row i, times the poles, gives the curve's point at `places[i]`."""
         count = len(self.places) - 1
         span = np.clip(np.searchsorted(self.breaks, self.places, side="right") - 1, 0, count - 1)
         hats = np.zeros((count + 1, count, 4))
@@ -70,7 +70,7 @@ SAMPLES_PER_EDGE = 2  # number of samples on each skin of the sheet, for each me
 @dataclass(frozen=True, eq=False)
 class SampledChain:
     """Samples of a chain (row of mesh edges). Q : (k, 6) points on the outer and inner skin, mm.
-    outline : True without a region on its right.    chord : smallest chord error of the mesh along the chain, mm."""
+    outline : True if no region is on its right.    chord : smallest chord error of the mesh along the chain, mm."""
 
     Q: Floats
     outline: bool
@@ -117,7 +117,7 @@ class ChainCurve:
 
     @classmethod
     def from_spline(cls, spline: Spline, distance: float) -> "ChainCurve":
-        """Convert a spline of degree 1, 2 or 3 to cubics. distance : of samples from the spline, at most, mm."""
+        """Convert a spline of degree 1 to 3 to cubics. distance : largest distance of samples from the spline, mm."""
         breaks = np.unique(spline.knots)
         x = READ_PLACES[None] * np.diff(breaks)[:, None] + breaks[:-1, None]
         values = spline(x.ravel()).reshape(len(breaks) - 1, 4, -1)

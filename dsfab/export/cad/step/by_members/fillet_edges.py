@@ -96,7 +96,7 @@ def curves_beyond(model: NetModel) -> dict[int, Floats]:
 
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
-    """Return by number of an extended seam: lengths (2,) added at start and end / its length, and new poles (4, 6)."""
+    """Return for each extended seam, by number: added lengths (2,) at both ends / old length, and new poles (4, 6)."""
     longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
     shares = dict[int, Floats]()
     for corner in corners:

@@ -13,7 +13,7 @@ from dsfab.export.splines import arc_lengths, polyline_length
 
 
 def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting: Lifting) -> ChainNet:
-    """Move ends of chains to the points `moves[chain, end]`; `end` is 0 (begin) or -1. Inner points move along."""
+    """Move ends of chains to the points `moves[chain, end]`; `end` is 0 (start) or -1 (end). Inner points move, too."""
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     ends = {k: [moves.get((k, i), int(net.chains[k].points[i])) for i in (0, -1)] for k, _ in moves}
     if not ends:
@@ -80,7 +80,7 @@ def turn_at(three: Floats) -> float:
 
 
 class _Arcs:
-    """Arcs of round corners. An arc that ends at a border between members may grow over a short wall beyond."""
+    """Arcs of round corners. An arc that ends at a border between members may grow over a short wall beyond it."""
 
     def __init__(self, net: ChainNet, P: Floats, arcs: frozenset[int]) -> None:
         self.P, self.chains, self.arcs = P, dict(net.chains), arcs

@@ -76,7 +76,7 @@ class ChainLine:
 
 
 class NetLines:
-    """All lines of a net: curves along chains (rows of mesh edges). twins : line at a seam -> line on the far side.
+    """Lines of a net: curves along chains (rows of mesh edges). twins : line at the seam -> line on its other side.
     place : for each chain, the number of its line, and the parameters of the chain's ends on this line."""
 
     def __init__(self, net: ChainNet, lines: list[ChainLine], twins: dict[int, int] | None = None) -> None:
@@ -87,7 +87,7 @@ class NetLines:
                 self.place[k] = (i, a, b) if ahead else (i, b, a)
 
     def line_part(self, step: tuple[int, bool]) -> LinePart:
-        """Return a chain's line, and parameters of the chain's ends. step : chain, and True to run along the chain."""
+        """Return a chain's line, and parameters of the chain's ends. step : chain number, and True to run forwards."""
         i, a, b = self.place[step[0]]
         return (i, a, b) if step[1] else (i, b, a)
 

@@ -51,7 +51,7 @@ class ChainNet:
     loops   : region -> loops of chains, with the region on the left.    loose : regions outside of all stripes.
     cell    : (m,) region of each cell of the sheet. Cells of a cut-off region have the number of its parent.
     parent  : number of a cut-off region -> number of the region that it was cut from.
-    twins   : point on one side of the seam (cut through a one-sided surface) -> point at the same place opposite."""
+    twins   : point on one side of the seam (see `StripedSheet`) -> point at the same place on the other side."""
 
     weights: csr_array
     chains: dict[int, Chain]
@@ -78,7 +78,7 @@ CreaseTest = Callable[[csr_array, Ints, Ints], Bools]
 
 def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased: CreaseTest | None = None) -> ChainNet:
     """Return the regions of a sheet, and the chains of mesh edges between regions.
-    V, N : (n, 3) vertices, normals of the uncut surface.    thickness : unit as V.    creased : a `CreaseTest`."""
+    V, N : (n, 3) vertices and normals of the uncut surface.    thickness : unit of V.    creased : a `CreaseTest`."""
     P, normals = (np.asarray(sheet.weights @ x) for x in (V, N))
     edges = edge_table(sheet.F)
     start, end = half_edges(sheet.F)
@@ -183,7 +183,7 @@ class _BorderWalk:
         return np.stack([np.append(self.start[side], self.end[side]) for side in (side_a, side_b)])
 
     def _round_ends(self, bent: Bools, void: Bools) -> Bools:
-        """Return a mask of half-edges to ends of round corners. bent, void : masks before a bend, and on an outline."""
+        """Return a mask of half-edges to ends of round corners. bent : mask before a bend.    void : on an outline."""
         h, position = self.along, np.full(len(self.border), -1)
         position[h] = np.arange(len(h))
         after = position[self.after[h]]

@@ -149,7 +149,7 @@ def _on_rims(face: TrimmedFace, rims: Rims, held_curves: Iterable[Mapping[int, F
 
 
 def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats]) -> TrimmedFace | None:
-    """Move edges of walls onto a face; return the face, or None if an edge moves over `SPLIT`, or gaps get too wide."""
+    """Move edges of walls onto a face; return it, or None if an edge moves by over `SPLIT`, or gaps get too wide."""
     change = rims.moved_onto(face, bool(seams))
     moves = [edge.poles - rims.edges[e].poles for e, edge in change.edges.items()] if change else []
     if change is None or np.abs(moves).max() > SPLIT:

@@ -103,10 +103,10 @@ SPLIT = 0.045
 OCCT measures each part of a cut edge at 23 new points, and allows gaps up to 0.05 mm (`BOPAlgo_Builder::PostTreat`)."""
 
 EDGE_WEIGHTS = (100.0, 10.0)
-"""Weights of edge points in trial fits of a face; inner points have weight 1. Last trials use the smaller weight."""
+"""Weights of edge points in trial fits of a face; inner points have weight 1. The last trials use the smaller one."""
 
 SMOOTH_WEIGHTS = (1e-1, 1e-2)
-"""Weights of the second differences of poles in trial fits, for smoothness. Later trials use the smaller weight."""
+"""Weights of second differences of pole movements in trial fits. Later trials use the smaller weight."""
 
 BASE_DEGREE = 2  # degree of the surface to which corrections of higher degree are added
 
@@ -183,7 +183,7 @@ def trimmed_face(
 
 
 def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
-    """Return a mask (k,) of points (k, 6) inside lines (., 6), with normals within 70 degrees of the mean normal."""
+    """Return a mask of points (k, 6) inside lines (., 6), with normals within 70 degrees of the lines' mean normal."""
     mean = middle_normal(np.concatenate(lines))
     plane = axes_of(mean)[:2].T
     is_inside = points_inside(points[:, :3] @ plane, [line[:, :3] @ plane for line in lines])
@@ -191,7 +191,7 @@ def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
 
 
 def inside_of(line: Floats) -> Floats:
-    """Return sample points (k, d) on the segments from the middle of an outline (n, d) to its corners."""
+    """Return sample points (k, d) on the segments from the middle of an outline to its points (n, d)."""
     shares, middle = np.array([0.3, 0.5, 0.7, 0.85, 0.95]), line.mean(axis=0)  # fractions from middle to outline
     return np.asarray((middle + shares[:, None, None] * (line - middle)).reshape(-1, line.shape[1]))
 
@@ -266,8 +266,8 @@ def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
 
 
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
-    """Fit a surface on each skin to a closed line (k, 6) and inner points (j, 6); return the line's distance (k,), mm,
-    from its surface, on the skin with the larger distance. All values are infinite if the region bends too much."""
+    """Fit a surface on each skin to a closed line (k, 6) and inner points (j, 6); return the line's distances (k,), mm.
+    Each is the larger of the distances from the two surfaces. All values are infinite if the region bends too much."""
     return np.maximum(*misfits(points, line, degree))
 
 

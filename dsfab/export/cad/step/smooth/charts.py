@@ -392,7 +392,7 @@ class ChartAtlas:
 
     def chart(self, k: int, first_poles: float, most_poles: int) -> SkinChart:
         """Return chart k with fitted spline surfaces. The fit starts with about `first_poles` poles in each direction,
-        and uses at most `most_poles`."""
+        and uses at most `most_poles` in each direction."""
         of_chord = 0.3  # the tolerance includes this fraction of the mesh's chord error
         most_divisions = 2  # largest number of divisions of a coarse mesh
         F = self.surface.F

@@ -96,7 +96,7 @@ class PieceBuilder:
 
     def piece(self, number: int, level: dict[RunKey, int], traced: bool = False) -> SmoothPiece:
         """Build the piece with this number. traced : as in `SmoothPiece`.
-        level : number by key of an outline part, else 0; a higher level gives the part's curves a smaller tolerance."""
+        level : number of failed checks by key of an outline part, default 0; each failure lowers the tolerance."""
         result, seams = SmoothPiece(traced=traced), dict[RunKey, int]()
         regions = [region for region in self.sheet.regions if region.piece == number]
         self._make(regions, level)

@@ -136,7 +136,7 @@ def solid_records(
     limit: float,
     look: Callable[[], None] | None = None,
 ) -> list[dict[str, Any]]:
-    """Return OCCT's findings about each solid of the file `path`, by name. limit : largest time, seconds.
+    """Return OCCT's findings about each solid of the file `path`, as dictionaries. limit : seconds of processor time.
     look : function to call when triangles exist; with this function, OCCT reads all solids together."""
     program.send("pieces", path, folder, str(deflection), *(["whole"] if look else []))
     mesh_path = Path(folder) / "mesh.npz"

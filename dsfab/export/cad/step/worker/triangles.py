@@ -39,7 +39,7 @@ def triangles_of(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple
 
 
 def draw(shape: Any, deflection: float) -> None:
-    """Let OCCT triangulate a shape and store the triangles in its faces. deflection : largest distance, mm."""
+    """Let OCCT triangulate a shape and store the triangles in its faces. deflection : largest error, mm."""
     angle = 0.2  # largest angle (radians) between neighbouring triangles
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
 

@@ -14,7 +14,7 @@ MANY_EDGES = 16  # faces with at least this many edges are integrated by Green's
 
 
 class PlaneSpline(NamedTuple):
-    """Curve in a surface's parameter plane. knots : with repetitions. way : 1, or -1 if the edge runs backwards."""
+    """Curve in a surface's parameter plane. knots : with repetitions. way : 1, or -1 if the edge is reversed."""
 
     degree: int
     knots: list[float]
