@@ -42,7 +42,6 @@ class CaseResult:
 @dataclass(frozen=True, eq=False)
 class StaticsResult:
     """Results of stage 2 on the uncut surface; `load`, `equilibrium`, `sigma` and `answers` are for all cases together.
-
     sigma      : (m, 3, 3) stress, Pa.    cases : load cases by name, then the combinations.
     objections : reasons against building, in sentences, the most serious first (`dsfab.design.buildability`)."""
 
@@ -92,7 +91,7 @@ class EvenStripes:
     chart   : surface divided at ends of lines, with both phases, for pictures and measures.
     symmetry : reflections and rotations that leave the stripes unchanged, or None.
     steered  : changes of the stripes' directions by guides or symmetry, or None.
-    forces   : (m, 2) principal stresses that the stripes follow, Pa; None for those of the uncut sheet."""
+    forces   : (m, 2) principal stresses that the stripes follow, Pa; None for stresses of the uncut sheet."""
 
     phases: tuple[CornerPhase, CornerPhase]
     wanted: tuple[tuple[Floats, ...], tuple[Floats, ...]]
@@ -107,7 +106,6 @@ class EvenStripes:
 
 class Candidate(NamedTuple):
     """A trial for preset values that are `auto`: modes and phases of the major and of the minor stripes.
-
     compliance : joules, on the mesh of the trial's cut sheet; infinite for a refused trial.
     over_uncut : compliance divided by that of the uncut sheet.
     kept       : share of the surface that is material, loose pieces included.
@@ -132,12 +130,10 @@ class Choice:
 
     @property
     def mode(self) -> tuple[int, int]:
-        """Modes of the major and of the minor stripes."""
         return self.candidates[0].mode
 
     @property
     def phase(self) -> tuple[float, float]:
-        """Phases of the major and of the minor stripes."""
         return self.candidates[0].phase
 
 
@@ -157,7 +153,6 @@ class StressedSurface:
 
 class Attempt(NamedTuple):
     """A trial for the pattern method `auto`: a method and a width rule.
-
     name       : names of the method and the rule, in plain words.
     compliance : joules, on the mesh of the trial's cut sheet; infinite for a refused trial.
     over_uncut : compliance divided by that of the uncut sheet.
@@ -188,7 +183,7 @@ class PatternResult:
     """Stage 4: named fields, linear on faces, and the values at which each field is cut (`dsfab.slicing.cutting.cut`).
 
     fields      : (n,) values at vertices, or (n, 2) for stripes of varying width; a `CornerField` for evenly spaced
-                  stripes; a `DividedField` for kept regions. If a family has several, widely spaced lines come first.
+                  stripes; a `DividedField` for kept regions. Of a family's fields, widely spaced lines come first.
     levels      : values at which to cut each field. A point is material if an odd number of levels lie below its value.
     half_widths : (n,) half-width of the stripes of each field, as a fraction of the distance between their middle
                   lines; infinite for a field that is not a family of stripes.
@@ -299,7 +294,7 @@ def silent(_stage: str, _doing: str) -> None: ...
 
 @dataclass
 class Log:
-    """Progress, seconds and notes of a run. file : texts on the surface file. clock : returns the time in seconds."""
+    """Progress, seconds and notes of a run. file : record of the surface file. clock : returns the time in seconds."""
 
     progress: Progress | None
     seconds: dict[str, float] = field(default_factory=dict)

@@ -46,7 +46,7 @@ class Expected:
         return self.preset if self.preset is not None else str(neighbour) if neighbour.is_file() else None
 
     def read_preset(self, name: str) -> "Preset":
-        """Return the preset with this name, or from this preset file or built folder."""
+        """Read a preset. name : shipped preset, path of a preset file, or folder that `dsfab build` wrote."""
         folder = built_folder(name)
         return Source(self.set_).read_preset(str(folder / "preset.toml") if folder else name)
 
@@ -61,7 +61,7 @@ class Reading:
     density: Annotated[float, Parameter(help="Density for the mass, kg/m3 [the density in the preset].")] = 0.0
 
     def contents(self, file: Path, deflection: float) -> "FileContents":
-        """Read the solid in a file. deflection : largest distance (m) from curved faces of a STEP file to triangles."""
+        """Read the solid in a file. deflection : largest distance (m) of triangles from curved faces of a STEP file."""
         from dsfab.study.file_check import read_shipped
         from dsfab.surface import DEFAULT_TRIANGLES
 

@@ -151,7 +151,7 @@ class Questions:
 
     @property
     def area_shares(self) -> list[float]:
-        """Shares of material (0 to 1) to compare; '0.2:0.8:7' gives seven. Raises DsfabError for another form."""
+        """Shares of material (0 to 1) to compare; '0.2:0.8:7' gives 7 shares. Raises DsfabError for another form."""
         if self.volumes is None:
             return []
         try:

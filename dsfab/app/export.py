@@ -156,7 +156,7 @@ def _suffix_by_word() -> dict[str, str]:
 
 
 def format_suffix(word: str) -> str:
-    """Return the suffix of a format: '.step' for 'step'. Raises ExportError if it is unknown or lacks its library."""
+    """Return a format's suffix: '.step' for 'step'. Raises ExportError for an unknown format or a missing library."""
     from dsfab.export import FORMATS
 
     suffixes = _suffix_by_word()

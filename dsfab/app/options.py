@@ -115,7 +115,7 @@ class MeshFlags:
 
     @property
     def wishes(self) -> "MeshWishes":
-        """These options as the input of a proposal: the user's choice of parts, supports and loads of a mesh."""
+        """Options as the input of a proposal: the user's choice of parts, supports and loads of a mesh."""
         from dsfab.preset.proposal import MeshWishes
 
         return MeshWishes(self.stand or "", self.built_in, self.load, self.only)
@@ -140,7 +140,7 @@ class Source(MeshFlags):
     ) -> "Preset":
         """Return the preset of a name or file, or the proposed preset of a mesh file, changed by these options.
         proposal  : result of `self.proposal(name)`; default: it is computed.
-        thickness : if it is `auto`, "sized" computes a thickness, "guessed" takes a first guess, "open" leaves `auto`.
+        thickness : what replaces a thickness `auto`: "sized" a computed value, "guessed" a first guess, "open" nothing.
         Raises PresetError for an unknown or invalid preset, and for a preset without its mesh."""
         from dsfab.preset.file import load_preset, require_mesh, with_overrides
 

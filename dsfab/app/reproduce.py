@@ -74,7 +74,7 @@ def reproduce(
 
 
 def figures_by_name(names: tuple[str, ...]) -> "list[PaperFigure]":
-    """Return the figures of these presets, or all, in the paper's order. Raises DsfabError for an unknown name."""
+    """Return figures of these presets (default: all), in the paper's order. Raises DsfabError for an unknown name."""
     from dsfab.reproduction.published import FIGURES
 
     presets = [figure.preset for figure in FIGURES]

@@ -71,7 +71,6 @@ class Reporter:
             self._status = None
 
     def print_line(self, text: str) -> None:
-        """Print a line of text."""
         self._console.print(text, markup=False)
 
 
@@ -81,7 +80,6 @@ def print_result(text: str = "") -> None:
 
 
 def print_lines(lines: Iterable[str]) -> None:
-    """Print each line of results on standard output."""
     for line in lines:
         print_result(line)
 

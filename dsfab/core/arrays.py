@@ -69,7 +69,8 @@ def row_min(rows: NDArray[Any]) -> NDArray[Any]:
 
 
 def group_sums(group: Ints, values: Floats, count: int = 0) -> Floats:
-    """Sum the rows of `values` (k, d) by group; return (g, d). group : (k,) group of each row.    count : least g."""
+    """Return the sum of the rows of `values` (k, d) in each group, (g, d). group : (k,) number of each row's group.
+    count : smallest number g of groups in the result; a group without rows gets 0."""
     return np.stack([np.bincount(group, column, count) for column in values.T], axis=1).astype(np.float64)
 
 
@@ -194,7 +195,7 @@ ALIKE = 0.05  # Relative difference below which widths of openings or bars count
 
 
 def split_value(values: Floats, threshold: float, tolerance: float = ALIKE) -> float:
-    """Return a limit between small and large values (k,): the middle of the widest gap near `threshold`.
+    """Return a limit between small and large values (k,): the middle of the widest gap between values near `threshold`.
     tolerance : values at a smaller distance from the threshold may be on either side of the limit."""
     close_values = values[np.abs(values - threshold) < tolerance]
     if not len(close_values):

@@ -104,7 +104,6 @@ class Stock(NamedTuple):
 
     @property
     def metres(self) -> tuple[float, ...]:
-        """The thicknesses in metres."""
         return tuple(round(t / 1000, 6) for t in self.millimetres)
 
 

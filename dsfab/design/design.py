@@ -61,7 +61,7 @@ if TYPE_CHECKING:
     from dsfab.report.design.save import SavedDesign
 
 T = TypeVar("T")
-RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}  # Result names by stage.
+RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}  # Results by stage; default: stage name.
 
 
 @dataclass
@@ -333,7 +333,11 @@ class Design:
         """Forces and moments along the axis of each member, by name of the member, from `section_forces`."""
         from dsfab.members.frame import member_forces
 
-        make = partial(member_forces, self.members, self.section_forces, self.member_cuts)
+        def make() -> dict[str, MemberForces]:
+            factors = {name: case.factors for name, case in self.statics.cases.items() if case.factors is not None}
+            forces = {name: forces for name, forces in self.section_forces.items() if name not in factors}
+            return member_forces(self.members, forces, self.member_cuts, factors)
+
         return self.cached_result("slicing", "member forces", make)
 
     @property
@@ -375,7 +379,7 @@ class Design:
 
     @property
     def fields(self) -> Mapping[str, Floats] | None:
-        """Fields of the VTU file by name, (n, ...) or (m, ...), for a design that was read from a folder; else None."""
+        """Fields of the VTU file by name, (n, ...) at vertices or (m, ...) on faces; None if not read from a folder."""
         return self._results.result("fields", lambda: None)
 
     @property
@@ -385,7 +389,7 @@ class Design:
 
     @property
     def seconds(self) -> Mapping[str, float]:
-        """Computing times (s) of the computed stages, by row of the table `TIMED`."""
+        """Computing times (s) of the stages computed so far, by name of the stage or step, such as those in `TIMED`."""
         return MappingProxyType(self._log.seconds)
 
     @property
@@ -416,7 +420,8 @@ class Design:
 
     @property
     def cut_loads(self) -> dict[str, LoadCase]:
-        """Loads that the pattern follows, on the cut sheet, by name. Raises StaticsError if a load has no support."""
+        """Loads on the cut sheet, by name, in the load cases and combinations that the pattern follows.
+        Raises StaticsError if a load has no support."""
         return self._loads_on_sheet(self.preset.followed_weights)
 
     def _loads_on_sheet(self, names: Iterable[str]) -> dict[str, LoadCase]:

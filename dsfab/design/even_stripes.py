@@ -60,8 +60,9 @@ class FamilyLines:
 
 @dataclass(frozen=True, eq=False)
 class StripeDirections:
-    """Directions of the major and of the minor stripes, and further input for their phases.
+    """Directions of the major and of the minor stripes, and further data to compute the stripes' phases.
     given      : directions of the principal stresses.    along : (n, 3) directions of major stripes at vertices.
+    images     : symmetric images of the vertices.    steered : how directions differ from the stress, or None.
     confidence : (m,) clearness of the direction on each face, 0 to 1.
     moved      : (n,) displacement of each vertex under the loads whose stress the pattern follows, in any unit.
     members    : guide curves that become members."""
@@ -104,7 +105,7 @@ class StripeDirections:
         return cross(self.frames.normal, self.along), self.along
 
     def steered_with_members(self, families: Sequence[FamilyLines]) -> StripeSteering | None:
-        """Return the record of steered stripe directions, with a note on each guide curve that becomes a member."""
+        """Return `steered`, the changes of stripe directions, with a note on each guide curve that becomes a member."""
         if self.steered is None or not self.members:
             return self.steered
         surface, messages = self.frames.surface, [self.steered.told] * bool(self.steered.told)
@@ -166,7 +167,8 @@ def _exchanged_on(directions: StressDirections, faces: Bools) -> StressDirection
 
 
 def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
-    """Return a mask (n,) where major and minor swap names; all False with guides or `rotate`, or if asymmetric."""
+    """Return a mask (n,) of vertices at which the major and minor families swap their names.
+    The mask is False everywhere with guides or `rotate`, or if the swaps are not symmetric."""
     crossed = family_crossings(frames, along)
     symmetric = np.abs(images.mean(crossed.astype(float)) - crossed).max() < 0.5
     return crossed if symmetric and not options.is_steered else np.zeros_like(crossed)
@@ -175,8 +177,9 @@ def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Image
 @dataclass(frozen=True, eq=False)
 class FamilyCourse:
     """Directions and density of one family of stripes, from which `lines` computes centre lines for any spacing.
-    g     : (n, 3) direction of the phase gradient at each vertex.    u : (n,) logarithm of the density.
-    start : (n,) weight of each vertex when the phase is chosen.    members : guide curves that become members."""
+    g      : (n, 3) direction of the phase gradient, across stripes.    u : (n,) logarithm of the relative line density.
+    halved : halvings (removals of every second line).    members : guide curves that become members.
+    start  : (n,) weight of each vertex when the phase is chosen."""
 
     follow: StripeDirections
     g: Floats
@@ -230,7 +233,7 @@ def _movement(preset: Preset, surface: Surface, statics: StaticsResult) -> Float
 
 
 def no_lines(surface: Surface, spacing: float) -> FamilyLines:
-    """Return a family that draws no lines: no face has a phase. spacing : metres; `slope` is 1 / `spacing`."""
+    """Return `FamilyLines` without lines for a family that is not drawn. spacing : metres; `slope` is 1 / `spacing`."""
     sides = (surface.m, 3)
     phase = CornerPhase(np.zeros(surface.n), np.ones(sides), np.zeros(sides), np.ones(surface.m, dtype=bool))
     return FamilyLines(phase, 0, np.zeros(surface.m), np.zeros(surface.m), np.full(surface.n, 1 / spacing), 1.0)
@@ -244,7 +247,8 @@ def _symmetry(preset: Preset, surface: Surface, statics: StaticsResult) -> Symme
 
 
 def _slope(surface: Surface, size: Floats, singular: Bools, wanted_density: Floats) -> Floats:
-    """Return lines per metre (n,): mean length `size` (m,) of regular faces' phase gradients, near `wanted_density`."""
+    """Return mean lines per metre (n,) at the vertices, within `SLOPES` times `wanted_density` (n,).
+    size : (m,) lines per metre on each face.    singular : (m,) mask of faces that do not count."""
     regular = (~singular).astype(float)
     mean, regular_share = vertex_means(surface, np.stack([size * regular, regular], axis=1)).T
     slope = np.divide(mean, regular_share, out=wanted_density.copy(), where=regular_share > 0)
@@ -258,8 +262,8 @@ def follows_membrane(preset: Preset, surface: Surface, statics: StaticsResult) -
 
 
 def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) -> StaticsResult:
-    """Return statics in which the pattern follows the forces in the stiffest sheet of varying thickness.
-    The stresses are these forces divided by the preset's thickness. Raises PatternError if the sheet bends."""
+    """Return statics of the stiffest sheet of varying thickness; stress is its force divided by the preset's thickness.
+    A pattern from these statics follows these stresses. Raises PatternError if the sheet bends."""
     if not follows_membrane(preset, surface, statics):
         raise PatternError(
             'pattern.forces = "optimal" needs membrane forces, but this pattern follows bending; set '
@@ -368,7 +372,8 @@ def _digits(length: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _DividedFamilies:
-    """Major and minor lines after halving. density : (n, 2) remaining lines per metre at each vertex."""
+    """Major and minor lines after halving (removal of every second line).
+    density : (n, 2) remaining lines per metre at each vertex."""
 
     both: tuple[FamilyLines, FamilyLines]
     halved: LineHalving

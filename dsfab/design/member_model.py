@@ -142,7 +142,7 @@ def beam_model(
 def beam_agreement(
     preset: Preset, sheet: Surface, graph: "MemberGraph", frame: "Frame", loads: Mapping[str, LoadCase]
 ) -> list["FrameAgreement"]:
-    """Compare the beam model with the cut sheet under each of the loads. Ribs of the sheet twist like beams here.
+    """Compare the beam model with the cut sheet under each of the loads. The ribs of this cut sheet twist like beams.
     Raises StaticsError if the supports do not hold the beams or the sheet."""
     from dsfab.members.frame import agreement, solve_frame
 
@@ -161,7 +161,8 @@ def beam_agreement(
 def _sheet_and_bar_answers(
     model: SheetModel, loads: Mapping[str, LoadCase]
 ) -> tuple[Mapping[str, Equilibrium], Mapping[str, Equilibrium]]:
-    """Results for ribs that twist like sheets, and like bars; equal without bending, or if bars have no result."""
+    """Return results by load, first of ribs that twist like sheets, then of ribs that twist like bars.
+    The results are the same without bending, or if the equations of ribs that twist like bars have no solution."""
     try:
         as_bars = solve_for(model, loads, "displacement", bars=True)
     except StaticsError:

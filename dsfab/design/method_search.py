@@ -28,17 +28,18 @@ from dsfab.results import (
 from dsfab.slicing import Sheet
 from dsfab.surface import Surface
 
-EXCHANGEABLE_RULES = ("constant", "graded")  # The search may replace these width rules if there is a solid fraction.
+EXCHANGEABLE_RULES = ("constant", "graded")  # Width rules that the search may replace, if a solid fraction is set.
 SPACINGS = (0.75, 1.25)  # Factors on the default spacings of stripes; the search also tries these spacings.
 
 
 @dataclass(frozen=True, eq=False)
 class MethodCandidate:
     """A pattern method as a candidate of the search, with the results of its trial.
-    preset  : preset with chosen values for `auto`.    choice  : tried modes and phases, best first, or None.
-    even    : evenly spaced stripes; None for modes.   sheet   : sheet after the cut; None if the trial failed.
+    preset  : preset with chosen values for `auto`.    attempt : name and measured values of the trial.
+    choice  : tried modes and phases, best first, or None. even : evenly spaced stripes; None for stripes on modes.
+    sheet   : cut sheet; None before the trial, or if the trial failed.
     grading : (n, f) relative half-width of f families at n vertices; None without the rule `stressed`.
-    notes   : notes for the design.                    drawn   : stripes of the built design, or None."""
+    notes   : notes for the user.    drawn : finished stripes, as a build draws them, or None."""
 
     preset: Preset
     attempt: Attempt
@@ -158,8 +159,8 @@ def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) ->
 def uncrowded_candidate(
     candidate: MethodCandidate, analysis: StressedSurface, draw: Callable[[Preset], MethodCandidate], progress: Progress
 ) -> MethodCandidate:
-    """Return `candidate` if its filled openings form no solid plate. Otherwise try the changes of [pattern] from
-    `uncrowded_changes`, and return the best candidate.
+    """Return `candidate` if its filled openings form no plate (an area without openings). Otherwise try the changes of
+    the preset from `uncrowded_changes`, and return the best candidate.
     draw : function that returns the stripes of a preset, without widths."""
     surface, options, pattern = analysis.surface, candidate.preset.pattern, candidate.drawn
     trial = pattern and (pattern.trial or trial_cut(candidate.preset, surface, pattern))
@@ -304,7 +305,8 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
 
 
 def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return candidates; up to four near the best are cut as in a build, the best last so that slicing can continue."""
+    """Return all candidates. If at least two are nearly the best, up to four of these are cut and solved as in a build.
+    The best is cut last, so that slicing can continue from its cut."""
     *flaws, soft = min(candidate.attempt.rank for candidate in candidates)
     limit = (*flaws, (1 + NEAR_BEST) * soft)
     shares = [other for other in candidates if other.sheet and other.preset.pattern.width.solid_fraction]

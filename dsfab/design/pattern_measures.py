@@ -43,7 +43,7 @@ class PatternedDesign(Protocol):
 
 
 class DesignDraft(NamedTuple):
-    """Stages 1 to 4 of a design."""
+    """Results of a design up to its pattern."""
 
     preset: Preset
     surface: Surface
@@ -58,7 +58,7 @@ def measured_pattern(
     """Return the quality of a pattern, measured on its stripes before the cut, and on its cells after the cut.
     symmetry : True to measure the symmetry error, too, which takes longest.
     cells    : all cells of the cut; None before the cut.
-    sheet    : the sheet after slicing; default: all material."""
+    sheet    : the sheet after slicing; default: all material of `cells`."""
     chart = pattern_chart(design)
     stripes = pattern_on_chart(design.surface, chart, design.pattern)
     followed = followed_directions(design)
@@ -130,7 +130,7 @@ def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternRe
 
 
 def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> StripeChart:
-    """Return the stripes of a pattern and its kept regions. chart : the phases of its stripes on the surface."""
+    """Return the stripes of a pattern, with its kept regions (all material). chart : phases of the stripes."""
     d = np.stack([pattern.half_width(name) for name in FAMILIES], axis=1)
     kept_height = np.full(surface.n, -1.0)
     for name, x, levels in zip(pattern.names, pattern.fields, pattern.levels, strict=True):
@@ -194,7 +194,7 @@ def symmetry_error(surface: Surface, stripes: StripeChart, symmetry: Symmetry) -
 
 
 def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
-    """Return the share of the area where the material after the cut differs from its symmetric image, at worst."""
+    """Return the share of area where material after the cut differs from its symmetric image, for the worst image."""
     V, F = cells.surface.V, cells.surface.F
     return _asymmetric_share(
         surface, cells.surface, symmetry, lambda points: cells.material[nearest_places(points, V, F).simplex]

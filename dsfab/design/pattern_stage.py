@@ -62,8 +62,8 @@ def _follows_own_weight(preset: Preset, statics: StaticsResult) -> bool:
 
 
 def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) -> Floats:
-    """Return the share of each face (m,) that stripes and kept regions cover. For a symmetric pattern, the share is a
-    mean over symmetric faces. Widths are approximate. Corners are not rounded, and openings are not filled."""
+    """Return the share of each face (m,) that is material. For a symmetric pattern, the share is a mean over symmetric
+    faces. Widths of stripes are approximate. Corners are not rounded, and openings are not filled."""
     surface, sketch = analysis.surface, sketched_step(preset, analysis, even=even)
     polygons = tidied_polygons(surface, sketch.fields, sketch.levels, SHARE_SNAP, sketch.tidy)
     area = polygons.cells.areas(polygons.X)[0] * ~polygons.void
@@ -93,7 +93,7 @@ def _lighter_loading(loading: Loading, surface: Surface, share: Floats) -> Loadi
 def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[float, float]:
     """Return the mean and the 95 % quantile of the angle (degrees) between the principal directions of two stresses.
     before, after : (m, 3, 3). The mean has weights: a face's area times the difference of its principal stresses in
-    `before`. The quantile has areas as weights, and counts only faces with clear directions."""
+    `before`. The quantile has areas as weights, and counts only faces whose principal stresses clearly differ."""
     (stress, directions), (_, directions_after) = (principal_stresses(surface, sigma) for sigma in (before, after))
     axis_before, axis_after = directions[:, 0], directions_after[:, 0]
     across = np.linalg.norm(np.cross(axis_before, axis_after), axis=1)
@@ -111,7 +111,7 @@ def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[f
 
 
 class EarlierStripes(NamedTuple):
-    """Evenly spaced stripes of an earlier design with the same surface and stress. asked : its options [pattern]."""
+    """Evenly spaced stripes of an earlier design with equal surface and stress. asked : its [pattern] options."""
 
     asked: Pattern
     even: EvenStripes

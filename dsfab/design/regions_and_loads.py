@@ -198,7 +198,7 @@ class CoveringLoads:
 
     @classmethod
     def for_sheet(cls, surface: Surface, sheet: Sheet) -> Self:
-        """Find the material that carries a covering, for a sheet that was cut from the surface."""
+        """Find, for each face of the surface, the material of the cut sheet that carries a covering's loads."""
         cells, m = sheet.surface, surface.m
         area: Floats = np.bincount(sheet.parent, cells.areas, m).astype(np.float64)
         area_moment = group_sums(sheet.parent, cells.areas[:, None] * cells.centroids, m)
@@ -230,7 +230,8 @@ class CoveringLoads:
         return force
 
     def _by_opening(self, load: Floats) -> Floats:
-        """Return forces (m, 3), N, with loads on openings moved to the nearest material; moments stay if possible."""
+        """Return forces (m, 3), N, on the material in faces; loads (m, 3) on openings move to the nearest material.
+        The moment of these loads stays the same, unless this is impossible or needs forces larger than the loads."""
         loaded_faces = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
         force = group_sums(self.to[self.to >= 0], load[self.to >= 0], len(load))
         # a face may take the load of several openings, so count pairs of opening and face
@@ -270,8 +271,9 @@ def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
 
 
 def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
-    """Return forces (k, 3) at places (k, 3). In each group the forces sum to zero, and their moment is `moment`.
-    Places on a line take no moment about that line."""
+    """Return forces (k, 3), N, at places (k, 3), metres, in groups. weight : (k,) factor on each force.
+    The forces of a group sum to zero and have the group's `moment` (g, 3), N m. If all places of a group are on a line,
+    the forces have no moment about this line."""
     count = len(moment)
     total = np.bincount(group, weight, count)
     middle = group_sums(group, weight[:, None] * place, count) / np.where(total > 0, total, 1.0)[:, None]
@@ -327,15 +329,15 @@ def permanent_loads(preset: Preset, surface: Surface, load: LoadCase) -> dict[st
 
 
 def sheet_loads(surface: Surface, material: Sheet, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
-    """Return each load on a cut sheet, like `loads_on`. Raises StaticsError for a load on a piece without support.
-    material, sheet : see `lost_load`."""
+    """Return each load of the uncut surface on a cut sheet, by name. material : the sheet with its loose pieces.
+    Raises StaticsError if over 1 % of a load is on loose pieces (which reach no support), or as `sheet_load` does."""
     if lost := lost_load(surface, material, sheet, loads.values()):
         raise StaticsError(f"{lost}; {LOST_LOAD_REMEDY}")
     return loads_on(surface, sheet, loads)
 
 
 def loads_on(surface: Surface, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
-    """Return each load of the uncut surface on a sheet that was cut from it, by name, like `sheet_load`."""
+    """Return each load of the uncut surface on a sheet that was cut from it, by name (see `sheet_load`)."""
     covered = any(load.parts is not None and load.parts.covered.any() for load in loads.values())
     covering = CoveringLoads.for_sheet(surface, sheet) if covered else None
     return {name: sheet_load(surface, sheet, load, covering) for name, load in loads.items()}

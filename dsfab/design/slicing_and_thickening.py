@@ -46,7 +46,7 @@ def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) 
 
 def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
     """Return which slits (narrow openings) are filled: see `merging_rule`; 'none' for a pattern without stripes, or
-    with `tidy` None. Members beside a filled slit merge."""
+    if `pattern.tidy` is None. Members beside a filled slit merge."""
     has_stripes = pattern.even is not None or pattern.preset_with_choices(preset).pattern.method == "modes"
     return merging_rule(preset) if pattern.tidy is not None and has_stripes else "none"
 
@@ -79,7 +79,8 @@ def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[Tri
 
 
 def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
-    """Return two widths (m), or 0: narrower openings are filled, and narrower places in openings are bridged."""
+    """Return two limits (m), 0 for no limit. Openings smaller than the first limit are filled. Material bridges places
+    in openings that are narrower than the second limit."""
     options, min_opening = preset.pattern, preset.slicing.min_opening
     if min_opening is not None or options.method != "stripes":
         return min_opening or 0.0, min_opening or 0.0
@@ -92,7 +93,7 @@ def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
 
 
 REQUESTED_SHARE = 0.95
-"""Largest default least width of members, as a fraction of the smallest member width that the preset requests."""
+"""The default least width of members is at most this fraction of the smallest width that the preset requests."""
 
 
 class WorkshopWidths(NamedTuple):
@@ -249,7 +250,7 @@ def filled_plate(
 ) -> FilledOpenings | None:
     """Return the largest group of neighbouring filled openings. Return None for fewer than `FILLED_PLATE` openings,
     and for a group with its centre inside a small, supported boundary loop.
-    cells : two sheets of cells: before and after openings were filled and corners rounded."""
+    cells : two cut sheets: before and after openings were filled and corners rounded."""
     spacings = [family.distance(surface.area, surface.mean_edge) for family in options.drawn_families]
     fillings = merged_members(options, surface, pattern), largest_filling(*cells, max(spacings))
     filling = max(filter(None, fillings), key=lambda group: group.openings, default=None)
@@ -328,7 +329,7 @@ def _note_slicing(
 
 
 def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: StaticsResult, log: Log) -> None:
-    """Note loads that differ between the cut and the uncut sheet. The stripes follow the loads of the uncut sheet."""
+    """Add notes to `log` about loads that differ between the cut sheet and the uncut sheet."""
     parts = [case.load.parts for case in statics.cases.values() if case.load.parts is not None]
     if any(part.weight.any() for part in parts):
         areas = surface.area, sheet.surface.area

@@ -56,7 +56,6 @@ def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStr
 
 def _cached_layers(preset: Preset, surface: Surface, load: LoadCase) -> list[Layer]:
     options = preset.pattern.keep, preset.pattern.rim, preset.pattern.region
-    # many trials of values for `auto` share these layers, to save time
     latest: _LatestLayers | None = derived_results(load).get(_LatestLayers)
     if latest and latest.options == options and latest.surface() is surface:
         return latest.layers
@@ -80,7 +79,7 @@ def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) 
 
 
 def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
-    """Return a mask (m,) of faces where stripes on a mode follow the other family's direction; None without a mode."""
+    """Return a mask (m,) of faces where stripes of a mode run in the other family's direction; None without a mode."""
     if layer.name not in FAMILIES or not isinstance(layer.field, np.ndarray):
         return None
     x: Floats = layer.field if layer.field.ndim == 1 else layer.field.mean(axis=1)
@@ -155,7 +154,7 @@ def corrected_pattern(
 
 
 def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
-    """Return the mean `aim` of the closest two trials: one has too little, one too much material; 0 for no pair."""
+    """Return the mean `aim` of the closest trials below and above `requested`; 0 if none, or if aims nearly agree."""
     pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in trials for b in trials if a.total < requested < b.total]
     gap, middle = min(pairs, default=(0.0, 0.0))
     return middle if gap > SHARE_TOLERANCE / 16 else 0.0
@@ -296,7 +295,7 @@ def member_widths(preset: Preset, surface: Surface) -> Widths:
 
 def least_width(preset: Preset, surface: Surface) -> float:
     """Return the default least width (m) of evenly spaced members of varying width: the thickness for rule `graded`, or
-    `least_drawn_member` for `stressed`, so that slicing widens few members. It is at most `least_member`."""
+    `least_drawn_member` for `stressed`, so that slicing widens few members; at most `least_member`."""
     stressed = preset.pattern.width.rule == "stressed"
     least = least_drawn_member(preset, surface) if stressed else preset.statics.thickness
     return min(least, least_member(preset.pattern, surface))
@@ -327,7 +326,7 @@ def solved_layers(
     families: Sequence[DrawableFamily],
     search: WidthSearch,
 ) -> tuple[list[Layer], float]:
-    """Return kept regions and stripes that cover the requested share of the surface, and their width factor.
+    """Return kept regions and stripes that cover the requested share of the surface, and a factor on widths.
     Raises PatternError if no widths give this share."""
     width, widths = preset.pattern.width, member_widths(preset, surface)
     factor = search.guess or (mean_duty_factor(surface, families, widths) if widths.follow_stress else 1.0)
@@ -363,10 +362,10 @@ def layers_with_share(
     factor: float,
     solve: Callable[[Callable[[float], float]], float],
 ) -> tuple[list[Layer], float]:
-    """Return layers (stripes and kept regions) that cover the requested share, and their width factor.
+    """Return layers (stripes and kept regions) that cover the requested share, and a factor on widths.
     layers : function of two factors on widths: for drawing, and for the decision which openings are closed.
     share  : function that returns the share of the surface that layers cover.    factor : approximate width factor.
-    solve  : function that returns x for the requested share(x). Widths are drawn with x times `factor`."""
+    solve  : function of a function share(x); returns x for the requested share. Widths are drawn with x * `factor`."""
     refused, distant = list[PatternError](), list[tuple[float, float, list[Layer]]]()
     for closing in (factor * shift for shift in CLOSINGS):
         cache = _CachedLayers(layers, factor, closing)
@@ -390,7 +389,7 @@ def layers_with_share(
 
 @dataclass
 class _CachedLayers:
-    """Latest result of the function `layers`. closing : factor on widths that decides which openings are closed."""
+    """Function `layers` with its latest result. closing : factor on widths, to decide which openings are closed."""
 
     layers: Callable[[float, float], list[Layer]]
     factor: float
@@ -414,7 +413,7 @@ def drawable_families(
     """Return the families of stripes: major stripes along the first principal stress, minor stripes along the second.
     radius  : distance (m) over which slopes are averaged, see `Widths.radius`.
     grading : (n, f) relative half-widths for the rule `stressed`; default: those of the rule `graded`.
-    even    : evenly spaced stripes; None for stripes on modes.
+    even    : evenly spaced stripes; None for stripes along level lines of diffusion modes.
     Raises PatternError for a mode that was not computed."""
     surface, diffusion = analysis.surface, analysis.diffusion
     options, families = preset.pattern, list[DrawableFamily]()
@@ -443,7 +442,7 @@ def drawable_families(
 
 def stripe_stresses(surface: Surface, diffusion: DiffusionResult, even: EvenStripes | None) -> Floats:
     """Return the absolute stress (n, 2) along both families, divided by its mean on the surface, for graded widths.
-    even : evenly spaced stripes; None for stripes on modes. Raises PatternError if the stress is zero."""
+    even : evenly spaced stripes; None for stripes of diffusion modes. Raises PatternError if the stress is zero."""
     sizes = np.abs(even.forces if even is not None and even.forces is not None else diffusion.tensors.principal)
     if even is not None and even.steered:
         along = even.steered.along[:, None]

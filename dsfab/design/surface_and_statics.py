@@ -55,8 +55,8 @@ from dsfab.surface.loads.load_case import picked_faces
 
 @dataclass(frozen=True, eq=False)
 class SolvedSheet:
-    """Solution of a sheet for all loads, by one factorisation.
-    acting    : cases and combinations.       plane : True for a flat sheet that is loaded in its plane.
+    """Solution of a sheet under all loads.
+    acting    : load cases and combinations.  plane : True for a flat sheet that is loaded in its plane.
     made      : stiffness matrix (N, N), N/m, for each kind of elements.
     factor_of : function that factorises a stiffness, and stores the factor.
     answers   : equilibrium under each load.    sigma : (m, 3, 3) stress (Pa) of the middle surface under each load."""
@@ -97,7 +97,7 @@ def _timed_factor(factor_of: FactorFunction, log: Log) -> FactorFunction:
 
 
 MOST_VERTICES = 200_000
-"""Largest number of vertices for which accurate elements replace `hinge` elements, which need less memory."""
+"""Largest number of vertices for results by accurate elements, which need more memory than `hinge` elements."""
 
 
 def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log, rough: bool = False) -> list[Answers]:
@@ -383,7 +383,7 @@ def surface_step(preset: Preset, log: Log) -> Surface:
 
 def base_surface(preset: Preset, log: Log | None = None) -> Surface:
     """Return the surface before it is cut along regions.
-    If [surface] requests it, edges are shorter where the stress on a first mesh of equal triangles changes."""
+    If [surface] requests it, the mesh is finer where the stress changes; this stress is computed on an even mesh."""
     section = preset.surface
     if not isinstance(section, OwnSurface):
         return section.build()

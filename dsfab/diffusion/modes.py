@@ -168,7 +168,7 @@ def _root(surface: Surface, mass: Floats) -> Floats:
 
 
 def _scaled_operator(surface: Surface, L: csr_array, mass: Floats) -> csr_array:
-    """Return M^-1/2 (L + s M) M^-1/2, with s = 1 / area; a vertex without faces gets a large eigenvalue."""
+    """Return M^-1/2 (L + s M) M^-1/2, M = diag(mass), s = 1 / area; a vertex without faces gets a large eigenvalue."""
     root = _root(surface, mass)
     unused = np.where(mass > 0, 0.0, L.diagonal().max() / root.min() ** 2)
     A = csr_array((L.data / np.repeat(root, np.diff(L.indptr)) / root[L.indices], L.indices, L.indptr), shape=L.shape)
@@ -185,7 +185,8 @@ def _factor(surface: Surface, A: csr_array) -> Factor:
 
 
 def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int) -> tuple[Floats, Floats]:
-    """Return the `count` smallest eigenvalues of A, ascending, and vectors (n, count). solve : (A + shift)^-1 b."""
+    """Return the `count` smallest eigenvalues of a matrix A, ascending, and vectors (n, count).
+    solve : function of b that returns (A + shift)^-1 b."""
     inverse = LinearOperator((n, n), matvec=solve, dtype=np.float64)
     start = 1 + 0.5 * np.sin(np.arange(n))  # always the same start, so the same modes
     try:
@@ -201,7 +202,8 @@ def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int
 
 def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Floats) -> Floats:
     """Return modes with signs, and with bases of repeated eigenvalues, that do not depend on the solver.
-    A mode's sign makes its third moment positive; if this moment is about zero, the reference fields decide."""
+    A mode's sign makes its third moment positive. If this moment is about zero, the sign makes the first clear product
+    with a field of `_reference_fields` positive."""
     fields = _reference_fields(surface, mass, axes)
     out = X.copy()
     start = 0
@@ -231,7 +233,7 @@ def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
 
 
 def _aligned_basis(space: Floats, fields: Floats, mass: Floats) -> Floats:
-    """Return an M-orthonormal basis of the columns of `space`: projections of the `fields` onto this space."""
+    """Return a basis of the columns of `space`, orthonormal with weights `mass`, from projections of `fields`."""
     coordinates = space.T @ (mass[:, None] * fields)  # (c, fields)
     basis: list[Floats] = []
     for candidate in [*coordinates.T, *np.eye(space.shape[1])]:

@@ -211,7 +211,7 @@ def _check_supports(surface: Surface, symmetry: Symmetry, words: str, load: Load
 
 
 def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats, centre: Floats) -> None:
-    """Refuse asymmetric loads. Compare resultants and moments, then forces that are smoothed for irregular meshes."""
+    """Raise PatternError if the resultant, moments or smoothed forces of a load are too asymmetric (`OFF_LOAD`)."""
     total = float(np.linalg.norm(force, axis=1).sum())
     arm = surface.V - centre
     for R, T in zip(symmetry.R[1:], symmetry.maps[1:], strict=True):
@@ -282,7 +282,7 @@ class _QuickCheck:
 
     @cached_property
     def _held_points(self) -> list[tuple[Floats, cKDTree]]:
-        """For each load case: a sample of the supported points, and a k-d tree of all; relative to the centroid."""
+        """For load cases with supports: sample of supported points, and k-d tree of all; relative to the centroid."""
         held_points = [self.surface.V[load.supported] - self.centre for load in self.loads]
         return [(x[:: max(len(x) // SAMPLE_POINTS, 1)], cKDTree(x)) for x in held_points if len(x)]
 
@@ -330,7 +330,8 @@ def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator
 
 
 def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
-    """Return the normal of the mirror that best maps the outermost points of a round mesh onto each other."""
+    """Return the normal of the mirror that best maps the outermost points of a round mesh onto each other.
+    x, V : (n, 3) vertices relative to the nearest points of the axis, and to the centroid."""
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))
     outer = V[distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * surface.size]

@@ -77,7 +77,6 @@ def diffusion_tensors(
     isotropy: float = ISOTROPY,
 ) -> DiffusionTensors:
     """Return tensors with the principal directions of the stress and eigenvalues r and 1 (Madan et al., section 3.3).
-
     sigma     : (m, 3, 3) stress, Pa, tangent to the faces.
     r         : anisotropy, >= 1; 1 gives the Laplacian.
     gamma     : force magnitude of Madan et al., a factor on the stress.

@@ -206,7 +206,7 @@ class Part:
     simpler    : True if earlier changes removed triangles of the solid.
     curved     : function that returns the sheet for smooth STEP; None if the sheet is unknown.
     cut        : True to test a smooth file by a trial cut with OCCT, unless this cut would take long.
-    hurry      : 0 for no limits of layouts, walls and faces; 1 for the usual limits; larger values multiply them."""
+    hurry      : limits on layouts, walls and faces of a STEP file: 0 for none, 1 for the usual, k for k times these."""
 
     V: Floats
     F: Ints

@@ -63,8 +63,8 @@ def read_with_trimesh(path: Path) -> tuple[Floats, Ints]:
 
 
 def check_mesh(part: Part, V: Floats, F: Ints) -> ReadBack:
-    """Compare a mesh V (n, 3), mm, F (m, 3) with the part: triangles, box and volume. A solid must be closed.
-    Raises ExportError if the mesh differs from the part."""
+    """Compare a mesh V (n, 3), mm, F (m, 3) with the part: triangles, vertices, box, and volume or area.
+    Raises ExportError if the mesh differs from the part, or if the mesh of a solid is not closed."""
     require_equal(part, "triangles", len(part.F), len(F))
     vertices_read, vertices_expected = (int(np.count_nonzero(np.bincount(faces.ravel()))) for faces in (F, part.F))
     require_equal(part, "vertices", vertices_expected, vertices_read)

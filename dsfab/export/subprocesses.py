@@ -131,7 +131,7 @@ def _start(program: str, *arguments: str, stdin: int | None) -> "subprocess.Pope
 
 
 def _limit_time(run: "subprocess.Popen[str]", seconds: float) -> float:
-    """End the program after `seconds` of processor time; return the limit of elapsed time, seconds."""
+    """Let the system end the program after `seconds` of processor time. Return the limit of elapsed time, seconds."""
     if not hasattr(resource, "prlimit"):
         return seconds
     soft_limit = max(1, round(seconds))

@@ -25,7 +25,6 @@ HOLLOW : smallest distance of a centroid from the centre, divided by the largest
 def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
     """Return the order (k,) of members along a structure, from centroids (k, 3) and lengths (k,), metres.
     size : largest dimension of the structure, metres.
-
     Members of a ring are ordered counter-clockwise from the x axis, seen from above. Other members are ordered along
     the direction of their largest spread. At equal positions, the shorter member is first."""
     if len(places) < 2:

@@ -16,7 +16,7 @@ from dsfab.surface import CornerField, DividedField, Surface, link_components
 Kind = Literal["strip", "stub", "rim", "band", "ring", "disc", "plate", "fill"]
 """Kinds of members, see `dsfab.members.graph.Member`. Material around supports has the kind "keep" at first."""
 FAMILIES = {"major": "A", "minor": "B"}  # First letter of the names of members, for each family of stripes.
-NOWHERE = 10.0  # Offset that marks a region without a middle line; all real offsets are smaller.
+NOWHERE = 10.0  # `DrawnBand.centre` of material without a middle line; all other values are smaller.
 
 
 class NamedBand(NamedTuple):
@@ -57,7 +57,7 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 
 
 def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
-    """Return the kind "reach" (within a distance), "plate" (a region) or "band" (at an outline), and its stripes."""
+    """Return kind and stripes of kept material: "reach" (within a distance), "plate" (region) or "band" (outline)."""
     zero = np.zeros(1)
     if x.ndim == 2:  # a band; column 0 is positive inside its outline, column 1 is distance from outline minus width
         width = -float(x[:, 1].min())

@@ -32,7 +32,7 @@ class SharedPatch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _SharedCells:
-    """Cells (c,) of two members. a, b : (c,) members in fields `one`, `two`. patch : (c,) number of connected part."""
+    """Cells (c,) that members of fields `one`, `two` share. a, b : (c,) these members. patch : (c,) connected part."""
 
     one: int
     two: int
@@ -58,7 +58,7 @@ class _SharedCells:
 
 
 def overlaps(overlay: Overlay, member: Ints) -> list[SharedPatch]:
-    """Return every patch of cells that two members share. member : (m, f) member of each cell for each field, or -1."""
+    """Return every patch of cells that two members share. member : (m, f) member of each cell in f fields, or -1."""
     patches = []
     count = member.shape[1]
     for k in range(count):
@@ -104,7 +104,7 @@ def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
 
 
 def _places_on_sides(offset: Floats, F: Ints, side: Ints) -> tuple[Ints, Ints, Floats]:
-    """Return zeros of `offset` on sides of cells: the side's two corners, lower number first, and position (0 to 1)."""
+    """Return where `offset` is 0 on sides of cells: a side's two corners, lower number first, and place (0 to 1)."""
     row = np.arange(len(F))[:, None]
     p, q = side, (side + 1) % 3
     turn = F[row, p] > F[row, q]

@@ -13,7 +13,7 @@ from dsfab.surface import link_components
 
 
 def owners(overlay: Overlay, components: list[Component]) -> Ints:
-    """Return the number of the component that contains each cell, for each field (m, f); -1 for none."""
+    """Return the number (m, f) of the component that contains each cell, for each of f fields; -1 for none."""
     member = np.full((overlay.sheet.surface.m, overlay.part.shape[1]), -1)
     for number, component in enumerate(components):
         if component.field >= 0:
@@ -53,7 +53,8 @@ def with_loose_cells(overlay: Overlay, components: list[Component]) -> list[Comp
 
 
 def _borders(overlay: Overlay, member: Ints, patch: Ints) -> tuple[Ints, Floats]:
-    """Return sorted pairs (b, 2) of a patch (cells of no member) and a component beside it; border lengths (b,), m."""
+    """Return sorted pairs (b, 2) of a patch and a component beside it, and lengths (b,) of their common borders, m.
+    member : components of the cells, from `owners`.    patch : (m,) patch of each cell of no component, else -1."""
     surface, total = overlay.sheet.surface, int(member.max()) + 1
     f, g = np.concatenate([overlay.adjacent_cells, overlay.adjacent_cells[:, ::-1]]).T
     edge = np.tile(surface.edges.of.ravel()[surface.edges.pairs[:, 0]], 2)
@@ -110,7 +111,10 @@ def without_followers(overlay: Overlay, components: list[Component]) -> list[Com
 
 
 def _hidden_parts(line: MiddleLine, width: Floats, own_width: float) -> tuple[MiddleLine, list[tuple[int, int]]]:
-    """Return the line, opened if closed, and its parts to remove. width : (k - 1,) of kept material by segment."""
+    """Return a strip's middle line, and its long parts (first point, last point) inside kept material, to remove.
+    A closed line may be returned as an open line.
+    width     : (k - 1,) width of the kept material around each segment of the line, metres; 0 outside.
+    own_width : width of the strip, metres. Parts that are less than this width apart are joined."""
     if line.closed and (bare := np.flatnonzero(width == 0)).size:
         line, width = line.opened_at(int(bare[0])), np.roll(width, -int(bare[0]))
     last_point, gone = len(line.points) - 1, []

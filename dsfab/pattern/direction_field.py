@@ -76,7 +76,8 @@ def signs_with_short_seams(frames: Frames, along: Floats) -> Floats:
 
 
 def _cut_edges(surface: Surface, singular: Bools) -> Bools:
-    """Return a mask (e,) of edges crossed by paths over faces. The paths join `singular` faces (m,) and boundaries."""
+    """Return a mask (e,) of edges crossed by paths over faces. The paths join singular faces and boundaries.
+    singular : (m,) mask of faces at whose three corners the directions cannot have equal signs."""
     edges = surface.edges
     is_cut = np.zeros(len(edges.ends), dtype=bool)
     if not singular.any():
@@ -167,7 +168,8 @@ class StressDirections:
 
     def confidence(self, areas: Floats) -> Floats:
         """Return the clarity (m,) of the directions, 0 to 1: D / (D + 0.3 r).
-        D is the difference of the principal stresses, and r is their RMS. Raises PatternError if the stress is zero."""
+        D : difference of a face's principal stresses.    r : RMS of all principal stresses.    areas : of the faces.
+        Raises PatternError if the stress is zero."""
         differ = np.abs(self.stress[:, 0] - self.stress[:, 1])
         reference = float(np.sqrt((areas @ (self.stress**2).sum(axis=1)) / (2 * areas.sum())))
         if not reference > 0:

@@ -24,7 +24,6 @@ class GuideError(PatternError, ValueError):
 @dataclass(frozen=True)
 class Guide:
     """A curve, or a direction in a region, for stripes. The larger its weight, the more closely stripes follow it.
-
     curve     : points of a polyline on the surface or near it, metres.
     reach     : straight distance from the curve at which the weight falls to 0, m; default: the smaller stripe spacing.
     at        : a region, instead of a curve.
@@ -90,7 +89,8 @@ class Guidance:
 
 
 def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) -> Complexes:
-    """Return squares (n,) of a guide's direction, complex in the vertices' frames. Size 0: no effect; 1: full."""
+    """Return the squares (n,) of a guide's direction, as complex numbers in the frames of the vertices.
+    Their absolute values are the effect of the guide: 0 to 1."""
     surface = frames.surface
     if guide.at is not None:
         assert guide.direction is not None
@@ -186,7 +186,8 @@ class GuideLine:
         return vertices, phase - np.rint(phase)
 
     def followed_share(self, surface: Surface, phase: CornerPhase, step: int) -> float:
-        """Return the fraction of the curve's points within 0.05 periods of centre lines at phases 0, `step` ..."""
+        """Return the fraction of the curve's points that a stripe follows: its centre line is within 0.05 periods.
+        step : centre lines of stripes have the phases 0, step, 2 step ..., in periods."""
         F = surface.F[self.faces]
         z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], _barycentric(surface.V[F], self.points))
         distance = np.abs(z - step * np.rint(z / step))

@@ -62,7 +62,7 @@ def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distance
 
 
 def _crossings(surface: Surface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Floats:
-    """Return the place (e,) to divide each edge, 0 to 1: at an outline if exactly one is near the middle, else 0.5."""
+    """Return where to divide edges (e,), 0 to 1: at an outline if only one outline is near the middle, else 0.5."""
     position, count = np.full(len(surface.edges.ends), 0.5), np.zeros(len(surface.edges.ends), dtype=np.int64)
     for distances, reach in zip(region_distances, reaches, strict=True):
         middle = distances.middle
@@ -89,7 +89,7 @@ def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floa
 
 
 def _undivided_field(surface: Surface, region: tuple[Origins, float], distances: Distances) -> Floats:
-    """Return minus `distances` (n,) to a region's origins; minus straight distances if they are nearly equal."""
+    """Return minus `distances` (n,) to a region's origins; minus straight distances if the difference is small."""
     origins, reach = region
     near_vertices = np.unique(surface.F[distances.reached])
     straight = euclidean_distances(

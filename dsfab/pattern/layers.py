@@ -53,7 +53,6 @@ class ModeFamily:
         return cls(name, stripes, x, slopes(surface, stripes.phases(x), radius), stress)
 
     def with_stress(self, stress: Floats) -> Self:
-        """Return a copy of the family with another stress (n,)."""
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
@@ -174,7 +173,6 @@ class EvenFamily:
     whole: bool = False
 
     def with_stress(self, stress: Floats) -> Self:
-        """Return a copy of the family with another stress (n,)."""
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:

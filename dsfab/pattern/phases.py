@@ -61,12 +61,10 @@ class Flow:
         rounds: int = 10,
     ) -> Floats:
         """Return the phases (n,) of stripes at the vertices, in periods, -1/2 to 1/2. Phases grow along `g`.
-
         The phases are angles of complex numbers psi. These minimise the sum of w |psi_j - e^{2 pi i turn} psi_i|^2 over
         edges (i, j) of weight w; `turn` is the growth of the phase along an edge. If g is reversed along an edge, psi_i
         is conjugated. At first, only the norm of the vector of all psi is fixed. Then `rounds` steps of diffusion and
         normalisation give each psi_i the size 1 [Merriman, Bence, Osher 1992; for phases Viertel, Osting 2019].
-
         start : (n,) start of the iteration. Without locked vertices, a centre line passes through its largest value.
         lock  : (n,) vertices on the centre line of a stripe.
         projection : projection of the numbers psi onto symmetric fields (see `Images.projection`); default: none.
@@ -250,8 +248,9 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
 def propagate_phases(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
-    """Set `signs` and `shifts` (m,), so that sign x phase + shift continues the phase of the first face in `order`.
-    order, predecessor : faces from near to far, and the face before each, as from scipy's breadth-first search.
+    """Set `signs` and `shifts` (m,) of the faces in `order`. Then sign x phase + shift has no jump between a face and
+    its predecessor. The first face gets the sign 1 and the shift 0.
+    order, predecessor : results of scipy's breadth-first search: faces, and (m,) the face before each face.
     s, q : sign and shift between adjacent faces.    link : (m, m) 1 + index into s, q; negative in reverse."""
     child = order[1:]
     if not len(child):
@@ -272,7 +271,8 @@ def propagate_phases(
 
 
 def _seen_by_first_faces(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return an equal phase whose signs are 1 and shifts 0, except at seams. Values come from a face at each vertex."""
+    """Return the same phase with other values at the vertices: the phase of the first regular face at each vertex.
+    Signs are then 1 and shifts 0, except at seams, where the phase jumps."""
     first_corner = np.full(len(phase.value), -1)
     corner = surface.F.ravel()
     usable = np.flatnonzero(np.repeat(~phase.singular, 3))

@@ -52,8 +52,8 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
 
 class Halving(NamedTuple):
     """Halvings of the stripes' centre lines: a halving removes every second line.
-    wish : (n,) halvings at each vertex, a real number, 0 to `most`.    free : (n,) `wish` before these limits.
-    limits : bounds of u, the logarithm of the density of lines before any halving."""
+    most : largest number of halvings.    wish : (n,) wished number at each vertex, not rounded, 0 to `most`.
+    free : (n,) wished number, also below 0 or above `most`.    limits : bounds of u = log(density before halvings)."""
 
     most: int
     wish: Floats

@@ -58,7 +58,7 @@ class Stripes:
         return self.frequency * x + self.phase
 
     def band(self, x: Floats, d: Floats) -> Floats:
-        """Return pairs (n, 2) of numbers, phase of x plus and minus half width d (n,).
+        """Return pairs (n, 2): phase of the mode x (n,) plus half width d (n,), and phase minus d, in periods.
         A point is material if a whole number lies between both numbers of its pair."""
         z = self.phases(x)
         return np.stack([z + d, z - d], axis=1)

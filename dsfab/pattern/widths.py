@@ -217,7 +217,7 @@ def _unreachable_error(target: float, reach: str) -> PatternError:
 def evened_grading(
     surface: Surface, grading: Floats, work: Floats, material: Floats, spacing: float, limit: float = 2.0
 ) -> Floats:
-    """Return relative half widths (n, k) of k families for the next step; grading : (n, k) for the last step.
+    """Return the next relative half widths (n, k) of k families, for a more even energy. grading : the last widths.
 
     work     : (m, k) energy, joules, of each family in each face.    material : (m, k) area of each family there, m2.
     spacing  : metres from stripe to stripe. Averages extend over 0.4 spacings, so that neighbouring stripes do not mix.

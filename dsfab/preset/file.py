@@ -99,7 +99,7 @@ def preset_toml(preset: Preset, for_people: bool = False) -> str:
     surface = values["surface"]
     for key in ("support", "load"):
         surface[key] = [{k: v for k, v in entry.items() if k != "name" or v} for entry in surface[key]]
-    # the shape's keys come before supports and loads
+    # write the keys of the shape before supports and loads
     values["surface"] = {**{k: v for k, v in surface.items() if k not in SurfaceSection.model_fields}, **surface}
     return short_lists(tomli_w.dumps(values))
 

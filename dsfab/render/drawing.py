@@ -73,7 +73,6 @@ def set_stage(
         bodies += [Body(*mesh, palette.colour_bytes(name)) for name, mesh in mark_meshes.items() if len(mesh[1])]
         stands = _stands_on_ground(surface, load, V, up, reach)
         if stands and "supports" in annotations.layers:
-            # the ground is at the base of the support cones
             level -= marks.CONE_HEIGHT * reach
     if side.front:
         level, stands = float((V @ side.floor).min()) - 0.012 * reach, True  # front view: floor behind the sheet

@@ -40,7 +40,6 @@ class Palette:
     ink: float = 0.45
 
     def colour_bytes(self, name: MarkName) -> Bytes:
-        """Return a mark's colour as bytes."""
         return np.array(getattr(self, name), dtype=np.uint8)
 
 

@@ -117,7 +117,7 @@ ROUGH = LightQuality(3, 7, 2, 320, 192, (0.012, 0.05), finer=1)  # quality of a 
 
 @dataclass(frozen=True, eq=False)
 class Lamps:
-    """Lamps in directions (k, 3), the sun first. strength : (k,) light on a surface that faces the lamp."""
+    """Lamps in directions (k, 3), the sun's lamps first. strength : (k,) light on a surface that faces the lamp."""
 
     towards: Floats
     strength: Floats

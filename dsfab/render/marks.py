@@ -21,7 +21,7 @@ MarkMesh = tuple[Floats, Ints]  # vertices (n, 3) in metres, and faces (m, 3)
 
 @dataclass(frozen=True)
 class Spacing:
-    """Limits for marks in a picture. apart : least distance between marks / structure's size. most : largest number."""
+    """Limits for marks in a picture. apart : least distance / structure's size.    most : largest number of marks."""
 
     apart: float
     most: int

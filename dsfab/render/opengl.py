@@ -31,7 +31,7 @@ _PROBES: list[threading.Thread] = []  # the running test, if any
 
 
 def probe_ahead() -> None:
-    """Begin the test of drawing while this process loads modules; `require_rendering` waits for the result."""
+    """Begin to test in the background whether this machine can draw; `require_rendering` waits for the result."""
     name = window_kinds(_window_choice())[0]
     if not _PROBES and name not in _KNOWN:
         _PROBES.append(threading.Thread(target=lambda: _draws(name), daemon=True))

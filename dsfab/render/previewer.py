@@ -40,7 +40,6 @@ class Previewer:
               displacement, buckling or frequency.
     marks   : True for loads, supports and a person; or names from `EVERY_LAYER`.
     ground  : paper, white or transparent. A transparent picture has a fourth channel.
-
     A picture shows the pattern before the cut, without thickness. The cut moves edges a little (see `snap`), joins
     parts that touch in a point, and may drop pieces without a support.
     Create, use and close a Previewer in one thread. Raises DsfabError if this machine cannot draw correctly."""

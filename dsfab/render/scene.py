@@ -235,8 +235,8 @@ class Pixels:
 
 class Scene:
     """Bodies in OpenGL, drawn from the eye and, for shadows, from each lamp; use as `with Scene(...) as scene`.
-    In scene units, `centre` is the origin, and the length 1 is `radius`: the radius of a sphere around all bodies with
-    a shadow. Create, use and close a scene in one thread."""
+    In scene units, `centre` is the origin, and the length 1 is `radius`: the radius of a sphere around all bodies that
+    cast shadows. Create, use and close a scene in one thread."""
 
     def __init__(self, bodies: list[Body], centre: Floats, radius: float) -> None:
         self.centre, self.radius = centre, radius
@@ -311,7 +311,7 @@ class Scene:
         self.window.wait()
 
     def mask(self, view: View, width: int, height: int) -> Bools:
-        """Return a mask (h, w) of pixels that show a body with a shadow; all other bodies are hidden."""
+        """Return a mask (h, w) of pixels that show a body that casts shadows; all other bodies are hidden."""
         with self.lamps():
             self._aim_camera(view)
             self.window.resize(width, height)

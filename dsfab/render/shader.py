@@ -83,9 +83,9 @@ _WALL_NORMAL = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb = 0.5 * dsWa
 
 @dataclass(frozen=True)
 class StripeSettings:
-    """Numbers of a pattern, each for the major and the minor family.
+    """Numbers of a pattern. Each is a pair for the major and the minor family, except `reach`.
     half_width : periods, 0 to 0.5, or `BY_VERTEX`.    shown : 1 for a visible family, else 0.
-    reach      : widths of kept material around loads and supports, and along the boundary, m, or `NO_REACH`."""
+    reach      : widths (m) of kept material: around loads and supports, and along the boundary; `NO_REACH` for none."""
 
     frequency: tuple[float, float] = (1.0, 1.0)
     phase: tuple[float, float] = (0.0, 0.0)

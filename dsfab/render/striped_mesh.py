@@ -26,8 +26,8 @@ REGION_FACTOR = 1e33  # factor on distances from drawn regions, so that `keep` a
 
 @dataclass(frozen=True, eq=False)
 class StripedMesh:
-    """Mesh on which stripes are drawn: n' vertices, m' faces. Stripes on modes: the uncut surface (n, m).
-    Evenly spaced stripes: a chart, that is, the uncut surface cut open between faces whose phases do not match."""
+    """Mesh on which stripes are drawn: n' vertices, m' faces. For stripes of diffusion modes: the uncut surface, with
+    n vertices and m faces. For evenly spaced stripes: this surface, cut open where phases of faces do not match."""
 
     uncut: Surface
     even: EvenStripes | None
@@ -79,7 +79,7 @@ class StripedMesh:
         return self.uncut.vertex_normals if self.even is None else unit_vectors(self.carry(self.uncut.vertex_normals))
 
     def phases(self, design: Design) -> Floats:
-        """Return the modes (n', 2) of both families of stripes, or the phases of evenly spaced stripes."""
+        """Return a diffusion mode for each family of stripes, or the phases of evenly spaced stripes: (n', 2)."""
         if self.even:
             return self.even.chart.z
         mode, modes = design.pattern.mode, design.diffusion
@@ -116,7 +116,7 @@ def distances(design: Design) -> tuple[Floats, Floats]:
 
 
 def _distances_outside(design: Design, to_held: Floats) -> Floats:
-    """Return approximate distances (n,), m, to outlines of regions and of kept material around loads and supports."""
+    """Return rough distances (n,), m, to drawn regions and to kept material at loads and supports; negative inside."""
     surface, pattern = design.surface, design.preset.pattern
     outside = np.where(np.isfinite(to_held) & (pattern.keep > 0), to_held - pattern.keep, surface.size)
     for field in design.pattern.fields[: pattern.drawn_regions]:

@@ -73,14 +73,14 @@ def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[Supp
 
 
 def _open_side(surface: Surface, load: LoadCase, groups: list[Ints], up: Floats) -> Floats | None:
-    """Return the horizontal direction (3,) to supports on one side of the surface; None if any is low or elsewhere."""
+    """Return the horizontal direction (3,) to the supports if all are on one side and none is low, else None."""
     side, heights = support_side(surface, load, surface.size, up), surface.V @ up
     low = heights.min() + LOW_SHARE * np.ptp(heights)
     return side if abs(side @ up) < 0.5 and all(heights[group].mean() >= low for group in groups) else None
 
 
 def _upward_supports(load: LoadCase, up: Floats) -> Bools:
-    """Return supported vertices (n,), without vertices that are held only sideways, as at a plane of symmetry."""
+    """Return a mask (n,) of supported vertices, without vertices held only sideways, as at a plane of symmetry."""
     axis = int(np.argmax(np.abs(up)))
     upwards = load.fixed[:, axis] | (load.spring[:, axis] > 0)
     return np.asarray(upwards if upwards.any() else load.supported)

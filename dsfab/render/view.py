@@ -64,7 +64,7 @@ def _normal(V: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ViewSide:
-    """Side from which a picture shows a structure. towards : (3,) direction of the eye. Further fields : see `View`."""
+    """Side from which a picture shows a structure. towards : (3,) direction to the eye. Further fields : see `View`."""
 
     towards: Floats
     up: Floats
@@ -162,8 +162,8 @@ def fit_view(points: Floats, side: ViewSide, box: tuple[float, float, float, flo
 
 
 def plan_and_elevation(V: Floats, up: Floats) -> tuple[ViewSide, ViewSide]:
-    """Return the views of a plan and of an elevation of vertices V (n, 3), along the sides of their smallest rectangle.
-    The elevation shows the long side. A rectangle along the coordinate axes is preferred if it is up to 2 % larger."""
+    """Return views of vertices V (n, 3), from above and facing the long side of the smallest rectangle around the plan.
+    Both align with this rectangle. A rectangle along the coordinate axes is preferred if up to 2 % larger in area."""
     across = np.eye(3)[{0: 1, 1: 0, 2: 0}[int(np.argmax(np.abs(up)))]]
     turns = np.radians(np.arange(90.0))
     rights = np.outer(np.cos(turns), across) + np.outer(np.sin(turns), np.cross(up, across))
@@ -183,7 +183,7 @@ def plane_extents(points: Floats, side: ViewSide) -> Floats:
 
 
 def parallel_view(points: Floats, side: ViewSide, size: tuple[int, int], pixels_per_metre: float) -> View:
-    """Return the view of points (n, 3) from far away, in the middle of a picture. size : of the picture (pixels)."""
+    """Return the view of points (n, 3) from far away, in the middle of a picture of `size` pixels (width, height)."""
     frame = _picture_frame(side)
     places = points @ frame.T
     middle = (places.min(axis=0) + places.max(axis=0)) / 2

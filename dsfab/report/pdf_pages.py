@@ -363,7 +363,6 @@ def _scale(scale: ColourScale, styles: PdfStyles, width: float) -> list[Any]:
     kinds = ["scale_left", *["scale"] * (ends - 2), "scale_right"]
     words = [styles.text(escaped_text(text), kind) for text, kind in zip(scale.labels, kinds, strict=True)]
     bare = [(f"{side}PADDING", (0, 0), (-1, -1), 0) for side in ("LEFT", "RIGHT", "TOP", "BOTTOM")]
-    # labels stand below the row of colours: at its ends, and where two colours meet
     step = share / (ends - 1)
     labels = Cells([words], [step / 2, *[step] * (ends - 2), step / 2], style=bare, hAlign="LEFT")
     return [styles.text(escaped_text(scale.title), "scale_title"), bands, labels]

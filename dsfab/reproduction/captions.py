@@ -97,7 +97,8 @@ def _labels(a: Ints, b: Ints, n: int) -> Ints:
 
 
 def _disc_around(surface: Surface, z: Floats, level: int, load: Bools, supported: Bools) -> Bools | None:
-    """Return the part (n,) around the load inside the contour z = level, or None if it has supports or is no disc."""
+    """Return a mask (n,) of the part of the surface around the load, inside the contour z = `level`.
+    Return None if the contour crosses the load, or if the part contains supports or is no disc."""
     a, b = surface.edges.ends.T
     above = z >= level
     same_side = above[a] == above[b]
@@ -116,7 +117,8 @@ def _is_disc(surface: Surface, region: Bools) -> bool:
 
 
 def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
-    """Count crossings of the contour `ring` = 0 around `region` with middles of members, where the phase z is whole."""
+    """Count how often middles of members cross a ring: the contour `ring` = 0 around `region`.
+    z : (n,) phase of the members, a whole number at their middles.    ring : (n,).    region : (n,) mask."""
     F = surface.F
     faces = np.flatnonzero(region[F].any(axis=1) & ~region[F].all(axis=1))
     crossing_values = np.empty((len(faces), 3))
@@ -155,7 +157,7 @@ ANGLE, EVENNESS = 60.0, 3.0  # limits for a grid: least crossing angle, degrees;
 
 
 def finding(claim: str, rendition: Rendition) -> str:
-    """Return a clause: does dsfab's version of a figure show a claim of the paper? '' without claim or design."""
+    """Return a clause that says if dsfab's figure shows what the paper claims; '' without a claim or a design."""
     if not claim or rendition.design is None:
         return ""
     if claim == "grid":

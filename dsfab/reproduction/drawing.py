@@ -32,7 +32,6 @@ SCALE = {"pavilion": "tree"}  # These figures show a tree instead of a person fo
 @dataclass(frozen=True, eq=False)
 class PaperPicture:
     """A picture in a file, or the reason why it is missing.
-
     file  : name in the folder of the page; '' without a picture.
     title : subject of the picture.     words : caption, or the reason.     bar : legend of colours."""
 
@@ -45,7 +44,7 @@ class PaperPicture:
 
 @dataclass(frozen=True, eq=False)
 class PaperComparison:
-    """A comparison from the paper of Madan, Jacobson and Levin. dsfab draws its pictures, in rows."""
+    """A comparison from the paper of Madan, Jacobson and Levin, with rows of pictures that dsfab draws."""
 
     title: str
     words: str

@@ -18,7 +18,8 @@ from dsfab.surface import Surface, hat_gradients
 
 
 class DrawnFamily(NamedTuple):
-    """Stripes on level lines of an eigenmode: diffusion tensors (m, 3, 3), mode number, mode values (n,), frequency."""
+    """A family of stripes along level lines of a diffusion mode. D : (m, 3, 3) diffusion tensors.
+    number : number of the mode.    mode : (n,) values of the mode.    frequency : stripes per unit of these values."""
 
     D: Floats
     number: int

@@ -27,7 +27,7 @@ OTHERS = (("isotropic", "the best isotropic stripes"), ("thinner", "a thinner sh
 
 
 def claim_section(rows: Sequence[Row]) -> str:
-    """Return the section about the compliance of the sphere `sphere_graded` at several masses; '' without rows."""
+    """Return HTML about the compliance of the sphere `sphere_graded` at several masses; '' without rows."""
     if not rows:
         return ""
     row_by_key = {(row["name"], row["volume"]): row for row in rows}
@@ -112,7 +112,7 @@ COLUMNS = (
 
 
 def rendition_section(pictures: FigurePictures, coarser: float) -> str:
-    """Return HTML that compares three versions of a figure. coarser : factor on the mesh edges."""
+    """Return HTML that compares the versions of a figure (paper, preset, dsfab). coarser : factor on the mesh edges."""
     if not pictures.ways:
         return ""
     name = pictures.figure.preset
@@ -279,7 +279,6 @@ def _section(pictures: FigurePictures, coarser: float) -> str:
     if pictures.error:
         return f"{head}{reason_paragraph(f'Not made: {pictures.error}')}</section>"
     shown = [picture_cell(image, figure.preset, "large" if i == 0 else "") for i, image in enumerate(pictures.shown)]
-    # the table of facts fills the last place beside the large picture
     cells = "".join([*shown[:4], _facts(pictures, coarser), *shown[4:]])
     return f'{head}{rendition_section(pictures, coarser)}<div class="steps">{cells}</div>{_tables(pictures)}</section>'
 

@@ -51,7 +51,7 @@ class Rendition:
                    the design does not carry its loads.
     over_thinner : compliance divided by the compliance of a thinner sheet of the same mass.
     deviation    : angle between members and principal directions, degrees, of the worse family.
-    evenness     : ratio P95 / P5 of the spacing, of the worse family.
+    evenness     : spacing of stripes at percentile 95 / at percentile 5, of the worse family.
     crossing     : smallest angle between crossing members, degrees.
     uncarried    : reason why the design does not carry its loads, if `over_uncut` is infinite."""
 
@@ -114,7 +114,6 @@ def measured_rendition(
     try:
         preset = with_overrides(base_design.preset, dict(settings)) if settings else base_design.preset
         design = draft(preset, earlier=base_design)
-        # this design keeps the pieces without a support, so that they can be counted
         with_loose = draft(with_overrides(preset, {"slicing.loose": "keep"}), earlier=design)
         listed, quality = with_loose.slicing.pieces, design.quality(symmetry=False)
     except DsfabError as error:
@@ -143,7 +142,7 @@ def _carried_share(design: Design) -> float:
 
 
 def _compliances(design: Design, share: float, uncut_compliance: dict[str, float]) -> tuple[float, float, str]:
-    """Return compliance / compliance of the uncut sheet, the same for a thinner sheet, and a reason if infinite."""
+    """Return the compliance divided by the uncut sheet's, and by a thinner sheet's; and a reason if infinite."""
     statics, weights = design.preset.statics, design.preset.followed_weights
     uncut_loads = design.statics.loads(weights)
     if not any(load.force.any() for load in uncut_loads.values()):

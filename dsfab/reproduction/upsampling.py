@@ -88,7 +88,7 @@ def lines_through(surface: Surface, families: Sequence[StripedField]) -> Ints:
 
 
 def division(surface: Surface, families: Sequence[StripedField], crowded: Bools) -> tuple[Surface, list[StripedField]]:
-    """Return surface and stripes after the triangles `crowded` (m,) are divided into four, and neighbours to fit."""
+    """Return surface and stripes after the triangles `crowded` (m,) are divided into four, and neighbours to match."""
     edges = surface.edges
     marked = np.zeros(len(edges.ends), dtype=bool)
     marked[edges.of[crowded]] = True
@@ -98,7 +98,8 @@ def division(surface: Surface, families: Sequence[StripedField], crowded: Bools)
 
 
 def _wrong_share(surface: Surface, families: Sequence[StripedField], value: Sequence[Floats], side: int = 9) -> float:
-    """Return the share of the area where interpolation of `value` swaps material and void. side : samples per side."""
+    """Return the share of the area where interpolation of `value` swaps material and void.
+    value : stripe values at the vertices, by family.    side : number of samples along each side of a triangle."""
     i, j = np.meshgrid(*[np.arange(side)] * 2, indexing="ij")
     inside = i + j < side
     u, v = (i[inside] + 1 / 3) / side, (j[inside] + 1 / 3) / side
@@ -111,7 +112,7 @@ def _wrong_share(surface: Surface, families: Sequence[StripedField], value: Sequ
 
 
 def upsampled_beside_exact(design: Design, folder: Path) -> PaperComparison:
-    """Compare the exact cut of a design's stripes with interpolated cuts after 0, 1, 2 ... divisions of triangles."""
+    """Compare a design's exact cut with interpolated cuts after 0, 1, 2 ... divisions; save a chart in `folder`."""
     title = "Adaptive upsampling compared with the exact cut"
     try:
         comparison = compare_design_cuts(design)

@@ -131,7 +131,7 @@ def held_middles(surface: Surface, fixed: Bools) -> Bools:
 
 
 def held_faces(surface: Surface, fixed: Bools) -> Bools:
-    """Return a mask (m, 3) of directions in which a face's corners are all fixed; False with two boundary edges."""
+    """Return a mask (m, 3) of directions in which all corners of a face are fixed; False with >= 2 boundary edges."""
     ears = surface.edges.boundary[surface.edges.of].sum(axis=1) >= 2
     return np.asarray(fixed[surface.F].all(axis=1) & ~ears[:, None])
 

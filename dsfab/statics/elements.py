@@ -85,8 +85,8 @@ def half_edge_signs(surface: Surface) -> Floats:
 @derived
 def edge_frames(surface: Surface) -> Floats:
     """Return unit vectors (e, 3, 3), read-only, of each edge: along it, across it in the sheet, normal to the sheet.
-    The normal is the area-weighted mean of the two faces' normals, turned to one side. If an edge has three faces or a
-    fold of over 145 degrees, the normal is the eigenvector of sum A n n^T with the largest eigenvalue."""
+    The normal is the area-weighted mean of the two faces' normals, turned to one side of the sheet. If an edge has over
+    two faces or folds over 145 degrees, the normal is the eigenvector of sum A n n^T with the largest eigenvalue."""
     edges = surface.edges
     t = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
     t = t / np.linalg.norm(t, axis=1, keepdims=True)
@@ -184,7 +184,7 @@ USES: Mapping[Quantity | Aid, Use] = MappingProxyType(
 """Elements for each use. Bounds of compliances in `dsfab.study.verdict.estimates` are calibrated for these elements."""
 
 REPORTED: tuple[Elements, ...] = tuple(dict.fromkeys(use.pair for use in USES.values() if use.tolerance is not None))
-"""All elements whose results may appear in reports."""
+"""Elements whose results may appear in reports."""
 
 
 def elements_of(use: Quantity | Aid) -> Elements:

@@ -16,8 +16,8 @@ from dsfab.surface import Surface, hat_gradients, link_components, next_half_edg
 
 CROWDED = 0.25
 """A face is a splinter if its height is less than CROWDED times the mean size of faces.
-Gradients of moments are meaningless in splinters. So the load of a splinter is spread over its surroundings, up to a
-distance of CROWDED times the mean size. With a larger distance, some of the shear in ribs would get lost."""
+Gradients of moments are meaningless in splinters. So the load of a splinter is spread over points up to CROWDED times
+the mean size away. With a larger distance, some of the shear in ribs would get lost."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +158,6 @@ class PrincipalForces(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class SectionForces:
     """Forces and moments per length of section, one value per face. `CONVENTION` defines the frame and the signs.
-
     frame : (m, 2, 3) local x and local y of each face.
     n     : (m, 3) normal forces x, y and shear in the sheet xy, N/m.
     m     : (m, 3) moments x, y and twist xy, N m/m.

@@ -92,7 +92,6 @@ def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBloc
     C : (3, 3) isotropic matrix from strains to forces per length, N/m. The block of two corners of a face is
 
     A (lam g f^T + mu f g^T + mu (g . f) P),    A : area of the face, lam = C[0, 1], mu = C[2, 2]
-
     g and f are the gradients of the corners' linear functions. P is the projector onto the face."""
     pairs = vertex_pairs(surface, hinges(surface) if elements.bending == "hinge" else None)
     lam, mu = C[0, 1], C[2, 2]

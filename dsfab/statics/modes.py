@@ -67,7 +67,7 @@ def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -
 
 FOR_FREQUENCIES, FOR_BUCKLING = elements_of("frequency"), elements_of("buckling")
 """Default elements of frequencies and of buckling."""
-HATS = (np.eye(3) + 1) / 12  # Integrals of phi_j phi_k over a triangle of area 1.
+HATS = (np.eye(3) + 1) / 12  # Integrals of products of two linear functions phi over a triangle of area 1.
 BUBBLE_PAIRS = (np.eye(3) + 1) * 4 / 45  # Integrals of products of two edge bubbles; a bubble is 4 phi_j phi_k.
 HAT_BUBBLES = np.array([[2, 1, 2], [2, 2, 1], [1, 2, 2]]) / 15
 """Integrals of phi_i (row) times the bubble of half-edge c (column). Half-edge c begins at corner c."""

@@ -65,7 +65,6 @@ def _shares(parts: Floats) -> Floats:
 @dataclass(frozen=True, eq=False)
 class SupportEntry:
     """A support and its reactions.
-
     vertices : number of supported vertices.    place : (3,) mean of these vertices, metres.
     length   : metres of supported edges, on the boundary or along a line; 0 for points.
     area     : m2 of the faces with three supported corners.

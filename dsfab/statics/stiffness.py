@@ -24,7 +24,7 @@ Row = Callable[[str], AbstractContextManager[object]]
 
 
 def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontext) -> csr_array:
-    """Return K (N, N), N/m, over the unknowns of `elements`: membrane, and bending if the elements have it.
+    """Return the stiffness (N, N), N/m, over the unknowns of `elements`: membrane, and bending if the elements have it.
     row : function that records the time that each part takes, see `Row`."""
     surface, material, thickness = sheet.surface, sheet.material, sheet.thickness
     if elements == PAPER:
@@ -96,7 +96,7 @@ class FaceStiffness:
         return csr_array((values, self.indices, self.indptr), shape=(self.count, self.count))
 
     def factor(self, scale: Floats, earlier: Factor | None = None) -> Factor:
-        """Factorise K. scale : (m,) factors on the stiffness of the faces. Raises StaticsError for a mechanism.
+        """Factorise the stiffness. scale : (m,) factors on the faces' stiffness. Raises StaticsError for a mechanism.
         earlier : an earlier factorisation, which is overwritten; its order of unknowns saves time."""
         try:
             if earlier is None:

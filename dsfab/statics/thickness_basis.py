@@ -122,8 +122,8 @@ class ThicknessBasis:
     loads     : the k loads by name, at the thickness of `sheet`.
     constant, per_metre : f0 (u, k), N, and f1 (u, k), N/m. At thickness t, the loads on the unknowns are f0 + t f1.
     vectors   : (u, b) basis of the displacements.
-    reduced   : (3, b, b) stiffness (`projection`) on this basis.    modes : (3, s, s) on the basis of s buckling modes.
-    geometric : (b, s, s) minus the geometric stiffness on the modes, for displacements `vectors` and thickness 1 m."""
+    reduced   : (3, b, b) stiffness (`projection`) on this basis.    modes : (3, s, s) stiffness on s buckling modes.
+    geometric : (b, s, s) -1 x the geometric stiffness on the modes, for displacements `vectors` and thickness 1 m."""
 
     sheet: SheetModel
     loads: Mapping[str, LoadCase]

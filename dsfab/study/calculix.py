@@ -29,7 +29,7 @@ class Wedges:
     elements : (m, 15) nodes of each wedge: corners below, corners above, middles of the edges below, middles of the
                edges above, middles of the upright edges.
     columns : (n, 3) nodes of each vertex of the sheet: below, above and in the middle of the thickness.
-    middles : (e, 2) nodes of each edge: below and above."""
+    middles : (e, 2) nodes at the middle of each edge: below and above."""
 
     nodes: Floats
     elements: Ints
@@ -94,7 +94,7 @@ def _input_text(solid: Wedges, material: Material, fixed_nodes: Ints, gravity: F
 
 
 def end_face_nodes(solid: Wedges, surface: Surface, marked: Bools) -> Ints:
-    """Return the nodes of the solid above, at and below the boundary edges with two marked ends. marked : (n,) mask."""
+    """Return the solid's nodes, through its thickness, at boundary edges with two marked ends. marked : (n,) mask."""
     edges = surface.edges
     is_marked = edges.boundary & marked[edges.ends].all(axis=1)
     return np.unique(np.concatenate([solid.columns[edges.ends[is_marked]].ravel(), solid.middles[is_marked].ravel()]))

@@ -63,7 +63,7 @@ class MemberUse:
 
 @dataclass(frozen=True)
 class Movement:
-    """The largest displacement, `value` (m), and its place. span : length (m) to which it is compared.
+    """The largest displacement, `value` (m), and its place. span : length (m) to which `value` is compared.
     about : the span in words."""
 
     value: float
@@ -147,7 +147,7 @@ class CutStatics:
 
     @property
     def preset(self) -> Preset:
-        """The preset of the design, with this thickness."""
+        """The preset of the design, with the thickness `thickness`."""
         preset = self.design.preset
         statics = preset.statics.model_copy(update={"thickness": self.thickness})
         return preset.model_copy(update={"statics": statics})
@@ -287,13 +287,7 @@ def _member_forces(statics: CutStatics) -> "dict[str, MemberForces]":
     for name in (name for name in statics.answers if name not in factors):
         result = statics.stress(name)
         sections[name] = section_forces(surface, statics.thickness, result, recovery)
-    by_member = member_forces(statics.design.members, sections, statics.design.member_cuts)
-    return {name: replace(part, forces=_with_sums(part.forces, factors)) for name, part in by_member.items()}
-
-
-def _with_sums(forces: Mapping[str, Floats], factors: Mapping[str, Mapping[str, float]]) -> dict[str, Floats]:
-    sums = {name: sum(f * forces[case] for case, f in parts.items()) for name, parts in factors.items()}
-    return {**forces, **{name: np.asarray(total) for name, total in sums.items()}}
+    return member_forces(statics.design.members, sections, statics.design.member_cuts, factors)
 
 
 def _most_stressed(statics: CutStatics) -> MemberUse:

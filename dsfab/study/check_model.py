@@ -39,8 +39,8 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
     """Return forces (n + e, 3), newtons, on the nodes of six-node triangles: vertices, then middles of edges.
     force  : (n, 3) newtons on the vertices. They include the loads `spread`.
     spread : part of the load on faces and edges.
-    The force on the middle of an edge is the work of the loads on the edge's bubble. Half of this force is subtracted
-    at each end of the edge, because the shape function of a corner is a linear function minus half of each bubble."""
+    The force on the middle of an edge is the work of the loads on the edge's bubble (quadratic function, 0 at the
+    ends). Half of it is subtracted at each end: a corner's shape function is linear minus half of each bubble."""
     middle = np.zeros((len(surface.edges.ends), 3))
     if spread is not None:
         on_bubbles = spread.bubble_forces(surface, elements_of("six_nodes"))[:, -3:]

@@ -72,7 +72,7 @@ class Comparison:
         return next(competitor for competitor in self.competitors if competitor.name == name)
 
     def gain(self, name: str) -> float:
-        """Return compliance of a structure / compliance of design. Above 1, the design is stiffer. nan: inf / inf."""
+        """Return a structure's compliance / the design's; above 1, the design is stiffer. nan if both are infinite."""
         rival, design_compliance = self[name].compliance, self.design.compliance
         if np.isfinite(design_compliance):
             return rival / design_compliance

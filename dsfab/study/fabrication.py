@@ -165,7 +165,7 @@ COARSER, COARSEST = 0.85, 0.6  # one change of a design multiplies the frequenci
 
 @dataclass(frozen=True, eq=False)
 class FixedDesign:
-    """A design that meets its fabrication limits, with its measures, `made`.
+    """A design that meets its fabrication limits. made : measures of the design.
     changes : old and new value of each changed key of the preset."""
 
     design: Design

@@ -134,7 +134,7 @@ def quick(
     The error bound of the compliance is 5 %, which holds for nine designs in ten. For uncut sheets that bend, the bound
     is 50 %, because their meshes are coarse.
     ask   : requested frequencies and buckling factors; only the lowest are computed.
-    every : True for all cases and combinations; False for those whose stresses determine the pattern.
+    every : True for all cases and combinations; False for the loads whose stresses determine the pattern.
     solved : earlier solutions of this structure, by name of the load; None to compute new solutions.
     Raises StaticsError if the structure does not carry a load."""
     answers, request = solved or solved_loads(task, structure, every), ask or ResultRequest()

@@ -329,7 +329,8 @@ def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) ->
 
 
 def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) -> SizingTrial:
-    """Return the trial of a solved structure. row : draft of this thickness, for a missing buckling factor, if any."""
+    """Return the trial of a solved structure.
+    row : for a final cut, an earlier trial of this thickness, for a missing buckling factor; None for a draft."""
     targets = design.preset.sizing
     use = outcome.use.value if outcome.use else float("inf") if row else None  # None: utilisation not yet computed
     movement = outcome.movement.share if outcome.movement else float("inf")

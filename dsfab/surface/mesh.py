@@ -52,7 +52,8 @@ def _tetrahedron_volumes(V: Floats, F: Ints) -> Floats:
 
 
 def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
-    """Yield blocks of k faces: slice, first corners (3, k) from the middle of the bounding box, 2 x area vectors."""
+    """Yield for each block of k faces: its slice; the first corners (3, k), relative to the middle of the bounding box;
+    twice the area vectors (3, k)."""
     if not len(F):
         return
     columns = np.ascontiguousarray((V - bounding_box(V, F).mean(axis=0)).T)
@@ -98,10 +99,8 @@ ZERO_AREA = 1e-20  # Largest area of a collapsed face, divided by the surface's 
 @dataclass(frozen=True, eq=False)
 class Surface:
     """A triangle mesh in space: a sheet without thickness.
-
     V : (n, 3) vertex positions, metres.
     F : (m, 3) vertex indices of each face, counter-clockwise seen from the side its normal points to.
-
     Raises SurfaceError for invalid coordinates or indices, impossible sizes, and faces without area.
     `dsfab.surface.topology.manifold_faults` reports other faults."""
 

@@ -18,7 +18,8 @@ def round_to_single(V: Floats) -> Floats:
 
 
 def is_fine(V: Floats, D: Floats) -> bool:
-    """Return True if steps of single precision at V (n, 3) are at most 1e-3 of the median length of D (n, 3)."""
+    """Return True if steps of single precision at V (n, 3) are at most 1e-3 of the sheet's median half thickness.
+    D : (n, 3) half-thickness vectors, metres."""
     step = np.spacing(np.float32(np.abs(V).max() * MM_PER_M)) / MM_PER_M
     return bool(step <= 1e-3 * np.median(np.linalg.norm(D, axis=1)))
 

@@ -27,7 +27,7 @@ class StripCourse:
     P, T, N     : (k, 3) points, unit tangents, unit normals of the surface.
     kg, kn, tg  : (k,) geodesic curvature, normal curvature, geodesic torsion.
     left, right : (k,) distances from the axis to the edges of the member.
-    begin, end  : arc lengths of the built part.
+    begin, end  : first and last arc length of the part that is built.
     closed      : True if both ends are at the same place."""
 
     s: Floats
@@ -64,7 +64,7 @@ class StripCourse:
         return place, T / np.linalg.norm(T, axis=1)[:, None], N
 
     def repeated_stations(self, s: Floats) -> Floats:
-        """Return the arc lengths s (q,); for a closed axis of length L, return s - L, s and s + L in a row (3 q,)."""
+        """Return the arc lengths s (q,); for a closed axis of length L, one array (3 q,) of s - L, s and s + L."""
         around = self.end - self.begin
         return np.concatenate([s - around, s, s + around]) if self.closed else s
 
@@ -184,8 +184,8 @@ CHORD_TOLERANCE = 2e-5  # largest distance between an outline's chord and its ar
 
 @dataclass(frozen=True, eq=False)
 class Development:
-    """Strip developed into the plane. It lies `height` (m) above a course (stations on an axis), along the normals.
-    The developed middle line x (k, 2) begins at the origin along +x; k is the number of stations."""
+    """Strip of a member, developed into the plane. In space, the strip lies `height` (m) above the member's axis, along
+    normals. The developed middle line x (k, 2) begins at the origin along +x; k is the number of stations."""
 
     course: StripCourse
     height: float

@@ -299,7 +299,7 @@ def _plan_for_stock(design: Design, up: Floats) -> WorkshopPlan:
 
 
 def nested_by_thickness(parts: list[FlatPart], options: Workshop) -> tuple[list[NestedSheet], list[str]]:
-    """Nest the parts of each thickness on separate sheets. Return the sheets, and notes."""
+    """Nest the parts of each thickness on separate sheets. Return the sheets, and notes on saved sheets."""
     groups: dict[float, list[FlatPart]] = {}
     for part in parts:
         groups.setdefault(part.thickness, []).append(part)

@@ -41,7 +41,7 @@ def stock_words(sheets: Sequence[NestedSheet]) -> str:
 
 def price_notes(sheets: Sequence[NestedSheet], alternatives: Sequence[tuple[Workshop, float]]) -> list[str]:
     """Return notes on the cost of the sheets and of other stock; empty without prices.
-    alternatives : pairs of options with other stock sizes, and the cost with them."""
+    alternatives : pairs of options with other stock sizes, and the cost of the sheets for these options."""
     cost = stock_cost(sheets)
     if not cost:
         return []

@@ -29,7 +29,7 @@ TYPES = {"f": "float32", "i": "uint32", "u": "uint32", "b": "uint8"}
 
 
 def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """Pack facts (JSON values) and arrays (...) into bytes: 32-bit floats, unsigned 32-bit integers, 8-bit masks."""
+    """Pack facts (JSON values) and arrays (32-bit floats, unsigned 32-bit integers or 8-bit masks) into bytes."""
     table, blocks, place = {}, [], 0
     for name, array in arrays.items():
         kind = TYPES[array.dtype.kind]
@@ -45,8 +45,8 @@ def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
 
 def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return facts and arrays with which the page draws a draft (a design before the cut): surface, stripes, statics,
-    marks of loads and supports, and boundary loops. V (n, 3), metres, and F (m, 3) are the mesh of the stripes
-    (`StripedMesh`). If this mesh is not the surface, the loops refer to the surface's vertices `uncut` (k, 3)."""
+    marks of loads and supports, and boundary loops. V (n, 3), metres from the surface's middle, and F (m, 3) are the
+    mesh of the stripes (`StripedMesh`). Loops index `uncut` (k, 3), the surface's vertices, if present, else V."""
     surface, statics, modes = draft.surface, draft.statics, draft.diffusion
     mesh = StripedMesh.from_design(draft)
     up = up_axis(surface.V, surface, draft.load)
@@ -92,9 +92,9 @@ def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 def pattern_widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return facts about a draft's pattern, and arrays (n, 2) on the mesh of the stripes: columns major and minor.
-    half   : half the width of a stripe, in periods (1 is the distance from one stripe to the next).
+    half   : half the width of a stripe, in periods (distances between stripes before halvings remove stripes).
     slope  : stripes per metre; for a pattern of modes, stripes per metre at the frequency 1.
-    shares : half-width at a vertex, divided by the mean half-width; for evenly spaced stripes."""
+    shares : factor from half-widths, in periods of the remaining stripes, to `half`; only for evenly spaced stripes."""
     pattern, options, surface = draft.pattern, draft.preset.pattern, draft.surface
     mesh = StripedMesh.from_design(draft)
     facts = {

@@ -51,7 +51,7 @@ class EditorJob:
     stop: threading.Event = field(default_factory=threading.Event)
 
     def record(self) -> dict[str, Any]:
-        """Return the job as a record for the page."""
+        """Return the state and the result of the job, as a dict for the editor's page."""
         return {
             "job": self.number,
             "kind": self.kind,

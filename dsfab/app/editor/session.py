@@ -45,8 +45,9 @@ Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 @dataclass(frozen=True, eq=False)
 class SessionView:
-    """A draft (a design before the cut) that the page shows, by number. opening : number of the opened preset.
-    version : stays the same if only widths or the choice of modes change."""
+    """A draft (a design before the cut) that the page shows.    number : count of the drafts, from 1.
+    version : number that stays the same if only widths or the choice of modes change.
+    opening : number of the opened preset; the session counts the presets that it opens."""
 
     draft: Design
     number: int
@@ -86,7 +87,6 @@ class Session:
 
     @property
     def current_preset(self) -> OpenedPreset:
-        """The open preset."""
         with self._lock:
             return self._opened
 
@@ -211,7 +211,8 @@ class Session:
         return self.jobs.submit("picture", lambda progress: self._picture(preset, view, show, size, progress))
 
     def first_model(self) -> bytes:
-        """Return the last draft, packed for a new page; else wait for a draft or sketch; b'' if no job makes one."""
+        """Return the last draft, packed for a new page. Without a draft, wait for a draft or a sketch.
+        Return b'' if no job is making a draft."""
         shown = self._shown
         while shown is None and self._asked and self.jobs.pending(self._asked[0]):
             time.sleep(0.01)
@@ -229,7 +230,7 @@ class Session:
         return self._model(shown, have)
 
     def cut_sheet(self, draft: int) -> bytes:
-        """Return the cut sheet of the draft with this number, packed for the page; b'' if it is not the latest cut."""
+        """Return the cut sheet of draft number `draft`, packed for the page; b'' unless this draft was cut last."""
         with self._lock:
             latest_cut = self._cut
         if not latest_cut or latest_cut[0].number != draft:

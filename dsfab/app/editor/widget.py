@@ -18,10 +18,10 @@ from dsfab.preset.model import Preset
 
 
 class Editor(anywidget.AnyWidget):
-    """A preset that the user changes by the mouse and by Python.
+    """The editor's page in a notebook: the user changes a preset by the mouse and by Python.
 
     changes : differences from the open preset, by dotted keys; assign a new dict. Raises PresetError.
-    view    : sides, colours and layers of the page, in the format of the page.
+    view    : camera, section plane, colours and layers that the page shows, as the page stores these.
     height  : height of the widget, pixels."""
 
     changes = traitlets.Dict().tag(sync=True)
@@ -47,7 +47,7 @@ class Editor(anywidget.AnyWidget):
 
     @property
     def files(self) -> list[Path]:
-        """Files of the last build, those in the preset's formats first. They exist until widget or Python closes."""
+        """Files of the last build, first those in the preset's formats. Deleted when the widget or Python closes."""
         return self._session.builds.latest
 
     def close(self) -> None:

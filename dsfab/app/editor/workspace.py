@@ -24,7 +24,7 @@ _PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 class Outputs:
-    """Folders of builds in `home`, one for each name. The page sends names only, so it cannot write elsewhere.
+    """The folder `home`, with a subfolder for each build. The page sends names only, so it cannot write elsewhere.
     label : name of `home` for the user and on a command line; '' for the session's temporary folder."""
 
     def __init__(self, home: Path, shown: str = "") -> None:
@@ -32,7 +32,7 @@ class Outputs:
         self._ours: set[Path] = set()
 
     def folder(self, name: str) -> Path:
-        """Return the folder of a name. Raises DsfabError for a name that is invalid or leads outside `home`."""
+        """Return the path of the subfolder `name`. Raises DsfabError for an invalid name or a place outside `home`."""
         folder = self.home / name
         if not _PLAIN.fullmatch(name) or folder.resolve().parent != self.home.resolve():
             raise DsfabError(
@@ -124,7 +124,7 @@ class OpenedPreset:
         return _mesh_file(self.preset) if self.mesh else None
 
     def command(self, changes: Mapping[str, Any]) -> tuple[str, bool]:
-        """Return a command line that builds the changed preset, and True if the user must save the preset first."""
+        """Return a command line that builds the changed preset, and True if NAME.toml must first be saved."""
         preset = self.preset_with(changes)
         if self.words and self.decided and MATERIAL in changes:  # `dsfab build` must not propose another thickness
             changes = {"statics.thickness": preset.statics.thickness, **changes}
@@ -136,7 +136,8 @@ class OpenedPreset:
         return shlex.join(["dsfab", "build", f"{preset.name}.toml"]), True
 
     def open_toml(self, text: str) -> "OpenedPreset":
-        """Open a preset file from the page. Raises PresetError if it is invalid, or needs a file that is not open."""
+        """Open the text of a preset file that the user dropped on the page. Raises PresetError for an invalid preset,
+        and for a preset that needs a mesh file or a drawing that the editor has not opened."""
         try:
             values = toml_table(text)
         except TomlError as error:

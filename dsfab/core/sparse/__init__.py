@@ -47,13 +47,11 @@ def factorise(
     K: Matrix, points: Floats, node: Ints | None = None, solver: str | None = None, rigid: Floats | None = None
 ) -> Factor:
     """Return a function b -> K^-1 b for a positive definite matrix K (N, N), with all diagonal entries stored.
-
     K      : the matrix, or a function that builds it: symmetric, or Hermitian for PARDISO and the multifrontal factor.
     points : (n, 3) positions, which only determine the order of elimination.
     node   : (N,) the point of each unknown; default: unknown i is on point i.
     solver : "PARDISO", "multifrontal", "SuperLU" or "multigrid"; default: PARDISO if installed, else multifrontal.
     rigid  : (N, 6) rigid motions in the unknowns of K, which multigrid needs.
-
     Raises NotPositiveDefinite for a pivot that is not positive. Raises FactorMemoryError if the factor does not fit
     into memory and multigrid cannot be used."""
     node = np.arange(len(points)) if node is None else node

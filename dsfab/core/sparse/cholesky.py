@@ -98,14 +98,14 @@ def blas_pools() -> Any:
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Limit BLAS to one thread, because more threads are slower on vectors and small fronts.
+    """Limit BLAS to one thread, because more threads are slower on vectors and small matrices.
     The limit applies to the whole process, so a lock lets only one Python thread at a time run the `with` block."""
     with _BLAS_LOCK, blas_pools().limit(limits=1, user_api="blas"):
         yield
 
 
 def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, leaf: int = 192) -> Ints:
-    """Return sort keys (n,) of a nested dissection of n points. Points of one part or separator have equal keys.
+    """Return sort keys (n,) of n points: an order of elimination that keeps the factor small (nested dissection).
 
     graph    : pairs of different points that the matrix couples, each pair in both directions.
     unknowns : number of unknowns of all points together.
@@ -113,7 +113,7 @@ def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, lea
 
     The method halves each part at the median of its longest axis. The separator is a set of points of one half that
     touch the other half; the method chooses the half with fewer such points. The separator is eliminated last. Each
-    level adds one base-4 digit: 0 lower half, 1 upper half, 2 separator. Keys give the elimination order."""
+    level adds one base-4 digit: 0 lower half, 1 upper half, 2 separator. Each part or separator has one key."""
     i, j = graph
     n = len(points)
     key, part, alive = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64), np.ones(n, dtype=bool)
@@ -135,7 +135,7 @@ def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, lea
 
 
 def upper_half(points: Floats, part: Ints) -> Ints:
-    """Return 1 for points (k,) above the median of their part (k,) on the part's longest axis, else 0."""
+    """Return 1 for points (k, 3) in the upper half of their part (k,) along the part's longest axis, else 0."""
     count = np.bincount(part)
     begin = np.cumsum(count) - count
     used = count > 0
@@ -180,7 +180,7 @@ class NotPositiveDefinite(ArithmeticError):  # noqa: N818  (named like LinAlgErr
 class Fronts:
     """Plan for the Cholesky factorisation of a sparse matrix: it depends on the places of entries, not on values.
     order    : (N,) unknowns in the order of elimination. All other fields number unknowns in this order.
-    start    : (fronts + 1,) front s eliminates the unknowns start[s], ..., start[s + 1] - 1.
+    start    : (fronts + 1,) front (dense block) s eliminates the unknowns start[s], ..., start[s + 1] - 1.
     rows     : for each front, the later unknowns that it changes, ascending.
     children : for each front, the earlier fronts whose updates are added to this front.
     entry    : positions of the lower triangle's values in K.data, column by column.
@@ -197,7 +197,7 @@ class Fronts:
 
     @classmethod
     def from_matrix(cls, K: csr_array, points: Floats, node: Ints) -> Self:
-        """Return the plan for matrices with the pattern of K (N, N). node : (N,) index of each unknown's point."""
+        """Return the plan for matrices with the pattern of K (N, N). node : (N,) row of `points` for each unknown."""
         used, node = np.unique(node, return_inverse=True)
         points, n, N = points[used], len(used), K.shape[0]
         keys = dissection_keys(point_graph(K, node, n), points, N)
@@ -233,7 +233,7 @@ class Fronts:
 
 
 def _touched_points(row: Index, column: Index, front_start: Ints) -> tuple[list[Ints], list[list[int]]]:
-    """For each front, return the later points that it changes (with fill-in), and the fronts whose updates it gets."""
+    """Return the later points that each front (dense block) changes, and the earlier fronts that update each front."""
     n = int(front_start[-1])
     front = np.repeat(np.arange(len(front_start) - 1), np.diff(front_start))
     outside = front[row] != front[column]
@@ -304,7 +304,7 @@ class Multifrontal:
 
 
 def _add_update(pivot_rows: Numbers, rest: Numbers, update: Numbers, positions: Ints) -> None:
-    """Add the update (upper triangle) of a child front to a front at `positions`, in blocks of neighbouring columns."""
+    """Add the update (upper triangle) of an earlier front to the rows and columns `positions` of a later front."""
     k = len(pivot_rows)
     inner = int(np.searchsorted(positions, k))
     ends = np.flatnonzero((np.diff(positions) != 1) | (positions[1:] == k)) + 1
@@ -318,7 +318,7 @@ def _add_update(pivot_rows: Numbers, rest: Numbers, update: Numbers, positions: 
 
 
 def _partial_factorisation(pivot_rows: Numbers, rest: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-    """Factorise a front; return the factor's diagonal block L, the block P below, and the update (upper triangle)."""
+    """Eliminate pivot rows; return the factor's diagonal block L, P below it, and updated `rest` (upper triangle)."""
     k, is_complex = len(pivot_rows), np.iscomplexobj(pivot_rows)
     potrf, trsm, rank_k = (zpotrf, ztrsm, zherk) if is_complex else (dpotrf, dtrsm, dsyrk)
     if not k:

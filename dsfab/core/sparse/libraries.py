@@ -31,10 +31,8 @@ SUPERLU_OPTIONS = {"SymmetricMode": True, "Equil": False}
 
 class SuperLU:
     """Factor of a symmetric positive definite matrix; a call with b, (N,) or (N, k), returns K^-1 b.
-
     order    : (N,) elimination order, from another matrix of the same pattern.
     definite : True if K is certainly positive definite. This saves the check of the pivots.
-
     Raises NotPositiveDefinite for a pivot that is not positive."""
 
     def __init__(
@@ -117,10 +115,8 @@ class _Pattern:
 
 class Pardiso:
     """Factor of a positive definite matrix, real or Hermitian; a call with b, (N,) or (N, k), returns K^-1 b.
-
     K      : see `dsfab.core.sparse.factorise`.
     blocks : True if unknowns form groups whose rows have the same columns.
-
     Raises NotPositiveDefinite for a pivot that is not positive, and FactorMemoryError if the factor does not fit."""
 
     def __init__(self, K: Matrix, blocks: bool = False) -> None:
@@ -211,12 +207,9 @@ def has_pyamg() -> bool:
 
 class Multigrid:
     """Solver for the stiffness of thin sheets with up to three unknowns per point; a call with b returns K^-1 b.
-
     The method is smoothed aggregation [Vanek, Mandel and Brezina 1996], with blocks of three unknowns per point,
     strength 0, energy-smoothed prolongation and symmetric block Gauss-Seidel. Other choices diverge on some sheets.
-
     rigid : (N, 6) rigid motions in the unknowns of K. K times these motions is nearly zero away from supports.
-
     Raises ConvergenceError for a solve whose true relative residual exceeds 1e-9."""
 
     def __init__(self, K: csr_array, node: Ints, rigid: Floats) -> None:

@@ -112,7 +112,7 @@ def _distances(design: Design) -> dict[str, Floats]:
 
 
 def _even_fields(even: EvenStripes, family: int) -> dict[str, Floats]:
-    """Return fields of a family at vertices. A vertex with several phases uses the phase nearest to a whole number."""
+    """Return fields of a stripe family at vertices: distance to the nearest centre line, density, triangle wave."""
     name, chart, density = STRIPES[family], even.chart, even.density[:, family]
     weights = chart.weights.tocoo()
     row, vertex = (index.astype(np.int64) for index in weights.coords)
@@ -233,8 +233,8 @@ _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFil
 
 
 def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
-    """Return the preset as a build writes it into `folder`: with curves in place of names of drawings, and only the
-    name (no path) of a mesh file in this folder. A mesh from Python is written into `folder`.
+    """Return the preset as a build writes it into `folder`: curves replace names of drawings. A mesh file in `home` is
+    named without its path. A mesh from Python is written into `folder`.
     home : path of `folder` after the build. Raises SurfaceError for a missing drawing."""
     preset = preset.self_contained()
     section = preset.surface
@@ -304,7 +304,7 @@ def read_archive(folder: Path, preset: Preset) -> Design | None:
 
 
 def sections(preset: Preset) -> dict[str, Any]:
-    """Return the sections that determine a design, as plain values. The values of the material replace its name."""
+    """Return a preset's sections that determine a design, as plain values. Values of the material replace its name."""
     values: dict[str, Any] = json.loads(preset.model_dump_json(include=set(MADE_BY), exclude={"statics": {"material"}}))
     return values
 

@@ -26,7 +26,6 @@ UNITS = "lengths in metres, forces in newtons, Young's modulus and stresses in p
 @dataclass(frozen=True, eq=False)
 class CalculixModel:
     """Finite element model of a sheet: p nodes, m six-node triangles, supports and loads.
-
     nodes     : (p, 3) coordinates, m.
     triangles : (m, 6) node numbers: three corners, then the middle of the edge after each corner.
     thickness : m.    young : Pa.    density : kg/m3.
@@ -35,7 +34,6 @@ class CalculixModel:
     clamped   : (p,) True for nodes with fixed rotations; only for S6 shells.
     springs   : (p, 3) stiffness between each node and the ground, N/m; 0 if there is no spring.
     notes     : comment lines for the top of the file.
-
     Raises ExportError if shapes disagree, steps or supports are missing, or CPS6 triangles leave the plane z = 0."""
 
     nodes: Floats

@@ -40,13 +40,13 @@ puts "case;node;ux;uy;uz;rx;ry;rz;Rx;Ry;Rz;Mx;My;Mz"
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the script; equal parts give equal bytes."""
+    """Yield the OpenSees script of a part's beam model, line by line; equal parts give equal bytes."""
     for line in _lines(part.name, part.details.beam_model):
         yield f"{line}\n".encode("ascii", "replace")
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the script back; raise ExportError if the number of beams or the coordinates of the nodes differ."""
+    """Read the OpenSees script back; raise ExportError if the number of beams or coordinates of nodes differ."""
     rows = [line.split() for line in path.read_text(encoding="ascii").splitlines()]
     frame = part.details.beam_model
     beams = sum(row[:2] == ["element", "ElasticTimoshenkoBeam"] for row in rows)

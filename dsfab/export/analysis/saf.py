@@ -200,7 +200,8 @@ def _supports(frame: "Frame") -> Iterator[dict[str, Cell | None]]:
 
 
 def _groups(actions: Mapping[str, str]) -> list[dict[str, Cell | None]]:
-    """Return one load group per kind of action. Two snow cases never act together, nor two wind cases (EN 1990)."""
+    """Return a row of the sheet of load groups for each kind of action. actions : kind of each load case, by name.
+    Load cases of snow exclude each other, and so do load cases of wind (EN 1990)."""
     return [
         {
             "Name": f"LG {kind}",
@@ -268,7 +269,7 @@ def agreement_text(part: Part) -> str:
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the workbook; equal parts give equal bytes."""
+    """Yield the bytes of the SAF workbook with a part's beam model. Equal parts give equal bytes."""
     import xlsxwriter
 
     file = io.BytesIO()

@@ -48,7 +48,7 @@ def require_rhino3dm(what: str = ".3dm files need") -> None:
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the file. Equal parts give equal bytes, as the file has constant times and no file name."""
+    """Yield the bytes of a 3DM file with the mesh and the curves of a part. Equal parts give equal bytes."""
     model = empty_model()
     ids = ids_of(part.name, (part.V, part.F, *(line.points for line in part.details.lines)))
     layers = {MESH: new_layer(model, ids, MESH, GREY)}
@@ -244,7 +244,7 @@ NODES = "nodes"  # name of the layer of the nodes
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Yield a 3DM file with the layers, meshes and axes of the members, and the nodes."""
+    """Yield the bytes of a 3DM file with meshes and axes of the members, and with the nodes, on named layers."""
     import rhino3dm
 
     model, facts, shapes = empty_model(), facts_of_members(part), part.details.shapes

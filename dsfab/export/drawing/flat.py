@@ -47,7 +47,7 @@ class FlatLine:
 
 @dataclass(frozen=True)
 class FlatCircle:
-    """A circle with centre and diameter, metres."""
+    """A circle with its centre `at` and its diameter, metres."""
 
     layer: str
     at: tuple[float, float]

@@ -33,7 +33,7 @@ def _arrays(V: Floats, F: Ints) -> list[np.ndarray[Any, Any]]:
 def _chunks(
     nodes: Sequence[Any], meshes: Sequence[Any], materials: Sequence[Any], arrays: list[np.ndarray[Any, Any]]
 ) -> Iterator[bytes]:
-    """Yield header, JSON and buffer. nodes : the root last.    arrays : vertices and faces of each mesh in turn."""
+    """Yield the bytes of a GLB file. nodes : the root last.    arrays : vertices, then faces, of each mesh in turn."""
     size = [array.nbytes for array in arrays]
     start = np.concatenate([[0], np.cumsum(size)]).tolist()
     scene = {

@@ -16,7 +16,6 @@ from dsfab.members.frame import STATIONS, MemberForces, torsion_constant
 @dataclass(frozen=True, eq=False)
 class MemberBays:
     """Bays (b) of members, each with five stations; lengths in metres.
-
     member    : (b,) name of the member.    name : (b,) names of the bay's nodes, "N012 N013".
     s         : (b, 5) arc length along the axis of the member.
     width     : (b, 5) width of the section.    thickness : thickness of all sections.
@@ -96,12 +95,10 @@ CheckRatios = dict[CodeCheck, Floats]
 @dataclass(frozen=True, eq=False)
 class Utilisation:
     """Forces on bays, divided by their resistances; 1 is the limit. b counts the bays, c the checks.
-
     standard  : name of the standard, or the reason for its absence.
     values    : (b, c) largest value along each bay for each check, by case or combination.
     station   : (b, c) station of the largest value, 0 to 4, by case; 0 for a value of the whole bay.
-    assumed   : sentences on assumptions.
-    unchecked : topics without a check.
+    assumed   : sentences on assumptions.    unchecked : topics without a check.
     combined  : True if cases are combinations with partial factors."""
 
     bays: MemberBays
@@ -242,8 +239,9 @@ class Rectangle:
 
 
 def moment_factor(moment: Floats) -> Floats:
-    """Return the factor C_m (b, 1) of moments (b, 5) along bays [EN 1993-1-1, table B.3, uniform loading].
-    For a linear moment with the ratio psi of the end moments, C_m is 0.6 + 0.4 psi."""
+    """Return the equivalent uniform moment factor C_m (b, 1) for moments (b, 5) at five stations of each bay.
+    For a linear moment with the ratio psi of the end moments, C_m is 0.6 + 0.4 psi, but at least 0.4.
+    [EN 1993-1-1, table B.3, uniform loading]"""
     ends = moment[:, [0, -1]]
     first_is_larger = np.abs(ends[:, 0]) >= np.abs(ends[:, 1])
     large, small = np.where(first_is_larger, ends[:, 0], ends[:, 1]), np.where(first_is_larger, ends[:, 1], ends[:, 0])

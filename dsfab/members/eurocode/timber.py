@@ -48,7 +48,7 @@ class TimberFactors:
 def timber_checks(
     bays: MemberBays, forces: Floats, grade: TimberGrade, elastic: float, duration: Duration, factors: TimberFactors
 ) -> CheckRatios:
-    """Return force divided by resistance. forces : (b, 5, 6), six section forces at five sections of each of b bays.
+    """Return force / resistance by check. forces : (b, 5, 6), six section forces at five sections of each of b bays.
     duration : duration of the shortest load.
     elastic  : Young's modulus, Pa. Bending a layer into shape gives the stress elastic * thickness * curvature / 2."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))

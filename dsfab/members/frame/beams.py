@@ -18,8 +18,9 @@ SHORT = 1e-3  # Least distance between two nodes of a member, as a fraction of i
 
 
 class BeamRow(NamedTuple):
-    """A beam. ends : numbers of its nodes.    normal : local z.    width : m.    shift : eccentricity, m, to the left.
-    member : number of its member, -1 for a link.    stout : width of the member / length of its bay, at most 1."""
+    """A straight beam. ends : numbers of its two nodes.    normal : local z axis, normal to the surface.    width : m.
+    shift  : metres from the beam to the material's middle, positive to the left.    member : its number, -1 for a link.
+    stout  : width of the member / length of its bay (part between nodes), at most 1; 0 for a link."""
 
     ends: tuple[int, int]
     normal: Floats
@@ -31,7 +32,7 @@ class BeamRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Beams:
-    """Beams as arrays. `Frame` has the same values, and explains them."""
+    """Beams as arrays with a row for each beam. `BeamRow` explains the values."""
 
     ends: Ints
     normal: Floats
@@ -53,7 +54,7 @@ class Beams:
         return Beams(ends[chosen], *shape, self.member[chosen], self.stout[chosen])
 
     def and_links(self, ends: Ints, normal: Floats, width: Floats) -> "Beams":
-        """Return these beams and k beams that link nodes `ends` (k, 2). width : (k,), m. normal : (k, 3), local z."""
+        """Return these beams and k links between nodes `ends` (k, 2). width : (k,), m. normal : (k, 3) local z."""
         none = np.zeros(len(ends))
         return Beams(
             np.concatenate([self.ends, ends]),
@@ -66,7 +67,7 @@ class Beams:
 
 
 def beams_along(joints: AxisJoints) -> Beams:
-    """Return the beams along all members' axes, and for `joints.links`. Nodes between beams are added to `joints`."""
+    """Return beams along all members' axes, and the links `joints.links`. Nodes between beams are added to `joints`."""
     rows = list[BeamRow]()
     for number, member in enumerate(joints.members_with_axis):
         for begin, end in pairwise(_stations(joints, member)):
@@ -124,7 +125,8 @@ def _sides(member: Member) -> Floats:
 def _divide_bay(
     member: Member, span: tuple[float, float], joint_widths: tuple[float, float], least: int
 ) -> tuple[Floats, Floats]:
-    """Return arc lengths (k + 1,) that divide a bay into joints and beams, and widths (k,) to add; 0 for beams."""
+    """Divide a bay (part of a member between nodes) into k beams; return arc lengths (k + 1,) of the beams' ends, m.
+    Also return widths (k,) to add, m; 0 outside of joints. least : smallest number of beams between the joints."""
     (s, t), axis = span, member.curve
     half = fitting(np.array(joint_widths) / 2, t - s)
     half[half < 0.05 * member.mean_width] = 0.0  # joints whose half length is smaller are left out

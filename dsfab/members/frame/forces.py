@@ -85,7 +85,8 @@ def _cut_cells(s: Floats, lengths: Floats, period: float) -> tuple[Ints, Ints]:
 
 
 def _line(level: Floats) -> tuple[Floats, Ints]:
-    """Return both ends of the line `level` = 0 in triangles: barycentric weights, and sides (side k from corner k)."""
+    """Return the ends of the line `level` = 0 in triangles: barycentric weights (c, 2, 3), and numbers (c, 2) of sides.
+    level : (c, 3) values at the corners. Side k begins at corner k."""
     ahead = np.roll(level, -1, axis=1)
     crossed = (level > 0) != (ahead > 0)
     order = np.argsort(~crossed, axis=1, kind="stable")[:, :2]
@@ -130,7 +131,6 @@ COMPONENTS = ("N", "Vy", "Vz", "Mt", "My", "Mz")
 @dataclass(frozen=True, eq=False)
 class MemberForces:
     """Forces of a member at stations of its axis; k counts the stations.
-
     member : name of the member.    s : (k,) metres along its axis.    bay : (k,) names of the bay's nodes, "N012 N013".
     width  : (k,) width of the section, metres.
     forces : for each case and combination, (k, 6): N, Vy, Vz in newtons, and Mt (about the axis), My, Mz in newton
@@ -156,7 +156,7 @@ class MemberForces:
 
 @dataclass(frozen=True, eq=False)
 class MemberCuts:
-    """Cuts across a member at stations of its axis. All load cases and all thicknesses share them.
+    """Cuts across a member at stations of its axis. The cuts are the same for all load cases and thicknesses.
     s, bay, width : see `MemberForces`.    axes : (k, 3, 3) unit vectors x, y, z of `COMPONENTS`."""
 
     s: Floats
@@ -186,15 +186,21 @@ def member_cuts(graph: MemberGraph) -> dict[str, MemberCuts]:
 
 
 def member_forces(
-    graph: MemberGraph, forces: Mapping[str, SectionForces], cuts: Mapping[str, MemberCuts] | None = None
+    graph: MemberGraph,
+    forces: Mapping[str, SectionForces],
+    cuts: Mapping[str, MemberCuts] | None = None,
+    combinations: Mapping[str, Mapping[str, float]] | None = None,
 ) -> dict[str, MemberForces]:
-    """Return forces by member, for members with an axis and a bay (part between two nodes).
-    forces : of the sheet, by case.    cuts : `member_cuts` of the graph, if they are known."""
+    """Return forces by member, for members with an axis and two nodes or more.
+    forces       : section forces of the sheet, by case.    cuts : `member_cuts` of the graph, if they are known.
+    combinations : factor of each case, by name of the combination. Combinations follow the cases in the result."""
     by_member = {}
     for name, cut in (member_cuts(graph) if cuts is None else cuts).items():
         part = forces_in(graph, name, cut, forces)
-        balanced = {case: with_balanced_shear(rows, cut) for case, rows in part.forces.items()}
-        by_member[name] = replace(part, forces=balanced)
+        rows = {case: with_balanced_shear(rows, cut) for case, rows in part.forces.items()}
+        for combination, factors in (combinations or {}).items():
+            rows[combination] = np.asarray(sum(factor * rows[case] for case, factor in factors.items()))
+        by_member[name] = replace(part, forces=rows)
     return by_member
 
 
@@ -222,7 +228,7 @@ def with_balanced_shear(forces: Floats, cut: MemberCuts) -> Floats:
 
 
 def forces_in(graph: MemberGraph, name: str, cut: MemberCuts, forces: Mapping[str, SectionForces]) -> MemberForces:
-    """Return the forces in the cuts across a member."""
+    """Return the forces of a member at its cuts. forces : section forces of the sheet, by case."""
     normals = graph.sheet.surface.normals
     sums = {case: _force_sums(cut.sections, cut.axes, parts, graph, normals) for case, parts in forces.items()}
     return MemberForces(name, cut.s, cut.bay, cut.width, sums)
@@ -281,7 +287,7 @@ def _stations(graph: MemberGraph, member: Member) -> tuple[Floats, tuple[str, ..
 
 
 def _incomplete_cuts(graph: MemberGraph, member: Member) -> Floats:
-    """Return intervals (k, 2) of arc length, m, in which cuts miss material, because they end at another member."""
+    """Return intervals (k, 2) of arc length, m, in which cuts miss material, because the cuts end at another member."""
     surface, axis = graph.sheet.surface, member.curve
     edge = surface.edges.of[member.cells]
     number, sides = np.unique(edge, return_counts=True)

@@ -16,7 +16,8 @@ SAME = 0.25
 
 
 def fitting(halves: Floats, length: float) -> Floats:
-    """Return how far joints reach into a bay at its ends (2,), m: `halves`, scaled to a sum of at most 0.8 `length`."""
+    """Return the lengths (2,) that the joints at both ends take from a bay (part of a member between nodes), metres.
+    halves : (2,) half lengths of the joints, which are scaled to a sum of 0.8 `length` if their sum is larger."""
     clear = 0.2
     return halves * min(1.0, (1 - clear) * length / max(float(halves.sum()), 1e-30))
 
@@ -28,7 +29,7 @@ class AxisJoints:
     on     : pairs (arc length, node number) of the nodes on an axis, by member.
     links  : (node, node, width in metres) for two nodes that material beside the axes connects.
     ends   : begin and end of a member's beams, metres along its axis, by member.
-    grazed : nodes at which members overlap although their middle lines do not meet."""
+    grazed : numbers of nodes at which members overlap although their middle lines do not meet."""
 
     graph: MemberGraph
     points: list[Floats] = field(default_factory=list)
@@ -119,7 +120,7 @@ Trees = Mapping[str, tuple[cKDTree, Floats]]
 
 
 def join_ends(joints: AxisJoints) -> None:
-    """Join member ends without a node to nearby members; remove short pieces of members beyond their last node."""
+    """Join member ends without a node to nearby members. Short pieces beyond the last node get no beam (see `ends`)."""
     samples = [(member, *_samples(member)) for member in joints.members_with_axis]
     trees = {member.id: (cKDTree(P), s) for member, s, P in samples}
     open_ended = [member for member in joints.members_with_axis if member.axis and not member.axis.closed]
@@ -205,7 +206,7 @@ def _join_end(joints: AxisJoints, member: Member, s: float, trees: Trees) -> Non
 
 
 def _loose_ends(joints: AxisJoints, member: Member) -> Iterable[tuple[float, str, float]]:
-    """Yield ends without a node: arc length, the member that continues the end or "free", and the width there (m)."""
+    """Yield a member's free ends, and its ends at other members: arc length, "free" or the other's name, width (m)."""
     if not member.curve.closed:
         for s, what, width in zip((0.0, member.length), member.ends, member.width[[0, -1]].tolist(), strict=True):
             if what == "free" or what in joints.graph.by_id:

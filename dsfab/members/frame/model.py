@@ -55,7 +55,7 @@ class Frame:
     normal    : (b, 3) unit vectors, local z of each beam.
     width     : (b,) metres, along local y.    thickness : (b,) metres, along local z.
     member    : (b,) number in `members` (names); -1 for a link, the material away from the axes.
-    fixed     : (n, 6) True for a fixed translation or rotation.    spring : (n, 6) N/m and Nm.
+    fixed     : (n, 6) True for a fixed translation or rotation.    spring : (n, 6) stiffness, N/m and Nm.
     loads     : (n, 6) newtons and newton metres on the nodes, by case.
     combinations : factors of the cases, by name of the combination.
     actions   : permanent, snow, wind or variable, by case; {} if unknown.
@@ -140,7 +140,6 @@ class Frame:
 @dataclass(frozen=True, eq=False)
 class FrameAnswer:
     """Solution of a frame under a load.
-
     u        : (n, 6) displacements, metres, and rotations, radians.
     reaction : (n, 6) forces and moments of supports and springs on the frame, N and Nm.
     end      : (b, 2, 6) section forces at both ends of each beam in its own axes: N, Vy, Vz in N; Mt, My, Mz in Nm.

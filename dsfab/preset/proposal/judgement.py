@@ -36,7 +36,7 @@ DEEP = {"roof": 50.0, "hung": 50.0, "floor": 25.0, "wall": 20.0}
 LOAD = {"roof": 750.0, "hung": 300.0, "floor": 5000.0, "wall": 800.0}  # Usual load, Pa: snow, services, people, wind.
 TIMBER, STRENGTH = Material(11e9, 0.3, 420.0), 15e6  # GL24h: strength 24 MPa x 0.8 / 1.25.
 LIMIT = 1 / 300  # Largest usual movement, divided by the span.
-EDGE = 0.5  # Fraction by which the score of a reading is reduced if it supports all edges of the sheet.
+EDGE = 0.5  # Fraction by which a score is reduced if all edges of the sheet are supported.
 UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}  # Share of each unit in files that do not name it.
 BUILDING, SPREAD = 18.0, 1.1  # Median length of buildings, metres, and standard deviation of its logarithm.
 LEAST, DOUBT = 0.02, 0.25  # Smallest score of a plausible way of support, and smallest score without doubt.
@@ -47,7 +47,9 @@ UNDER = 0.7  # Factor on the score of a vertical axis with which the surface wou
 
 @dataclass(frozen=True, eq=False)
 class JudgedReading:
-    """A way to support a surface (a reading of its shape), with its score and the values that give the score."""
+    """A way to support a surface (a reading of its shape), with its score. up : axis of the user's mesh that points up.
+    built_in : True for a wall, and for a single line of support that is no closed loop; then `tips` is False.
+    figures  : values that give the score, by name; empty if the sheet could move freely, and for an object."""
 
     reading: SupportReading
     score: float
@@ -99,7 +101,8 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
 
 
 def _steadiness(shape: Shape, reading: SupportReading, supported: Bools, upward: Floats, is_line: bool) -> float:
-    """Return 1 for steady supports, less if the sheet may tip, swing or lift from them. is_line : one long support."""
+    """Return 1 for steady supports, less if the sheet may tip, swing or lift from them.
+    upward : (p,) upward force of each place of support, N.    is_line : True for a single long support."""
     if reading.kind in ("wall", "floor"):
         return 1.0
     if reading.kind == "hung" and len(reading.places) == 1 and reading.places[0].name != "upper rim":
@@ -149,8 +152,8 @@ def usual_unit(unit: str, size: float) -> float:
 
 def likely_units(shape: Shape) -> list[tuple[str, float]]:
     """Return pairs (unit, probability), the most probable first, for a shape whose coordinates are those in its file.
-    The probabilities follow from usual sizes of buildings. A shape that reaches the ground must be high enough for
-    people."""
+    The probabilities follow from usual sizes of buildings. A unit is improbable if it makes a shape on the ground too
+    low for people."""
     V = shape.surface.V
     size, plan = float(np.ptp(V, axis=0).max()), V[:, :2] - V[:, :2].mean(axis=0)
     narrow = np.ptp(plan @ np.linalg.svd(plan, full_matrices=False)[2].T, axis=0).min()

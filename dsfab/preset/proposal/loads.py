@@ -12,7 +12,7 @@ from dsfab.preset.proposal.shape import is_nearly_closed
 from dsfab.surface import Surface, one_sided_pieces
 
 USUAL_LOAD = {"roof": "snow", "hung": "services", "floor": "people", "wall": "wind"}
-"""Load of a surface besides its weight, by kind."""
+"""Usual load of a surface besides its weight, by kind of surface."""
 LINE_OF_COMMENT = {
     "snow": "Pa on the ground: a placeholder for the value of your code [EN 1991-1-3]",
     "people": "Pa on the plan area: a placeholder for crowds of people [EN 1991-1-1, table 6.2, category C5]",
@@ -26,7 +26,7 @@ AROUND = 0.3  # A surface is a tower if the horizontal part of sum(normal x area
 @dataclass(frozen=True)
 class MeshWishes:
     """The user's choices for a surface, which replace dsfab's own choices.
-    stand    : value of --stand: a way of support (feet, edge ...), a height (m) up to which edges are supported, or "".
+    stand    : value of --stand: kind of supports (feet, edge ...), height (m) up to which edges are supported, or "".
     built_in : True if the supports are clamped.
     loads    : "snow", "wind", "people", "services" or "none", also with a value in kPa: "snow=1.2".
     only     : names of the parts of the mesh file that form the surface; all parts by default."""
@@ -123,8 +123,8 @@ def toml_line(key: str, value: object, note: str = "") -> str:
 
 
 def snow_picker(surface: Surface) -> str:
-    """Return the picker for snow. For a roof it is '': snow lies on the whole surface. For a surface that overlaps
-    itself in plan, like a ball, the picker selects the top. The normals may point inwards or outwards."""
+    """Return TOML keys that select the faces under snow. For a roof, return '': snow lies on the whole surface.
+    For a surface that overlaps itself in plan, like a ball, select the top. Normals may point inwards or outwards."""
     upward = surface.normals[:, 2] * surface.areas
     if np.abs(upward).sum() < 1.2 * abs(upward.sum()) or one_sided_pieces(surface.F, surface.edges).any():
         return ""

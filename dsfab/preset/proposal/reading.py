@@ -43,7 +43,7 @@ GROUND = 1e-3  # Largest depth below y = 0 that counts as zero, divided by the s
 
 
 def possible_axes(surface: Surface, suffix: str = "", usual: str | None = None) -> dict[Up, float]:
-    """Return the possible vertical axes of a surface, each with a factor for the scores of supports (see `choice`).
+    """Return the possible vertical axes of a surface, each with its factor on the scores of supports (see `choice`).
     suffix : suffix of the file, with the dot.
     usual  : "y" or "z", the vertical axis of the program that wrote the file; None if unknown.
     The axis -y is possible only if the surface reaches below y = 0. A sculpture gets only its most stable axis."""
@@ -232,7 +232,7 @@ def _with_z_up(surface: Surface, chosen: SupportChoice, option: Up | None) -> tu
 
 
 def origin_near(surface: Surface) -> tuple[float, ...]:
-    """Return an origin in whole metres near the lowest corner of a surface; 0 if the coordinates are small."""
+    """Return an origin in whole metres near the lowest corner of a surface; 0 on each axis with small coordinates."""
     low = surface.V.min(axis=0)
     # at such distances, single precision (STL) rounds coordinates to 1/100 000 of the size
     is_far = np.abs(surface.V).max(axis=0) > 100.0 * surface.size
@@ -275,7 +275,7 @@ def _box(surface: Surface) -> str:
 
 
 def vertical_axis(up: str | None) -> Up | None:
-    """Return the axis; None if the user named none. Raises SurfaceError if it is not x, y, z, -x, -y or -z."""
+    """Return `up` as an axis; None if the user named none. Raises SurfaceError if `up` is not x, y, z, -x, -y or -z."""
     axes: tuple[Up, ...] = get_args(Up)
     if up is None or up in axes:
         return next((axis for axis in axes if axis == up), None)

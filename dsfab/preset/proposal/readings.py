@@ -48,7 +48,7 @@ class SupportPlace:
         return replace(self, points=self.points - offset)
 
     def picker(self, margin: float = 0.0, digits: int = 9) -> Boundary | Ball | Box:
-        """Return a picker of this place for any mesh of the surface. margin : added to each side of a box, metres."""
+        """Return a picker of this place on any mesh of the surface. margin : metres added to a box on each side."""
         if self.loop is not None:
             return Boundary(self.loop)
         if self.length:
@@ -94,7 +94,7 @@ def distinct_readings(shape: Shape) -> list[SupportReading]:
 
 
 def _of_what_it_leaves(shape: Shape, reading: SupportReading) -> SupportReading:
-    """Return a way of support; its score `form` is lower if necks, or hollows of a roof, stay without support."""
+    """Return `reading`, with a lower score `form` if it leaves necks or hollows of a roof without support."""
     free = len(shape.heads) * (reading.word not in ("loops", "walls")) + len(shape.lugs) * (reading.word != "hung")
     ponds = len(shape.inner_hollows) > 0 and not shape.heads and reading.kind == "roof"
     ponds = ponds and reading.word not in ("hollows", "columns")

@@ -270,7 +270,8 @@ class Shape:
         return np.setdiff1d(self.hollows, np.concatenate([*self.surface.loops, np.zeros(0, dtype=np.int64)]))
 
     def below(self, plan: Floats) -> Floats:
-        """Return the vertices (k, 3) nearest to points (j, 2) in plan. Points outside the sheet are left out."""
+        """Return the places (k, 3) of the vertices nearest to points `plan` (j, 2), seen from above.
+        Points outside the sheet are left out."""
         away, vertex = (np.atleast_1d(values) for values in cKDTree(self.surface.V[:, :2]).query(plan))
         return np.asarray(self.surface.V[vertex[away < 0.05 * self.width]])
 

@@ -19,7 +19,7 @@ PartsPage = tuple[str, Callable[[Paper], None]]
 
 
 def sheet_figures(plan: WorkshopPlan, name: str = "Sheets") -> list[tuple[str, str]]:
-    """Return number and size of the sheets, the share of their area that parts fill, and their price if it is known."""
+    """Return pairs of title and text: number, size, used share of sheets (titled `name`); and the price, if known."""
     cost = stock_cost(plan.sheets)
     priced = [("Price of the sheets", money(cost))] if cost else []
     return [(name, f"{stock_words(plan.sheets)}, {plan.used_share:.0%} used"), *priced]

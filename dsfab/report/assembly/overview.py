@@ -51,7 +51,7 @@ def draw_structure(
     colours: dict[str, tuple[float, float, float]],
     extent: Floats | None = None,
 ) -> DrawingTransform:
-    """Draw members into a box of the page; return the map to paper. colours : colours of some members, by name.
+    """Draw members into a box of the page; return the map from view to paper. colours : of some members, by name.
     extent : (k, 2) points that the box must show, m; None shows all members."""
     faces_in_order = painted_faces(faces, view, colours)
     extent = faces_in_order.corners.reshape(-1, 2) if extent is None else extent
@@ -120,7 +120,7 @@ def piece_length(faces: list[MemberFaces]) -> float:
 
 
 def strip_quads(strip: RefoldedStrip, piece: float, slotted: bool = False) -> Floats:
-    """Return a strip as quads (q, 4, 3), each about `piece` metres long.
+    """Return a bent strip as quadrilaterals (q, 4, 3), each about `piece` metres long.
     slotted : True to divide the strip at its corners instead."""
     if slotted:
         rows = simplified_line(strip.edges.reshape(-1, 6), 1e-3).reshape(-1, 2, 3)
@@ -194,7 +194,7 @@ def plank_rule(plan: WorkshopPlan) -> str:
 
 
 def plank_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Return the steps of assembly: first planks with slots open above, last plates. up : (3,) unit vector."""
+    """Return the steps of assembly: first planks with slots open above, plates last. up : (3,) unit vector, upwards."""
     assert plan.graph is not None
     assert plan.planks is not None
     built, order = {part.member for part in plan.parts}, plan.planks.planks.order

@@ -145,7 +145,7 @@ class Paper:
             self.canvas.circle(x, y, diameter / 2 * MM)
 
     def faces(self, faces: FaceList, fitted: DrawingTransform) -> None:
-        """Draw faces in one call, because a call per face is ten times as slow. fitted : map to paper."""
+        """Draw faces in one call; a call per face takes ten times as long. fitted : map from metres to paper."""
         P = (fitted.to_paper(faces.corners) * MM).reshape(-1, 8)
         dark = 0.55 * faces.colours
         rows = np.concatenate([faces.colours, P, dark, P[:, :4], P[:, 4:]], axis=1)

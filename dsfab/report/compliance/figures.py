@@ -226,7 +226,7 @@ class FindingsPictures:
         return self._figure(caption, width, SIZE, material.V, material.F, task.surface, load, red, family)
 
     def case(self, name: str, caption: str, width: float, side_by_side: bool = False) -> ReportFigure:
-        """Draw the uncut surface with loads and supports of a case. side_by_side : True if pictures share a row."""
+        """Draw the uncut surface with loads and supports of a case. side_by_side : True if two pictures share a row."""
         surface = self.findings.task.surface
         load = self.findings.task.all_loads[name]
         palette = replace(WHITE, members=WHITE.plain)
@@ -234,7 +234,7 @@ class FindingsPictures:
         return self._figure(caption, width, SMALL, surface.V, surface.F, surface, load, palette, letters=letters)
 
     def stress(self, answered: AnsweredLoad, caption: str) -> ReportFigure:
-        """Draw the von Mises stress on the cut sheet, in each face the largest at top, middle or bottom."""
+        """Draw the von Mises stress on the cut sheet, in each face the largest value at top, middle or bottom."""
         sheet, value = self.findings.structure.sheet.surface, answered.stress.largest
         limit = quantile(value, sheet.areas, 0.98) or 1.0  # leaves out the peaks at corners: 2 % of the area
         return self.band_figure(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
@@ -290,7 +290,7 @@ class FindingsPictures:
 
 
 def letter_enlargement(size: tuple[int, int], width: float, points: float = 7.0) -> float:
-    """Return the factor by which a preview's letters must grow to be `points` high on paper.
+    """Return the factor, at least 1, by which a picture's letters must grow to be `points` high on paper.
     size : size of the picture, pixels.    width : width of the picture / width of the report's text."""
     point = size[0] / (TEXT * width)
     return max(1.0, points * point / (size[1] / 46))

@@ -213,7 +213,7 @@ class Findings:
         )
 
     def cases_shown(self, names: Iterable[str]) -> list[str]:
-        """Return those of `names` to draw: all except a building standard's combinations that govern no result."""
+        """Return the `names` of cases to draw: all except a building standard's combinations that govern no result."""
         standard_names = {combination.name for combination in self.task.preset.surface.standard_sums}
         decisive_names = set[str]()
         if self.carries:

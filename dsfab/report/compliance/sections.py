@@ -246,7 +246,7 @@ def calibration_section() -> ReportSection:
 def reproduction_section(
     command: str, versions: Mapping[str, str], preset: str, number: CaptionNumbers
 ) -> ReportSection:
-    """Return a section on how to repeat the report. preset : its text. number : counter of captions."""
+    """Return a section on how to repeat the report. preset : text of the preset. number : counter of captions."""
     blocks: Sequence[Block] = [
         Paragraph("This command made the report, with the preset below and these versions:"),
         Code(command),
@@ -265,7 +265,7 @@ def carrying_sections(
     versions: Mapping[str, str],
     preset: str,
 ) -> list[ReportSection]:
-    """Return all sections of the report on a design that carries its loads. preset : its text."""
+    """Return all sections of the report on a design that carries its loads. preset : text of the preset."""
     return [
         summary_section(findings, pictures, number),
         checks_section(findings, number),
@@ -289,7 +289,7 @@ def failed_sections(
     versions: Mapping[str, str],
     preset: str,
 ) -> list[ReportSection]:
-    """Return all sections of the report on a design that cannot carry its loads. preset : its text."""
+    """Return all sections of the report on a design that cannot carry its loads. preset : text of the preset."""
     return [
         _failed_summary(findings, pictures, number),
         checks_section(findings, number),

@@ -106,7 +106,7 @@ def _thinner_sentence(findings: Findings, rival: Competitor) -> str:
 
 
 def thinner_sheet_words(findings: Findings) -> str:
-    """Return sentences: is the design or a thinner sheet stiffer, at each share of material? '' if not compared."""
+    """Return words that say if the design or a thinner sheet is stiffer, by share of material; '' if not compared."""
     pairs = [
         (f"{share:.0%}", _compliance_range(compared.design), _compliance_range(compared["thinner"]))
         for share, compared in findings.volumes

@@ -100,7 +100,7 @@ QUANTILES = ("5%", "50%", "95%")
 
 
 def quality_facts(quality: "PatternQuality") -> dict[str, Any]:
-    """Return the key `pattern` of `design.json`; see `PatternQuality` for its numbers."""
+    """Return the quality of a pattern as a table for the key `pattern` of `design.json`."""
     titled = zip(quality.titles, quality.families, strict=True)
     families = {name: {"title": title, **_family_facts(family)} for title, (name, family) in titled}
     shared = {"crossing_angle_deg": quality.crossing_angle, "symmetry_error": quality.symmetry_error}

@@ -71,7 +71,6 @@ def save(
 ) -> SavedDesign:
     """Write the files of a design into `folder`. Verdict, pictures and quick formats appear together, or none of them.
     STEP and BREP files follow up to a minute later. announce : functions that `save` calls.
-
     picture : True to write preview.png for clients, and analysis.png with the loads and the utilisation.
     marked  : True to write fabrication.png, which marks the smallest member, gap and wall.
     Raises ExportError for a folder that cannot be written. `SavedDesign.refused` reports a STEP file that is too large.
@@ -172,7 +171,8 @@ def _write_formats(design: Design, folder: Path, suffixes: Sequence[str], progre
 
 
 def merged_notes(notes: Mapping[str, Sequence[str]]) -> list[str]:
-    """Return the notes on files, given by suffix. A note on several suffixes appears once, after these suffixes."""
+    """Return a list of the notes on written files. notes : notes by suffix of the file.
+    Equal notes on several files become a single note that begins with their suffixes."""
     by_note: dict[str, list[str]] = {}
     for suffix, lines in notes.items():
         for line in lines:

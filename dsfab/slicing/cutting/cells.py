@@ -16,7 +16,6 @@ CHUNK = 1 << 13  # Number of polygons in a batch. A batch fits the processor's c
 @dataclass(frozen=True, eq=False)
 class Cells:
     """Polygons in one flat array. Polygon i has the corners corner[start[i]], ..., corner[start[i + 1] - 1].
-
     start    : (c + 1,) index into `corner` of each polygon's first corner; the last entry is len(corner) = h.
     corner   : (h,) vertices. An index into `corner` is called a slot.
     sides_on : (h,) line on which the side from each slot to the next lies: a row of `CutLines`; 0 without a line.
@@ -88,8 +87,8 @@ class Cells:
         return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[slots], self.sides_on[slots])
 
     def with_new_lines(self, lines: Ints) -> "Cells":
-        """Replace marks of levels by rows of `CutLines`: in `sides_on`, -1 - l (level l) becomes lines[l, polygon].
-        lines : (levels, c); a dimension may be 1 if all levels, or all polygons, have the same line."""
+        """Return polygons with new values in `sides_on`: the mark -1 - l of level l becomes the line lines[l, polygon].
+        lines : (levels, c) rows of `CutLines`; a dimension may be 1 if all levels, or all polygons, share a line."""
         side = np.flatnonzero(self.sides_on < 0)
         if not len(side):
             return self
@@ -119,7 +118,7 @@ class Cells:
         return Cells(start - start[0], self.corner[start[0] : start[-1]])
 
     def areas(self, X: Floats) -> tuple[Floats, Floats]:
-        """(c,) area of each polygon, and (c,) squared distance from its first corner to its farthest corner."""
+        """Return the area (c,) of each polygon, and the squared distance (c,) from its first to its farthest corner."""
         if len(self.sizes) > CHUNK:
             parts = [self._slice(k, k + CHUNK).areas(X) for k in range(0, len(self.sizes), CHUNK)]
             area, reach = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -139,7 +138,6 @@ LARGEST = 9
 
 def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
     """Divide convex polygons into triangles (m, 3); return also the polygon (m,) of each triangle, ascending.
-
     X : (n, 3) positions. The area of a polygon must not be 0. Corners of 180 degrees are allowed.
     Triangles have an area, and the orientation of their polygon. Every side of a polygon is a side of a triangle."""
     waiting: dict[int, list[tuple[Ints, Ints]]] = {}
@@ -258,7 +256,6 @@ def snap_values(
 
 def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) -> Floats:
     """Move both values x (n, 2) at each vertex by a common step, so that one value lies on the nearest level (k,).
-
     Values stay if no level is near. No value crosses a level.
     reach : (n, 2) largest change of each value along the edges of its vertex; the step is at most `fraction` of it."""
     level = np.stack([nearest_levels(x[:, i], levels) for i in (0, 1)], axis=1)
@@ -280,8 +277,7 @@ def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) 
 
 def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools, Bools]:
     """Return masks (c,) of the polygons wholly inside stripes, and of the polygons wholly outside stripes.
-
-    y : (h, 2) z + d and z - d at each polygon corner.    z : field.    d : half-width of stripes."""
+    y : (h, 2) values at each polygon corner: the field plus the stripes' half-width, and minus the half-width."""
     width, begins = y[:, 0] - y[:, 1], cells.start[:-1]
     gap = np.diff(levels).max(initial=0.0)
     within = (y[:, 0] >= levels[0]) & (y[:, 1] < levels[-1])
@@ -290,7 +286,7 @@ def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools,
 
 
 def largest_ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floats:
-    """Return for each of n vertices the largest `difference` on sides that end at the vertex; 0 without sides."""
+    """Return the largest `difference` on sides at each of n vertices; 0 without sides. sides : ends of each side."""
     reach = np.zeros(n)
     for end in sides:
         np.maximum.at(reach, end, difference)

@@ -24,7 +24,6 @@ from dsfab.surface.fields import CornerField
 @dataclass(frozen=True, eq=False)
 class PolygonField:
     """A `CornerField`, whose sign and offset may differ between faces, on the vertices of polygons.
-
     lead   : (n',) for each vertex, the face in which its values hold.    values : (n', 1 or 2) the field in this face.
     sign, shift : (h,) for polygon corners: in the polygon's own uncut face, the field is sign * value + shift.
     blank  : (h,) True for polygon corners without a value."""
@@ -108,7 +107,8 @@ class PolygonField:
         return changed
 
     def side_values(self, side: int, foreign: Bools | None = None) -> SideValues:
-        """Return the field at both ends of sides. foreign : (h,) mask of sides without a value; default: `blank`."""
+        """Return the field at both ends of each polygon side. side : edge of stripes, as in `slot_values`.
+        foreign : (h,) mask of polygon sides without a value; default: `blank`."""
         return SideValues.from_slots(
             self.mesh.cells, self.slot_values(side), self.blank if foreign is None else foreign
         )
@@ -129,7 +129,7 @@ class PolygonField:
         return PolygonField._from_leads(mesh, self.field, np.concatenate([self.values, new_values]), lead)
 
     def turned_edges(self) -> tuple[Bools, Bools]:
-        """Return masks (h,) of sides at edges where the field changes sign: in the first polygon, and in the second."""
+        """Return masks (h,) of polygon sides where the field changes sign: of the first polygon, and of the second."""
         cells = self.mesh.cells
         a, b = cells.corner, cells.next_values(cells.corner)
         leading, second = np.zeros((2, len(a)), dtype=bool)
@@ -156,7 +156,6 @@ def corner_band(
 ) -> tuple[PolygonMesh, Bools]:
     """Cut the void polygons along the stripes of a `CornerField`; return also a mask (c',) of the new material.
     If the field changes its sign across a mesh edge, this edge first gets vertices at all levels.
-
     snaps : snap fractions (see `cut`): for moves of whole stripes, and for moves of one edge of a stripe (see `TIP`).
     size  : size of the surface, m.    edges : (l, 2) rows of `CutLines`: z + d = level, z - d = level (see `cut`)."""
     void = (mesh.void | mesh.again) & ~field.blank[mesh.parent]
@@ -195,7 +194,7 @@ def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
 
 def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
     """Return a mask (c,) of polygons to cut: in openings, or in `mesh.again`, with mean `wanted_share` over a half."""
-    least = 0.5  # an opening or a face is cut if the mean of `wanted_share` is larger
+    least = 0.5
     crossed = mesh.again & (wanted_share > least)[mesh.parent]
     if not mesh.void.any():
         return crossed
@@ -210,10 +209,11 @@ def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
 @dataclass(frozen=True, eq=False)
 class StripeCut:
     """A cut along the stripes of a `CornerField`, in progress.
-
-    seen   : the field on the polygons.    tip : snap fraction for single edges of stripes.    size : of the surface, m.
+    seen   : the field on the polygons.    levels : values at which to cut the field.
+    tip    : largest move of an edge of a stripe onto a vertex, as a fraction of a polygon side.
     active : (c,) mask of polygons to cut.    solid : (c,) mask of polygons inside stripes.
-    source : (c,) for each polygon, its polygon before the last split.    edges : (l, 2) rows of `CutLines` by level."""
+    source : (c,) for each polygon, its polygon before the last split.    size : of the surface, m.
+    edges  : (l, 2) rows of `CutLines` for both edges of the stripe at each level."""
 
     seen: PolygonField
     levels: Floats
@@ -236,7 +236,8 @@ class StripeCut:
         return slots, cells.following[slots]
 
     def with_snapped_stripes(self, fraction: float) -> "StripeCut":
-        """Move whole stripes so that their edges meet nearby vertices; the widths of stripes do not change."""
+        """Move whole stripes so that their edges meet nearby vertices; the widths of stripes do not change.
+        fraction : largest move, as a fraction of a polygon side."""
         values = self.seen.values
         reach = np.zeros(values.size)
         for side in (0, 1):
@@ -254,7 +255,8 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved.reshape(self.seen.values.shape)))
 
     def with_turned_edges(self, side: int) -> "StripeCut":
-        """Add vertices to edges where the field changes sign: where the values of the first polygon equal a level."""
+        """Add vertices to edges where the field changes sign: where the values of the first polygon equal a level.
+        side : edge of stripes, as in `with_snapped_values`."""
         leading, second = self.seen.turned_edges()
         owner = self.seen.mesh.cells.owner
         if not self.active[owner[leading | second]].any():

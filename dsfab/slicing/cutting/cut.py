@@ -133,7 +133,7 @@ def _tip_snap(snap: float) -> float:
 def _plain_splits(
     mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Split polygons where field x has a value in `lines`; return splits, material mask. edges : rows of `CutLines`."""
+    """Split polygons at the levels `lines` of field x; return splits, material mask. edges : rows of `CutLines`."""
     if x.ndim == 2:
         return _band(mesh, x, lines, snap, size, edges)
     split = clean_split(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, Snapping(snap, size))
@@ -163,7 +163,7 @@ def _band(
 
 
 def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints, Ints]:
-    """Divide polygons into triangles; return also each triangle's polygon (m',), and lines of its sides (m', 3).
+    """Divide polygons into triangles; return also each triangle's polygon (m',), and the line of each side (m', 3).
     parent : (c,) uncut face of each polygon. Raises PatternError for triangles without area."""
     F, cell = triangulate(cells, X)
     try:
@@ -214,8 +214,8 @@ def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
 
 
 def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
-    """Return cells (k,) of a sheet and their neighbours as polygons to cut, and the cell (c,) of each polygon.
-    cells : ascending. Vertices keep their order."""
+    """Return the triangles `cells` (k,) of a sheet, and their neighbours, as polygons that can be cut again. Return
+    also the sheet's triangle (c,) of each polygon. cells : ascending. Vertices keep their order."""
     surface = sheet.surface
     selected = np.zeros(surface.m, dtype=bool)
     selected[cells] = True
@@ -231,7 +231,7 @@ def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
 
 
 def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
-    """Return a sheet with the polygons of `mesh` in place of cells. source : (c,) cell of the sheet by polygon."""
+    """Return a sheet with `mesh` in place of some triangles. source : (c,) replaced triangle of each polygon."""
     surface = sheet.surface
     stay = np.ones(surface.m, dtype=bool)
     stay[source] = False

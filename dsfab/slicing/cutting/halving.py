@@ -22,7 +22,6 @@ P5, P95 : percentiles. `uncapped_target` removes more lines; structures become u
 @dataclass(frozen=True, eq=False)
 class LineHalving:
     """Polygons between the lines that remain after halving, which removes every second line.
-
     mesh   : the polygons.    level : (c, 2) how often the lines of each family were halved in each polygon.
     phases : of both families, whole numbers on lines; values near a whole number are moved onto this number.
     first  : the family that was halved first. Lines of the second family may end on lines of the first family."""
@@ -53,7 +52,6 @@ def halve_lines(
     uncapped_target: tuple[Floats, Floats] | None = None,
 ) -> LineHalving:
     """Remove every second line of two families, once or more. Lines lie where the phase (n, 1) is a whole number.
-
     target          : (m,) ideal number of halvings, for each family. An area between lines gets the rounded mean.
     level_limits    : largest number of halvings of each family.
     uncapped_target : (m,) ideal numbers without limits; they replace `target` if spacings become more even (`GAIN`)."""

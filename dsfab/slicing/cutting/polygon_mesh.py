@@ -20,7 +20,6 @@ from dsfab.surface.topology import link_components
 @dataclass(frozen=True, eq=False)
 class PolygonMesh:
     """Convex polygons on vertices X (n', 3), metres.
-
     F       : (m, 3) faces of the uncut surface.
     weights : (n', n) barycentric weights: each vertex is a weighted mean of uncut vertices.
     parent  : (c,) uncut face of each polygon.    family : (c,) number of the field with material here, or `VOID`.
@@ -68,7 +67,8 @@ class PolygonMesh:
         return cls(F, cells, X, weights, parent, family, np.zeros(count, dtype=bool), np.full(count, VOID))
 
     def with_material(self, k: int, material: Bools, blank: Bools) -> Self:
-        """Return the mesh with material (c,) of field k. New material in faces `blank` (m,) gets `also` = k."""
+        """Return the mesh with material (c,) of field k. In this material, `family` becomes k where the mesh was void.
+        `also` becomes k where earlier material is cut again, and in new material of faces `blank` (m,)."""
         new_material = material & self.void
         joint = (material & ~new_material & self.again) | (new_material & blank[self.parent])
         family, also = np.where(new_material, k, self.family), np.where(joint, k, self.also)
@@ -230,7 +230,8 @@ class Contacts:
         return np.asarray((places == 1) & (np.bincount(part, length, len(gone)) < self.around / 2))
 
     def single_contacts(self, gone: Bools) -> tuple[Ints, Ints]:
-        """Return parts (k,) whose only contact is one stretch with a neighbour; and neighbours. gone : (p,) removed."""
+        """Return parts (k,) whose only contact is a stretch along a neighbour; and the neighbours (k,) of these parts.
+        gone : (p,) mask of removed parts."""
         part, neighbour, _, _ = self._remaining(gone)
         is_single = (np.bincount(part, minlength=len(gone))[part] == 1) & (neighbour >= 0)
         return part[is_single], neighbour[is_single]

@@ -30,7 +30,6 @@ ON_SIMPLEX = 1 - 1e-9
 @dataclass(frozen=True, eq=False)
 class SheetPart:
     """A part of a cut surface, as a separate surface.
-
     cut_surface : all cells.    surface : the part.
     cells, vertices : (f,), (k,) their numbers in `cut_surface`, ascending."""
 
@@ -76,7 +75,6 @@ class LineKind(IntEnum):
 @dataclass(frozen=True, eq=False)
 class CutLines:
     """Lines that the sides of cells lie on. The first three are `NONE`, `RIM` and `END`.
-
     kind   : (l,) the `LineKind` of each line.
     field  : (l,) index of the field for kind LEVEL; -1 for other kinds.
     number : (l,) for kind LEVEL, 2 j for the lower and 2 j + 1 for the upper edge of stripe j. For other kinds, the
@@ -238,7 +236,6 @@ class Sheet:
 
     def subset(self, mask: Bools | None = None) -> "Sheet":
         """Return a sheet of only the marked cells (m',), by default the material. Vertices get new numbers.
-
         Raises PatternError if no cell is marked."""
         return self._material_sheet if mask is None else self._part_sheet(mask)
 
@@ -283,7 +280,6 @@ def weight_entries(weights: csr_array) -> tuple[Ints, Floats]:
 
 def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) -> Floats:
     """Return the hydraulic diameter (count,) of each piece of a part: 4 area / perimeter, metres.
-
     It is infinite for a piece if not all of its boundary edges are walls.
     walls : (e,) mask of edges between material and void.    label : (f,) piece of each face."""
     length = part.edge_lengths
@@ -315,7 +311,6 @@ CREASE_COSINE = np.cos(np.radians(30))  # smallest cosine between a face's norma
 @dataclass(frozen=True, eq=False)
 class SmoothSurface:
     """A smooth surface over flat faces. A point with barycentric weights l moves by the sum of 4 l_i l_j bulge_ij.
-
     surface : the flat faces.
     bulge   : (e, 3) vector from the middle of each edge to its curve, metres; 0 for flat faces and creases.
 
@@ -375,7 +370,6 @@ def _corner_normals(surface: Surface) -> Floats:
 
 def finer(sheet: Sheet, smooth: SmoothSurface) -> Sheet:
     """Return a sheet with every triangle divided into four and all vertices on `smooth`. New vertices come last.
-
     `Sheet.weights` still refer to the uncut surface, because supports and loads are defined there."""
     F, edges, n = sheet.surface.F, sheet.surface.edges, sheet.surface.n
     a, b = edges.ends.T

@@ -15,7 +15,7 @@ from dsfab.surface.mesh import ZERO_AREA
 class Split:
     """Polygons after a split. The old vertices come first, then the new vertices (k,).
 
-    cells  : the new polygons. In `sides_on`, -1 - l marks new sides on level l. Old sides keep their line, if any.
+    cells  : the new polygons. `sides_on` is -1 - l for a side on level l; a side on an earlier line keeps its number.
     source : (c',) the old polygon that contains each new polygon.
     strip  : (c',) how many levels lie below each new polygon; -1 for polygons that were not to be split.
     low, high, t : (k,) old vertices `low` and `high`: a new vertex lies at (1 - t) low + t high, 0 < t < 1.
@@ -91,7 +91,7 @@ class SideValues:
         return cls(start, end, which, y)
 
     def places(self, cells: Cells, levels: Floats, only: Ints | None = None) -> tuple[Ints, Ints]:
-        """Return numbers for starts (h,) and ends (h,) of sides: with j levels below, 2 j + 1 on a level, else 2 j.
+        """Return numbers for starts (h,) and ends (h,) of sides: 2 j + 1 on level j, 2 j between levels j - 1 and j.
         only : sides (k,) to evaluate, as slots (see `Cells`); all other sides get 0."""
         if only is not None:
             start, end = np.zeros((2, len(self.start)), dtype=np.int64)
@@ -236,7 +236,7 @@ def _sides(
 
 
 def _with_new_corners(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
-    """Return polygons with new corners, and strips of sides. Sides on a level (never all) get the previous strip."""
+    """Return polygons with new vertices as corners, and each side's strip: on a level, the strip of the side before."""
     count = sides.count + 1
     offset = np.concatenate([[0], np.cumsum(count)])
     side = np.repeat(np.arange(len(count)), count)
@@ -285,7 +285,7 @@ def _with_pieces(
     pieces_of_split: tuple[Cells, Ints, Ints],
     new_vertices: _NewVertices,
 ) -> Split:
-    """Return the split with pieces in place of the polygons `which`. sides_on, strip : of old sides, old polygons."""
+    """Return the split with new pieces in place of polygons `which`. sides_on : by old side. strip : by old polygon."""
     pieces, row, label = pieces_of_split
     count = np.ones(len(strip), dtype=np.int64)
     count[which] = np.bincount(row, minlength=len(which))

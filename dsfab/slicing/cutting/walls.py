@@ -17,7 +17,6 @@ SHARPEST = float(np.radians(20))  # Smallest turn of an outline at a corner, rad
 @dataclass(frozen=True, eq=False)
 class Walls:
     """Walls (w,) of a cut surface, one chain after the other. The void lies on the left of each wall.
-
     surface : all cells, material and void.    void : (m',) mask of the void cells.
     inside, outside : (w,) half-edge in the void cell, and half-edge in the material cell.
     start, end : (w,) vertices.    length : (w,) metres.    place : (w,) metres along the chain to `start`.
@@ -83,7 +82,7 @@ class Walls:
 
     @cached_property
     def chain_offsets(self) -> Floats:
-        """(c,) distance of each chain's start if all chains are laid end to end, metres."""
+        """(c,) start of each chain if all chains are laid end to end: metres from the start of the first chain."""
         return np.asarray(np.cumsum(self.total) - self.total)
 
     def walls_at(self, chain: Ints, place: Floats) -> Ints:
@@ -123,7 +122,6 @@ class Walls:
 
 def next_in_chains(chain: Ints) -> Ints:
     """Return the number (k,) of the next position in the same chain. After the last position comes the first.
-
     chain : (k,) the chain of each position. The positions of a chain are adjacent."""
     after = np.arange(1, len(chain) + 1)
     chain_start = np.flatnonzero(np.diff(chain, prepend=-1))
@@ -160,8 +158,7 @@ def _chains(onward: Ints) -> tuple[Ints, Ints, Bools]:
 
 @dataclass(frozen=True, eq=False)
 class Stretches:
-    """Parts (p,) of chains of walls. A part over the start of a closed chain has two entries, every other part one.
-
+    """Parts (p,) of chains of walls. A part has one entry, or two if it crosses the start of a closed chain.
     low, high : (q,) start and end of each entry, metres, with all chains laid end to end.    part : (q,) its part.
     before    : (c,) start of each chain, metres, with all chains laid end to end."""
 
@@ -172,7 +169,8 @@ class Stretches:
 
     @classmethod
     def from_chains(cls, walls: Walls, chain: Ints, begin: Floats, length: Floats) -> "Stretches":
-        """Return parts of chains of walls: chain (p,) of each part, begin (p,) in the chain, length (p,), m."""
+        """Return parts of chains of walls. chain : (p,) chain of each part.
+        begin, length : (p,) metres from the start of the chain to the part, and length of the part, metres."""
         before, total = walls.chain_offsets, walls.total[chain]
         begin = begin % total
         over = np.flatnonzero(begin + length > total)
@@ -183,7 +181,8 @@ class Stretches:
         return cls(low, high, np.append(np.arange(len(chain)), over), before)
 
     def covers(self, chain: Ints, place: Floats) -> Bools:
-        """Return a mask (k,) of places that lie in these parts. place : m along `chain`. Parts must be disjoint."""
+        """Return a mask (k,) of places that lie in these parts, which must be disjoint.
+        chain, place : (k,) chain of each place, and distance of the place from the start of the chain, metres."""
         if not len(self.low):
             return np.zeros(len(place), dtype=bool)
         order = np.argsort(self.low)
@@ -192,7 +191,7 @@ class Stretches:
         return np.asarray((index >= 0) & (x <= self.high[order][np.maximum(index, 0)]))
 
     def overlaps(self, stretches: "Stretches", count: int) -> Bools:
-        """Return a mask (count,) of these parts: True if they overlap parts of `stretches`, which must be disjoint."""
+        """Return a mask (count,) of parts that overlap any part of `stretches`, whose parts must be disjoint."""
         if not len(stretches.low):
             return np.zeros(count, dtype=bool)
         order = np.argsort(stretches.low)
@@ -201,7 +200,7 @@ class Stretches:
         return np.asarray(np.bincount(self.part, into, count) > 0)
 
     def disjoint(self, count: int) -> Bools:
-        """Return a mask (count,) of parts that do not overlap; longer parts are chosen first."""
+        """Select parts that do not overlap, long parts first. Return a mask (count,) of all `count` parts."""
         length = np.bincount(self.part, self.high - self.low, count)
         stay, taken = np.ones(count, dtype=bool), list[tuple[float, float]]()
         for k in np.argsort(-length[self.part], kind="stable").tolist():

@@ -21,7 +21,7 @@ BEND = 0.4  # Length b in `faired_walls`, in wall segments; a larger length make
 
 
 class Freedom(NamedTuple):
-    """Directions in which wall vertices (k,) may move without leaving their uncut edge or face.
+    """Directions in which wall vertices `vertex` (k,) may move without leaving their edge or face of the uncut mesh.
     along : (k, 2, 3) up to two unit vectors; 0 for a missing direction.
     share : (k, 2, 3) change of barycentric weights on uncut vertices `column` (k, 3), per metre in each direction.
     most  : (k,) largest move, metres: a tenth of the mesh edge."""
@@ -122,7 +122,8 @@ def _lateral(sheet: Sheet, p: Ints) -> Floats:
 
 
 def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
-    """Return factors of points P (k, order + 1, 3) in a finite difference, and lengths (k,) to integrate it."""
+    """Return weights (k, order + 1) of points for the `order`-th derivative along each row of P (k, order + 1, 3).
+    Return also lengths (k,) over which to integrate it. least : (k,) shorter distances count as this, metres."""
     length = np.maximum(np.linalg.norm(np.diff(P, axis=1), axis=2), least[:, None])
     u = np.concatenate([np.zeros((len(P), 1)), np.cumsum(length, axis=1)], axis=1)
     gap = u[:, :, None] - u[:, None, :] + np.eye(order + 1)

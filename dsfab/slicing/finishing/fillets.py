@@ -21,7 +21,6 @@ from dsfab.slicing.finishing.point_contacts import pinched_vertices
 @dataclass(frozen=True, eq=False)
 class DiscStops:
     """Places (p,) where a rolling disc stops, because it touches two walls of a flat opening.
-
     middle : (p, 2) centre of the disc, metres.    before, behind : (p, 2) unit vectors from the centre to the walls.
     a, b   : (p,) the two walls, as indices into `FlatOpenings.wall`.
     share_a, share_b : (p,) positions of the points of contact on the walls, 0 to 1."""
@@ -40,9 +39,9 @@ class DiscStops:
 
 
 def rolled_arcs(sheet: Sheet, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
-    """Yield corners (p,) in narrow tips of openings, where a rolling disc of `radius` metres stops, and their arcs.
-    The first yield has a vertex near the disc in each tip, the second yield the farthest vertex.
-    taken : parts of walls; corners on these parts are left out."""
+    """Yield corners (p,) in narrow tips of openings that a disc of `radius` metres cannot reach, and their arcs.
+    First, the corner of a tip is a vertex near the disc; in a second yield, it is the vertex farthest from the disc.
+    taken : parts of walls; corners on these parts are left out. The caller may add parts between the yields."""
     flat, walls = flat_openings_of(sheet), sheet.walls
     loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
     if loops:
@@ -87,7 +86,8 @@ def _stops(flat: FlatOpenings, loops: list[Floats], radius: float) -> DiscStops:
 
 
 def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
-    """Return points (p, 2) of left turns over `SHARPEST` in loops, and right unit normals of edges before and after."""
+    """Return the points (p, 2) at which loops turn left by more than `SHARPEST`.
+    Return also the unit normals (p, 2), to the right, of the edge before and of the edge after each point."""
     empty = np.empty((0, 2))
     points, rights = [empty], ([empty], [empty])
     for loop in loops:
@@ -102,7 +102,8 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 
 
 def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
-    """Return discs that stop before narrow tips of openings; for each tip, a wall near the disc, and the farthest."""
+    """Return the discs in `stop` that stop before a narrow tip of an opening, and two vertices of each tip: a vertex
+    near the disc, and the farthest vertex. Numbers of vertices are those of the walls that start there, in `flat`."""
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
     chain_start, chain_size = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
@@ -135,12 +136,10 @@ COLUMNS = ("wall", "circle", "normal", "distance", "ray", "ray_distance")
 @dataclass(frozen=True, eq=False)
 class Fillets:
     """Round corners of openings: at each corner (k,) an arc. The void beyond the arc's chords becomes material.
-
     normal, distance : (k, c, 3), (k, c) planes through an arc's chords: outward normals, and metres from the origin.
     ray, ray_distance : (k, 2, 3), (k, 2) planes through an arc's two rays: normals, and metres from the origin.
     wall : (k,) the walls that begin at the corners.    circle : (k, 7) see `CutLines`.
     pair : (p, 2) number of an arc, and of a void cell that the arc fills at least in part.
-
     Two rays lead from an arc's centre through its ends. Void outside of the rays stays. Arcs have rays only where they
     could otherwise fill void far from the corner. If an arc has under c chords, or no rays, missing normals are 0."""
 
@@ -187,7 +186,6 @@ class Fillets:
 
 def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
     """Return arcs at corners of openings: of `radius` metres, or smaller where this radius does not fit.
-
     Corners stay sharp if no arc fits."""
     corners, accepted, taken = Corners.from_walls(sheet.walls), list[Fillets](), list[Stretches]()
     for tips, arcs in rolled_arcs(sheet, radius, taken):
@@ -217,7 +215,9 @@ def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
 
 
 def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
-    """Return arcs as chords in space, and a mask of arcs that touch only their corner's walls and no surface edge."""
+    """Return arcs as fillets in space, and a mask (k,) of usable arcs. A usable arc touches only its corner's walls and
+    no boundary of the surface, and it fills void only near its corner.
+    corner_rows : (k,) row in `corners` of each arc.    rays : True to limit the filled void by rays (see `Fillets`)."""
     walls, surface, void_neighbours = corners.walls, corners.walls.surface, corners.walls.void_neighbours
     flat, distance = arcs.chords()
     normal = np.einsum("kcj,kji->kci", flat, corners.frames[corner_rows])
@@ -286,9 +286,7 @@ GOLDEN = (5**0.5 - 1) / 2  # Golden ratio: the fractional parts of its multiples
 
 def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
     """Round the corners of openings of a sheet without point contacts; return also the fillets' radii (k,), metres.
-
     radius : metres. An arc is smaller if this radius does not fit. Chords are within a 20th of the radius from the arc.
-
     The function only adds material. Corners that turn by under 20 degrees stay. A corner also stays sharp if its arc
     would touch other material in a point. Raises PatternError for a radius that is not a length."""
     if not (np.isfinite(radius) and radius > 0):
@@ -332,7 +330,8 @@ def _with_fillets(sheet: Sheet, fillets: Fillets) -> Sheet:
 
 
 def _colours(arc: Ints, corner: Ints) -> Ints:
-    """Return a group for each arc. Cells of two arcs in a group share no vertex. A mixed order gives fewer groups."""
+    """Return the group of each arc. Cells of different arcs in a group share no vertex. A mixed order saves groups.
+    arc, corner : (p,) arc, and (p, 3) vertices of a cell that the arc fills at least in part."""
     vertex, arc = corner.ravel(), np.repeat(arc, 3)
     count = int(arc.max()) + 1
     rank = np.argsort(np.argsort(np.arange(count) * GOLDEN % 1))
@@ -351,7 +350,9 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
 def _filled_corners(
     mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
 ) -> tuple[PolygonMesh, Ints, Bools]:
-    """Cut polygons along chords of `arc` (-1: none). Return mesh, old polygon numbers, and mask of polygons to fill."""
+    """Cut void polygons along the chords and rays of an arc. Return the mesh, the old number of each polygon, and a
+    mask of the polygons that shall become material.
+    arc : (c,) arc that cuts each polygon, or -1.    corner : (k,) vertex of each arc's corner."""
     arc = np.where(mesh.void, arc, -1)
     source, beyond = np.arange(len(arc)), np.zeros(len(arc), dtype=bool)
     planes = [(fillets.ray[:, k], fillets.ray_distance[:, k], True) for k in range(fillets.ray.shape[1])]
@@ -377,7 +378,8 @@ def _filled_corners(
 
 
 def _heights(mesh: PolygonMesh, arc: Ints, active: Bools, normal: Floats, distance: Floats, snap: Floats) -> Floats:
-    """Return heights (n',), m, of vertices of `active` polygons above a plane of their arc; 0 if less than `snap`."""
+    """Return the heights (n',), metres, of the vertices of `active` polygons above a plane of the polygon's arc.
+    Other vertices, and vertices nearer to the plane than `snap`, get 0. normal, distance, snap : a row for each arc."""
     slots = mesh.cells.slots(np.flatnonzero(active))
     vertex, arc_of_slot = mesh.cells.corner[slots], arc[mesh.cells.owner[slots]]
     height = np.einsum("ki,ki->k", normal[arc_of_slot], mesh.X[vertex]) - distance[arc_of_slot]

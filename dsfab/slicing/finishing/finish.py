@@ -43,7 +43,7 @@ from dsfab.slicing.finishing.stubs import without_stubs
 from dsfab.surface import Surface
 
 BRIDGED_SHARE, ROUNDING_ROUNDS = 0.95, 5
-"""After rounding, openings under BRIDGED_SHARE x `neck` get bridges, in up to ROUNDING_ROUNDS rounds."""
+"""After the rounding of corners, openings under BRIDGED_SHARE x `neck` get bridges, in up to ROUNDING_ROUNDS rounds."""
 
 PolygonPass = Callable[[PolygonMesh], tuple[PolygonMesh, int]]
 """A pass over the polygons: it returns all polygons, and the number of details that it changed."""
@@ -52,21 +52,24 @@ PolygonPass = Callable[[PolygonMesh], tuple[PolygonMesh, int]]
 def tidied_sheet(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> Sheet:
-    """Cut a surface as `tidied_polygons` does; return a sheet of triangles. fields, levels : as in `cut`."""
+    """Cut a surface along levels of fields, and tidy the stripes unless `tidy` is None; return all cells as triangles.
+    fields, levels, snap : as in `cut`."""
     return sheet_of(tidied_polygons(surface, fields, levels, snap, tidy))
 
 
 def material_area(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> float:
-    """Cut a surface as `tidied_polygons` does; return the area of the material, m2. fields, levels : as in `cut`."""
+    """Return the area, m2, of the material after a cut along levels of fields, tidied unless `tidy` is None.
+    fields, levels, snap : as in `cut`."""
     return tidied_polygons(surface, fields, levels, snap, tidy).material_area
 
 
 def tidied_polygons(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> PolygonMesh:
-    """Cut a surface as `cut_polygons` does, then tidy the stripes (`polygon_passes`), unless `tidy` is None."""
+    """Cut a surface into polygons along levels of fields; tidy the stripes (`polygon_passes`) unless `tidy` is None.
+    fields, levels, snap : as in `cut`."""
     values, lines = checked_lines(surface, fields, levels)
     if not tidy:
         return polygons_along(surface, fields, values, lines, snap)
@@ -89,7 +92,6 @@ def polygon_passes(
 
 class FinishingOptions(NamedTuple):
     """Options of finishing; lengths in metres.
-
     snap, pinch : keys of a preset's section [slicing].    thickness : of the sheet.
     sized     : True if the preset, not dsfab, sets the size `opening`.
     opening   : openings under this size are filled; 0 for none.
@@ -125,7 +127,6 @@ class FinishingOptions(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class FinishedSheet:
     """A sheet after some passes of finishing.
-
     cells     : all cells, material and void.
     counts    : number of details that each pass changed, by the name of the pass.
     radii     : (k,) radii of the round corners, metres.
@@ -149,7 +150,6 @@ Pass = Callable[[FinishedSheet], FinishedSheet]
 
 def finish(cells: Sheet, uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> FinishedSheet:
     """Finish a cut sheet: run all `passes` over its cells. uncut : surface from which the cells were cut.
-
     trial : a trial cut with these cells, if one exists. Its passes are not repeated."""
     return _after_passes(cells, passes(uncut, options, trial))
 
@@ -237,7 +237,8 @@ def _rounded_once(sheet: FinishedSheet, options: FinishingOptions) -> FinishedSh
 
 
 def _bridged_or_widened(cells: Sheet, rounded: Sheet, options: FinishingOptions) -> tuple[Sheet, int, int]:
-    """Bridge narrow openings of `rounded`; without any bridge, widen narrow members. Return also numbers of changes."""
+    """Bridge the openings of `cells` that are too narrow in `rounded`. Without any bridge, widen narrow members.
+    Return the cells, the number of bridges, and the number of widened places."""
     if options.merge == "none":
         return cells, 0, 0
     if options.neck:

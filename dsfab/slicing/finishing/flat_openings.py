@@ -25,8 +25,8 @@ SMOOTH = 1e-3  # Largest rounding error of an outline after an offset, as a frac
 class FlatOpenings:
     """The enclosed openings of a sheet, each projected to its mean plane.
 
-    wall  : (k,) walls of the sheet.    chain : (k,) the chain of each wall, numbered from 0.
-    after : (k,) the next wall in the chain.
+    wall  : (k,) walls (edges at openings) of the sheet.    chain : (k,) the chain of each wall, numbered from 0.
+    after : (k,) the next wall in the chain, as an index into `wall`.
     start : (k, 2) start points of the walls, metres.    frame : (k, 2, 3) axes of the plane of each wall's opening."""
 
     wall: Ints
@@ -37,7 +37,7 @@ class FlatOpenings:
 
     @cached_property
     def shape(self) -> "manifold3d.CrossSection":
-        """All openings as a plane shape."""
+        """Openings of the sheet as a plane shape."""
         import manifold3d
 
         loops = np.split(self.start, np.flatnonzero(np.diff(self.chain)) + 1)
@@ -87,7 +87,7 @@ def flat_openings_of(sheet: Sheet) -> FlatOpenings:
 
 
 def nearest_in_plane(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
-    """Return the places nearest to points (k, 2) on edges (m, 2), or at vertices (m, 1). V : (n, 2) positions."""
+    """Return the places nearest to points (k, 2) on `simplices`: edges (m, 2) or vertices (m, 1) of V (n, 2)."""
     return nearest_places(np.pad(points, ((0, 0), (0, 1))), np.pad(V, ((0, 0), (0, 1))), simplices)
 
 

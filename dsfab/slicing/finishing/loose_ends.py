@@ -16,9 +16,8 @@ from dsfab.surface.fields import CornerField
 
 @dataclass(frozen=True, eq=False)
 class Tidy:
-    """Rules by which finishing removes stripes.
-
-    striped : for each field, True if it has stripes. Material of other fields stays.
+    """Rules by which finishing removes stripes. A field makes a family of stripes, or a kept region.
+    striped : for each field, True if it makes stripes. Material of other fields stays.
     astray  : for each field, (m,) mask of faces in which its stripes have the wrong direction, or None.
     anchor  : (n,) mask of vertices at which stripes may end: supports and loads.
     closed  : for each field, (n,) values or None. An opening with a positive mean value becomes material."""
@@ -32,8 +31,8 @@ class Tidy:
         lock(self, "anchor", np.bool_, (None,))
 
     def divided_again(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
-        """Return a mask (c,) of the stripes of field k that touch a face in `blank` or in `astray[k]`.
-        Finishing may remove these stripes, so later fields also divide them.
+        """Return a mask (c,) of the polygons in stripes of field k that touch a face in `blank` or `astray[k]`.
+        Finishing may remove these stripes, so the cuts along later fields divide these polygons, too.
         blank : (m,) faces without values of field k, and the faces beside them."""
         own_polygons = (mesh.family == k) | (mesh.also == k)
         if not self.striped[k] or not own_polygons.any():
@@ -52,7 +51,6 @@ CLOSED = -2  # Value of `PolygonMesh.also` for polygons of filled openings. Stri
 
 def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> tuple[PolygonMesh, int]:
     """Fill openings where the mean value of a field is positive; return also the number of filled openings.
-
     closed : for each field, (n,) values at the uncut vertices, or None. The first field with a positive mean counts.
              Openings with nearly equal means are all filled, or all stay open."""
     close_values = {k: x for k, x in enumerate(closed) if x is not None}
@@ -101,7 +99,8 @@ def between_crossings(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Ints:
 
 
 def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bools]:
-    """Return parts (c,) of polygons, divided at crossings and `nodes`; and two masks: void parts, unstriped parts."""
+    """Return the part (c,) to which each polygon belongs. Parts end at crossings of stripes and at `nodes` (c,).
+    Return also two masks (p,) of parts: void parts, and material that is not made of stripes."""
     striped, material = np.array(tidy.striped), ~mesh.void
     kind = np.where(mesh.void | striped[mesh.family], mesh.family, KEPT)
     kind[mesh.also != VOID] = CROSSING
@@ -116,7 +115,8 @@ def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bo
 
 
 def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, stays: Bools) -> tuple[Bools, Bools]:
-    """Return masks (c,): (1) `gone` parts and dead ends; (2) islands, cut off from anchors, surface edges, kept parts.
+    """Return masks (c,) of polygons: (1) in `gone` parts and dead ends; (2) in islands.
+    Islands are parts that the removal of dead ends cuts off from anchors, surface edges and the parts `stays`.
     When no dead ends are left, parts with a single neighbour join this neighbour, and the search repeats."""
     before = gone
     while True:
@@ -142,7 +142,6 @@ def _astray(mesh: PolygonMesh, tidy: Tidy, part: Ints, count: int) -> Bools:
 
 def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[Field], levels: Sequence[Floats]) -> tuple[PolygonMesh, int]:
     """Fill void polygons where stripes meet in faces without field values; return also the number of filled polygons.
-
     fields, levels : as in `cut`. Only a `CornerField` has faces without values."""
     corner_fields = {k: field for k, field in enumerate(fields) if isinstance(field, CornerField) and len(levels[k])}
     blank = {k: field.blank[mesh.parent] & mesh.void for k, field in corner_fields.items()}
@@ -227,7 +226,8 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
 
 
 def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:
-    """Cut corners with free sides (no neighbour) off a convex polygon X (s, 3); return the rest, then these corners."""
+    """Cut off the corners of a convex polygon X (s, 3) where consecutive sides have no neighbour.
+    Return indices of vertices: for the rest of the polygon, then for each corner.    has_neighbour : (s,) by side."""
     count, every = len(X), np.arange(len(X))
     least = 1e-3 * _area(X)  # smaller corners are not cut off
     marked = has_neighbour | np.roll(has_neighbour, 1)

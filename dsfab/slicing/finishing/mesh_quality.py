@@ -15,7 +15,6 @@ from dsfab.surface.topology import next_half_edge, on_boundary
 
 class Quality(NamedTuple):
     """Shape of triangles.
-
     worst_angle : the smallest angle, degrees, at `place` (3,).    needles : share of triangles under 1 degree.
     median      : median of 4 sqrt(3) area / sum of squared sides; equilateral triangles have 1 [Bank, Smith 1997]."""
 
@@ -52,7 +51,6 @@ GAIN = 1.01
 @dataclass(frozen=True, eq=False)
 class CellMesh:
     """A cut sheet during its improvement, and the surface `uncut` that it was cut from.
-
     strayed        : (n',) upper limit of the distance by which edges of stripes at each vertex have moved, metres.
     smallest_angle : (m',) the smallest angle of each cell, degrees.
     least_area     : minimum area of a cell, square metres."""
@@ -132,7 +130,7 @@ class CellMesh:
         return equal_key_groups(self.surface.F.ravel())[0] // 3, start
 
     def star_cells(self, vertex: Ints) -> tuple[Ints, Ints]:
-        """Return two arrays for all cells at vertices (k,): index of the cell's vertex in `vertex`, ascending; cell."""
+        """Return the cells around vertices (k,), as two arrays: index in `vertex`, ascending; cell at this vertex."""
         faces, start = self.stars
         count = start[vertex + 1] - start[vertex]
         row = np.repeat(np.arange(len(vertex)), count)
@@ -141,7 +139,6 @@ class CellMesh:
 
     def with_cells(self, F: Ints, sides_on: Ints, keep: Bools, strayed: Floats) -> "CellMesh":
         """Return the mesh with only those triangles of F (m', 3) that `keep` (m',) marks.
-
         sides_on : (m', 3) see `Sheet`.    strayed : (n',) see `CellMesh`."""
         parent, angle = self.sheet.parent, self.smallest_angle.copy()
         changed = (F != self.surface.F).any(axis=1) & keep
@@ -159,8 +156,8 @@ def _cell_angles(P: Floats, normals: Floats, least_area: float) -> Floats:
 
 def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
     """Return a mask (k,) of mesh changes (flips or collapses) that share no face with a change of lower rank.
-
-    row, face : change row[i] affects face[i].    m : number of faces."""
+    rank : (k,) number of each change in order of preference.    row, face : change row[i] affects face[i].
+    m    : number of faces of the mesh."""
     lowest_rank = np.full(m, len(rank))
     np.minimum.at(lowest_rank, face, rank[row])
     free = np.ones(len(rank), dtype=bool)
@@ -191,7 +188,6 @@ class Change(NamedTuple):
 
 def collapse_edges(cut: CellMesh, tolerance: float, zone: Bools) -> Change:
     """Collapse edges where this increases the smallest angle around a vertex.
-
     tolerance : largest move of stripe edges, of edges between two families and of the surface's boundary, metres.
     zone      : (n',) mask of vertices; at least one end of each collapsed edge is marked."""
     moves = _within_faces(cut, _along_lines(cut, _candidates(cut, zone), tolerance))
@@ -221,8 +217,9 @@ def collapse_edges(cut: CellMesh, tolerance: float, zone: Bools) -> Change:
 
 
 def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
-    """Return `sides_on` after v moved onto w. The `cells` with corners v, w, x have no area: v-x and w-x coincide.
-    The neighbouring cell across side v-x gets the line of the cut that lies on side v-x or w-x."""
+    """Return the line of the cut on each side of cells (`Sheet.sides_on`) after vertices v moved onto neighbours w.
+    In `cells` with corners v, w, x, the sides v-x and w-x now coincide, so these cells disappear. The cell beyond side
+    v-x gets the line on w-x, or the line on v-x if w-x has none."""
     row, F = np.arange(len(cells)), sheet.surface.F[cells]
     place = (onto[F] != F).argmax(axis=1)
     begins_at_w = F[row, (place + 1) % 3] == onto[F[row, place]]
@@ -276,7 +273,8 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
 
 
 def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves, Floats]:
-    """Select moves that increase the smallest angle of material but make no slim void cells; return gains, degrees."""
+    """Select moves that increase the smallest angle of material around v but make no slim void cells. Return also the
+    increase of the angle by each move, degrees."""
     row, face = cut.star_cells(moves.v)
     F, material, parent = cut.surface.F[face], cut.sheet.material[face], cut.sheet.parent[face]
     v, w = moves.v[row], moves.w[row]
@@ -349,7 +347,6 @@ def flip_edges(cut: CellMesh, zone: Bools) -> Change:
 @dataclass(frozen=True, eq=False)
 class ImprovedSheet:
     """A sheet after the improvement of its cells.
-
     sheet         : all cells, material and void.      flips, collapses : numbers of flipped and of collapsed edges.
     before, after : shape of the material's cells before and after the improvement.
     strayed       : largest distance by which the edge of a stripe moved, metres."""
@@ -374,13 +371,10 @@ class ImprovedSheet:
 
 def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> ImprovedSheet:
     """Flip and collapse edges to increase the smallest angle of a sheet's material.
-
     sheet     : all cells cut from the surface `uncut`, material and void.
     tolerance : largest move of stripe edges, of edges between two families and of the surface's boundary, metres. With
                 0 the material covers the same points as before.
-
-    Cells stay in their uncut faces, and vertices stay in place or disappear. So interpolated fields stay exact. The
-    surface keeps its topology."""
+    Cells stay in their uncut faces; vertices stay or disappear. Interpolated fields stay exact; the topology stays."""
     cut, zone = CellMesh.from_sheet(sheet, uncut), np.ones(sheet.surface.n, dtype=bool)
     flips = collapses = 0
     for _ in range(40):  # usually the loop ends after fewer than ten rounds

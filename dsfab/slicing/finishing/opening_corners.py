@@ -14,8 +14,8 @@ CHORD = float(np.radians(34))
 
 @dataclass(frozen=True, eq=False)
 class Arcs:
-    """Arcs (k,) in planes, at corners of two walls: from wall a to wall b, counter-clockwise around `centre` (k, 2).
-
+    """Round arcs (k,) at corners of openings, each in a plane: from wall a before the corner to wall b after it.
+    Arcs run counter-clockwise around `centre` (k, 2).
     foot_a, foot_b : (k, 2) points of contact with the walls.
     way_a, way_b   : (k,) distance from the corner to these feet along the walls, metres.
     touching       : (k,) mask of the arcs that touch both walls."""
@@ -68,10 +68,8 @@ class Arcs:
 
 def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | None = None) -> Arcs:
     """Return arcs of radii (k,) that touch polylines a (k, p, 2) and b (k, q, 2), which begin at a common corner.
-
     The void is on the right of a and on the left of b. Each arc is improved step by step, similar to Newton's method:
     its next circle touches the tangents at the nearest points of both polylines.
-
     first_centre : (k, 2) first guess; default: the circles that touch the walls beside the corners."""
     if first_centre is None:
         centre, valid = _first_centres(a, b, radius)
@@ -130,7 +128,6 @@ SMALLER = 0.7  # If an arc does not fit, its next radius is at least this fracti
 @dataclass(frozen=True, eq=False)
 class Corners:
     """Corners (k,) along walls, in the order of the walls. The ends of arcs are corners, too, with a turn of 0.
-
     first : (k,) the wall that begins at a corner.    turn : (k,) change of direction to the left, radians.
     place : (k,) distance from the start of the chain of walls, metres."""
 
@@ -155,7 +152,8 @@ class Corners:
         return Stretches.from_chains(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
 
     def with_arc_feet(self, tips: "Corners", arcs: Arcs) -> "Corners":
-        """Return the corners without those that arcs (p,) at `tips` cut off. Arc ends become corners with `turn` 0."""
+        """Return the corners with the ends of arcs (p,) in place of the corners that these arcs cut off.
+        tips : (p,) the corners of the arcs. An end of an arc has `turn` 0."""
         walls, chain = self.walls, self.walls.chain[tips.first]
         free = ~tips.stretches(arcs).covers(walls.chain[self.first], self.place)
         feet = np.concatenate([tips.place - arcs.way_a, tips.place + arcs.way_b]) % np.tile(walls.total[chain], 2)
@@ -195,7 +193,6 @@ class Corners:
     @cached_property
     def tangents(self) -> Floats:
         """(k,) distance from a corner between straight walls to the ends of the corner's arc, divided by its radius.
-
         A `turn` over 170 degrees counts as 170 degrees."""
         return np.asarray(np.tan(np.minimum(self.turn, np.radians(170)) / 2))
 
@@ -214,7 +211,7 @@ class Corners:
 
     @cached_property
     def frames(self) -> Floats:
-        """(k, 2, 3) two unit vectors at each corner, perpendicular to `Walls.void_normals` at this corner."""
+        """(k, 2, 3) axes of the plane of each corner's arc: two unit vectors perpendicular to `Walls.void_normals`."""
         normal = self.walls.void_normals[self.walls.start[self.first]]
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         along = self.walls.surface.V[self.walls.end[self.first]] - self.origin
@@ -265,7 +262,8 @@ class Corners:
         return np.asarray(np.einsum("pqi,pji->pqj", points, self.frames[rows]))
 
     def between_feet(self, rows: Ints, arcs: Arcs, vertex: Ints) -> Bools:
-        """Return a mask (p,) of vertices on the walls between the ends of an arc, or up to 2 % of its radius beyond."""
+        """Return a mask (p,): True if a vertex (p,) lies on the walls between the ends of the arc at its corner.
+        A vertex up to 2 % of the radius beyond an end counts, too. rows : (p,) the corner for each vertex."""
         walls = self.walls
         wall = np.full(walls.surface.n, -1)
         wall[walls.start] = np.arange(len(walls.start))

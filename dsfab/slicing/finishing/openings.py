@@ -30,7 +30,6 @@ ALIKE = 0.03
 @dataclass(frozen=True, eq=False)
 class Openings:
     """Enclosed openings of a sheet, and openings at its edge.
-
     void  : void cells (f,) of these openings.    material : all material cells.
     label : (f,) the opening of each void cell.    count : number of openings."""
 
@@ -95,7 +94,8 @@ class Openings:
         return self.slits & (self.narrowness < split_value(self.narrowness, least, ALIKE))
 
     def slits_between(self, family: Bools) -> tuple[int, float]:
-        """Return how many slits lie mostly at cells `family` (m',), and the share of the walls there at slits."""
+        """Return how many slits lie mostly beside a family, and the share of its walls at narrow parts of slits.
+        family : (m',) mask of the family's cells."""
         own_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         own_edges[self.void.cut_surface.edges.of[family]] = True
         wall = self._crossings.walls[:, 0]
@@ -145,7 +145,7 @@ def openings_of(sheet: Sheet) -> Openings | None:
 
 
 def with_filled(sheet: Sheet, chosen: Bools) -> Sheet:
-    """Fill the openings (o,) that `chosen` marks. An opening takes the largest family number of the material around."""
+    """Fill the openings (o,) that `chosen` marks; each gets the largest family number of the material at its edge."""
     openings = openings_of(sheet)
     if openings is None or not chosen.any():
         return sheet
@@ -170,9 +170,7 @@ def _harmonic(x: Floats, y: Floats, share: Floats) -> Floats:
 
 def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[Sheet, int]:
     """Fill each opening that is smaller than `size` metres with material; return also the number of filled openings.
-
     alike : True to treat nearly equal openings alike near the limit `size`: to fill all of them, or none.
-
     The size of an opening is its median width along the walls. It is never under 2 nor over 4 area / perimeter. The
     lower limit is for triangular openings, whose widths can be measured only near their corners."""
     openings = openings_of(cells)
@@ -190,7 +188,6 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
 
 def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
     """Make every crumb material: an opening far smaller than most openings; return also their number.
-
     Only enclosed openings count. Their size is 4 area / perimeter. An opening 2.5 times as wide as the members beside
     it stays, because it would become a plate. Of nearly equal openings, all or none become material."""
     openings = openings_of(cells)
@@ -206,9 +203,7 @@ def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
 
 def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
     """Fill every slit (narrow opening), so that the members beside it join; return also the number of filled slits.
-
     merge : "crowded" to fill only `Openings.crowded_slits`.
-
     The function repeats, because filling makes members broader, and other openings then become slits."""
     filled = 0
     while (openings := openings_of(cells)) is not None:
@@ -226,7 +221,6 @@ SNAP = 2e-3  # A vertex this near to a cut moves onto the cut; in radii of the f
 @dataclass(frozen=True, eq=False)
 class Strip:
     """A rectangular strip of material across void cells (c,). It begins in the first of these cells.
-
     middle : (3,) metres.    axes : (2, 3) unit vectors along and across.    half : (2,) half length and half width."""
 
     cells: Ints
@@ -267,7 +261,6 @@ class Strip:
 
 def with_strips(cells: Sheet, strips: list[Strip], width: float, snap: float = SNAP) -> tuple[Sheet, int]:
     """Fill strips, and small openings that the strips cut off, with material; return also the number of strips.
-
     A strip that shares a vertex with an earlier strip is left out.
     width : metres; openings with 4 area / perimeter under 1.6 widths are small.    snap : see `SNAP`."""
     if not (strips := [strips[k] for k in disjoint_groups(cells, [strip.cells for strip in strips])]):

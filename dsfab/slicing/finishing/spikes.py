@@ -24,8 +24,7 @@ LONG, THIN, FAR = 1.5, 0.5, 4.0
 
 
 class Spike(NamedTuple):
-    """A tooth: material that sticks out of a member. Its chord joins the two re-entrant corners at its base.
-
+    """A tooth (spike): material that sticks out of a member. The chord joins the two re-entrant corners at its base.
     outline : (k,) vertices.    cells : (c,) cells at least partly beyond the chord.    origin : (3,) first corner.
     outward : (3,) unit normal of the chord, out of the member.    snap : metres; smaller heights count as 0."""
 
@@ -43,7 +42,7 @@ class Spike(NamedTuple):
 
 def without_spikes(cells: Sheet) -> tuple[Sheet, int]:
     """Cut teeth (spikes) off the material of a sheet without point contacts; return also the number of teeth.
-    A tooth stays if another wall or surface edge lies beyond its base line. There, a cut could divide the material."""
+    A tooth stays if another wall or surface edge lies beyond its base, because a cut could divide the material."""
     count = 0
     for _ in range(4):  # repeat, because a round cuts only spikes that do not touch each other
         all_spikes = _spikes(cells) if cells.has_openings else []
@@ -80,7 +79,8 @@ def _member_width(cells: Sheet) -> float:
 
 
 def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
-    """Return (wall count, metres) from the start of wall `tip` to re-entrant corners before (step -1) or behind (1)."""
+    """Return the re-entrant corners within `longest` metres of the start of wall `tip`, as (number of walls, metres).
+    A wall is an edge between material and an opening. step : -1 for corners before the tip, 1 for corners behind it."""
     corners, length, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
         (previous_wall, wall), exists = walls.walls_ahead(np.array([tip, tip]), step * np.array([k - 1, k]))
@@ -93,7 +93,8 @@ def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[t
 
 
 def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
-    """Return the tooth (spike of material) with the walls `stretch` (k,), or None. width : mean member width, m."""
+    """Return the tooth (spike) whose outline is the walls `stretch` (k,); None if the shape is no tooth, or must stay.
+    width : mean width of members, metres."""
     V, walls = cells.surface.V, cells.walls
     outline, member_cells = np.append(walls.start[stretch], walls.end[stretch[-1]]), walls.material_cells[stretch]
     X, step = V[outline], walls.length[stretch]
@@ -111,7 +112,7 @@ def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
 
 
 def _cells_beyond_chord(cells: Sheet, spike: Spike) -> Ints | None:
-    """Return material cells (c,) that reach beyond a tooth's base; None if another wall or surface edge lies beyond."""
+    """Return cells (c,) at least partly beyond a tooth's base; None if another wall or surface edge lies beyond it."""
     surface, material, twins = cells.surface, cells.material, cells.surface.edges.twins
     outline_vertices, seen, waiting = set(spike.outline.tolist()), set[int](), set(spike.cells.tolist())
     while waiting:

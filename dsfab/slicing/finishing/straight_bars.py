@@ -20,7 +20,6 @@ from dsfab.surface.fields import CornerField
 @dataclass(frozen=True, eq=False)
 class FairBar:
     """The new shape of a bar: straight or evenly bent between its two contacts with other members.
-
     cells : (c,) the polygons of the old bar.    ends : (2, 3) the middles of its contacts, metres.
     across, normal : (3,) unit vectors, in the surface and normal to it.    half : (2,) half width at each end, metres.
     bow   : (2,) a, b: at the fraction t of the length, the middle line is t (1 - t) (a + b t) metres to the left."""
@@ -35,7 +34,6 @@ class FairBar:
     @classmethod
     def straight(cls, mesh: PolygonMesh, cells: Bools) -> Self | None:
         """Return a straight bar that replaces polygons (c,). It is as wide as the narrower of their two contacts.
-
         Return None if the polygons do not have two contacts with other members, or if a contact is oblique."""
         contacts = _contacts(mesh, cells)
         if len(contacts) != 2:
@@ -55,7 +53,6 @@ class FairBar:
 
     def with_bow(self, mesh: PolygonMesh) -> Self | None:
         """Return the bar with a curved middle line and half widths that fit the old outline by least squares.
-
         Return None if the slope of the middle line reaches 1, or if the new bar has no width at an end."""
         start, end = _walls(mesh, self.cells)
         t, y = self._places((start + end) / 2)
@@ -117,7 +114,8 @@ def _walls(mesh: PolygonMesh, bar: Bools) -> tuple[Floats, Floats]:
 
 
 def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
-    """Return starts and ends (k, 2, 3) of a bar's contacts, counter-clockwise; none if it reaches a surface edge."""
+    """Return start and end (k, 2, 3), metres, counter-clockwise around a bar, of its contacts with other material.
+    The result is empty if the bar reaches a surface boundary, or if a contact is a ring or meets another contact."""
     cells, in_bar, beyond = mesh.cells, bar[mesh.cells.owner], mesh.polygon_across
     contact_slots = np.flatnonzero(in_bar & (beyond >= 0) & ~mesh.void[beyond] & ~bar[beyond])
     if (in_bar & (beyond < 0)).any() or not len(contact_slots):
@@ -171,7 +169,8 @@ def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field])
 
 
 def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy) -> list[FairBar]:
-    """Return disjoint new bars. They replace nodes with stripes (and crossings), or stripes near singular points."""
+    """Return the new bars. They replace nodes with stripes (and crossings) there, or stripes near singular points.
+    No two new bars replace the same polygon. `ASKEW`, `UNEVEN` and `FAR` limit the `deviation` of a new bar."""
     bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
     for lumps, seeds in ((with_crossings(mesh, nodes), nodes), (nodes, nodes), (none, near_singular)):
         label = mesh.part_labels(_with_touching_stretches(mesh, lumps | seeds, between_crossings(mesh, tidy, lumps)))

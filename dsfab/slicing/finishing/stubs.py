@@ -24,9 +24,10 @@ from dsfab.slicing.finishing.loose_ends import Tidy, dependent_polygons, nodes_o
 from dsfab.surface import link_components
 
 LARGE = 1.6
-"""Largest opening where a stub was removed; all sizes here are divided by the median. Usually 5 % are larger."""
+"""Largest size / median size of openings where a stub (stripe end) was removed. Usually 5 % of openings are larger."""
 EYELET, LARGER = 0.5, 2.5
-"""An eyelet is an opening whose size is less than EYELET x that of a neighbouring opening. Its limit is LARGER."""
+"""An eyelet is an opening under EYELET times the size of a neighbouring opening. Where a stub beside an eyelet is
+removed, the remaining opening may have a size up to LARGER times the median."""
 GOOD = 1.1  # Stubs (ends of stripes) stay if all openings beside them have a larger size.
 SMALL = 0.6  # Stubs (ends of stripes) stay if the opening without them would have a smaller size.
 TURN = float(np.radians(110))
@@ -57,7 +58,7 @@ def with_crossings(mesh: PolygonMesh, nodes: Bools) -> Bools:
 
 @dataclass(frozen=True, eq=False)
 class _Bars:
-    """Removable bars (b,) between openings (o,).
+    """Removable bars (b,), connected pieces of material between openings (o,).
     label   : (c,) the bar of each polygon, or -1.
     area    : (b,) square metres.    wall : (b,) length of contact with other material and surface edges, metres.
     pair    : (k, 2) a bar, and an opening beside this bar.    shared : (k,) length of their common outline, metres.
@@ -111,7 +112,6 @@ class _Bars:
 
     def sizes_without(self, group: Ints, count: int) -> Floats:
         """Return the size (count,) of the opening that remains if all bars of a group are removed.
-
         group : (b,) the group of each bar. Bars of group -1 stay."""
         bar, opening = self.pair.T
         removed = group[bar] >= 0

@@ -21,7 +21,6 @@ from dsfab.surface.topology import EdgeTable, edge_table, half_edges
 
 class Labels(NamedTuple):
     """Outline edges (k,) of a material sheet.
-
     half_edge, start, end : the half-edge, and its first and its last vertex.
     curve  : number of the line with this edge, in `Sheet.lines`; but -1 - k for every edge of a stripe of field k.
     family : number of the field whose material the edge bounds; `VOID` (-1) on the boundary of the uncut surface."""
@@ -71,7 +70,6 @@ class Spans(NamedTuple):
 
 def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sheet: Sheet, F: Ints) -> Spans:
     """Return the parts of segments that lie on the cells of a sheet.
-
     A view is a segment, described in a face of the chart. A segment on an edge may have two views, one in each face.
     face        : (v,) the chart's face of each view.    segment : (v,) number of the segment.
     view_ends   : (v, 2, 3) both ends of the segment in barycentric coordinates of this face.
@@ -128,7 +126,7 @@ def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans
 
 
 class Middle(NamedTuple):
-    """A middle line of a member: its number on the longest part of the line, and its points (k, 3), metres."""
+    """A middle line of a member: points (k, 3), metres, and its number (if it changes, the one on the longest part)."""
 
     number: int
     points: Floats
@@ -137,7 +135,6 @@ class Middle(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Chords:
     """Segments of middle lines. A view is a segment, described in a face; a segment on an edge has two views.
-
     link   : (l, 2) nodes at the ends of the segments.    point : (nodes, 3) positions of the nodes, metres.
     of     : (v,) the segment of a view.      face  : (v,) the chart's face of a view.
     number : (v,) number of the middle line among all lines of its family, before any line was removed.
@@ -260,12 +257,11 @@ class CornerLines(NamedTuple):
 
 
 Phase = Floats | CornerLines | None
-"""Phase of a family at the n uncut vertices, a whole number on stripes' middles; or `CornerLines`; None: no stripes."""
+"""Phase of a family: (n,) at the uncut vertices, a whole number on middle lines; or `CornerLines`; None: no stripes."""
 
 
 def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[StructureLine]:
     """Divide the outline of a material sheet into lines, at each change of family or stripe.
-
     names  : names of the fields of the cut. The `family` of a cell is an index into `names`.
     phases : phase z of each field. An edge belongs to the stripe whose number k is nearest to z in the edge's cell. A
              line gets the number k of the edges with the largest total length.
@@ -326,7 +322,6 @@ class _Stripes:
 
 def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> list[StructureLine]:
     """Return the middle lines z = k of one family's members on the sheet, for all whole numbers k.
-
     phase, half_width : z and d (n,) at the n uncut vertices. A member lies where |z - k| < d; d = 0: no member."""
     z = sheet.carry(phase)
     levels = np.arange(np.floor(z.min()), np.ceil(z.max()) + 1)

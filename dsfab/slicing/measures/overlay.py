@@ -31,7 +31,6 @@ from dsfab.surface import CornerField, Surface, link_components
 @dataclass(frozen=True, eq=False)
 class DrawnBand:
     """Stripes of one field of a cut. The field has two values at each place. In a stripe, a level is between them.
-
     family : name. Fields of the same family do not cross each other.
     field  : the two values at corners of the uncut surface, or (n', 2) at the vertices of the material sheet.
     levels : (k,) ascending, one for each stripe.
@@ -49,7 +48,6 @@ class DrawnBand:
 @dataclass(frozen=True, eq=False)
 class Overlay:
     """A material sheet, also divided along edges of stripes that other stripes cover, and the stripes of each cell.
-
     sheet  : m cells, all of them material. `family` is the field that made each cell.
     source : (m,) cell of the sheet before this division, which contains the cell.
     part   : (m, f) for each of f fields, the number of the stripe that contains the cell; -1 for none.

@@ -25,11 +25,11 @@ from dsfab.surface.topology import link_components
 
 @dataclass(frozen=True, eq=False)
 class Bays:
-    """Middle lines of a family, divided into bays: from one crossing with the other family to the next.
+    """Middle lines of a family's members, divided into bays: from one crossing with the other family to the next.
     Edges of faces divide the bays further, into b parts.
-    piece  : (b,) piece of `middles` that contains each part.    at : (b, 3) barycentric coordinates of its middle.
+    piece  : (b,) piece of `middles` that contains each part.    at : (b, 3) barycentric coordinates of its midpoint.
     length : (b,) length of each part, metres.    bay : (b,) number of each part's bay.    count : number of bays.
-    angle  : (c,) angle between members at crossings, degrees. Crossings in rims and kept regions are left out."""
+    angle  : (c,) angle between members at crossings, degrees. Crossings in material other than stripes are left out."""
 
     middles: StripeMiddles
     piece: Ints
@@ -41,7 +41,7 @@ class Bays:
 
     @cached_property
     def free(self) -> Floats:
-        """(b,) length of each part, metres; 0 for parts in members of the other family, rims and kept regions."""
+        """(b,) length of each part, metres; 0 for parts in stripes of the other family or in other material."""
         chart, face = self.middles.drawn, self.middles.face[self.piece]
         met = chart.inside(1 - self.middles.k, face, self.at) | chart.is_kept(face, self.at)
         return np.where(met, 0.0, self.length)
@@ -126,7 +126,7 @@ OFF = 30.0  # Largest acceptable angle between a member and the stress, degrees.
 
 
 class DeadEnds(NamedTuple):
-    """Dead ends of members, metres: places (e, 3) where they meet nothing, and places (t, 3) where they turn back."""
+    """Dead ends, metres: places (e, 3) where members end in nothing, and places (t, 3) where members turn back."""
 
     loose: Floats
     turns: Floats
@@ -151,7 +151,7 @@ def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confiden
 
 
 def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools:
-    """Return a mask (j,) of nodes where a member turns back. along, clear : (s, 3), (s,) stress direction of pieces."""
+    """Mark nodes (j,) where members turn back. along : (s, 3) stress directions.    clear : (s,) True if clear."""
     pieces = np.flatnonzero(~middles.copy)
     step = middles.points[pieces, 1] - middles.points[pieces, 0]
     ahead = np.where(np.einsum("px,px->p", step, along[pieces]) < 0, -1, 1)  # -1: opposite to `along`
@@ -340,7 +340,7 @@ def pattern_quality(
     symmetry_error: float | None = None,
     guided: Bools | None = None,
 ) -> PatternQuality:
-    """Measure the quality of a pattern of stripes.
+    """Measure the quality of the pattern of stripes in `chart`.
     stress     : (m, 2) principal stresses along the major and the minor members.
     direction  : (m, 2, 3) unit directions of these stresses.    confidence : (m,) how clear they are, 0 to 1.
     guided     : (m,) mask of faces where members follow a guide, and thus may turn back. Default: none."""

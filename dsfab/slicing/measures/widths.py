@@ -28,7 +28,7 @@ class FarEnds(NamedTuple):
 
 class _Lines(NamedTuple):
     """Lines that enter a triangle. edge : half-edge that they cross.    s : metres from its start to the line.
-    x, y : direction along the half-edge and normal to it.    way : length of the line so far, metres."""
+    x, y : the line's direction, along and across `edge`.    way : length of the line so far, metres."""
 
     number: Ints
     edge: Ints
@@ -84,7 +84,7 @@ def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
 
 
 def _frames(surface: Surface) -> Floats:
-    """Return for each half-edge (3 m, 7): length, third corner of the face, directions of the next two edges."""
+    """Return (3 m, 7), in axes along and across each half-edge: length, third corner, directions of next two edges."""
     V, F = surface.V, surface.F
     along, apex = (V[np.roll(F, -k, axis=1)].reshape(-1, 3) - V[F].reshape(-1, 3) for k in (1, 2))
     size = np.linalg.norm(along, axis=1)
@@ -234,7 +234,7 @@ ROUNDING = 1e-6  # A width still meets a limit if it is smaller by at most this 
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """The smallest member, gap or edge: size and place (3,), metres, name in words, and size of the mesh there."""
+    """The smallest member, gap or edge: size and place (3,), metres, name in words, and mesh size there, metres."""
 
     size: float
     place: Floats

@@ -94,7 +94,7 @@ class ComparisonTask:
 
     @property
     def loads(self) -> dict[str, LoadCase]:
-        """Loads that determine the pattern, as they act on the surface before it is cut."""
+        """Loads on the uncut surface, by name, in the load cases and combinations that the pattern follows."""
         return self.statics.loads(self.preset.followed_weights)
 
     @property
@@ -120,7 +120,7 @@ class ComparisonTask:
 
     @cached_property
     def kept_layers(self) -> Sequence[Layer]:
-        """Layers that are material in every compared structure: the discs around loads and supports, and the rim."""
+        """Layers of the kept regions (around loads and supports, the rim, and others): material in every pattern."""
         return kept_regions(self.preset, self.surface, self.statics.load, self.even)
 
     @property
@@ -149,7 +149,7 @@ class Structure:
 
     @cached_property
     def material(self) -> Sheet:
-        """All cells with material, as a sheet, including pieces that reach no support."""
+        """Every cell with material, as a sheet, including pieces that reach no support."""
         return self.cells.subset()
 
     @property
@@ -180,8 +180,8 @@ Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
 
 
 def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
-    """Return the structure with the area `task.area` after loose pieces are removed, by a suitable share of material.
-    drawing : function that makes the layers for a share. Raises PatternError if no share gives this area."""
+    """Return a structure whose material has the area `task.area` after loose pieces are removed.
+    drawing : function that makes layers for a share of material. Raises PatternError if no share gives this area."""
     try:
         return _structure_of_area(task, drawing)
     except PatternError:

@@ -155,7 +155,7 @@ def _start_density(surface: Surface, area: float, solid: Bools) -> float:
 
 
 def simp(task: ComparisonTask) -> list[Variant]:
-    """Return the structure of the area `task.area` where the density found by SIMP is largest."""
+    """Return a single variant: the structure of area `task.area` where the densities found by SIMP are largest."""
     free = free_task(task)
     return [Variant("", lambda: _cut_structure(free, optimised_densities(free)))]
 

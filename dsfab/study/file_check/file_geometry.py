@@ -204,7 +204,7 @@ class Distance:
     skin      : largest distance of the file's top and bottom from their exact place.    skin_mean : mean distance.
     to_design : largest distance of a point of the file from the design: additional material or a shift.
     from_design : largest distance of a point of the design from the file: missing parts or a shift.
-    beyond    : largest difference of a distance and its allowed value; at most 0 if all distances are allowed.
+    beyond    : largest excess of a distance over its allowed value; at most 0 if all distances are allowed.
     allowed   : the allowed value at the place of `beyond`.
     scale     : diagonal of the file's bounding box divided by that of the design."""
 

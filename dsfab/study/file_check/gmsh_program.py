@@ -16,7 +16,7 @@ TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's numbers for the element types
 
 
 def tetrahedra(mesh_data: Any) -> tuple[Any, Any]:
-    """Return nodes (p, 3) and tetrahedra (k, 4) that fill the solid. Input triangles V, F are not changed."""
+    """Return nodes (p, 3) and tetrahedra (k, 4) that fill the solid in `mesh_data`; triangles V, F stay unchanged."""
     import gmsh
 
     gmsh.initialize()

@@ -173,8 +173,9 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
 
 def last_point(path: LoadPath) -> int | None:
     """Return the number of the point at which the computation of a path may stop; None if there is no such point.
-    The computation may stop at the end of a step in which the structure fails (`limit_of`), or at a soft point from
-    which a step of at most 2.5 % of the load finds no equilibrium."""
+    The computation may stop at the end of a step in which the structure fails (`limit_of`). It may also stop after a
+    soft step: over twice the displacement per load of the first step. A further step of at most 2.5 % of the load must
+    then find no equilibrium."""
     limit_step, snaps = limit_of(replace(path, whole=True))
     moves = _relative_moves(path)
     for start, increment in path.failed:

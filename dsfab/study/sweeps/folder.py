@@ -62,7 +62,7 @@ CSV, PARQUET, PICTURES = "results.csv", "results.parquet", "pictures"
 
 
 def feasible(row: RunRow, limits: Iterable[Constraint]) -> bool:
-    """Return True if a run has succeeded and meets every constraint."""
+    """Return True if a run has succeeded and meets all constraints `limits`."""
     return row.state == "done" and all(limit.holds(row.metrics) for limit in limits)
 
 
@@ -193,7 +193,7 @@ class SweepFolder:
         retry: Collection[State] = TRIED_AGAIN,
     ) -> None:
         """Carry out the runs that are waiting or were interrupted, and all runs in the states `retry`.
-        Runs during which `TRIES` workers died come last.    crew : workers.    report : receives the progress."""
+        Runs during which `TRIES` or more workers died come last.    crew : workers.    report : receives progress."""
         with Store.open(self.path) as store:
             store.reset_to_waiting(("running", *retry))
             try:

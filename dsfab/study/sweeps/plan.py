@@ -78,7 +78,7 @@ class Axis:
     span: Range | None = None
 
     def grid_changes(self) -> list[dict[str, Any]]:
-        """Return the values of the keys for each point of a grid: a dict from keys to values for each point."""
+        """Return a dict from keys to values for each point of a grid along this axis."""
         rows = self.rows if self.span is None else [(value,) for value in self.span.grid_values()]
         return [dict(zip(self.keys, row, strict=True)) for row in rows]
 

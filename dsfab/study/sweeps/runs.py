@@ -57,7 +57,7 @@ def point_on_axes(axes: list[Axis], u: Floats) -> Changes:
 
 
 def trials(plan: Plan) -> list[Changes]:
-    """Return changes that show mistakes in the keys and values of a plan: ends and inner points of each axis."""
+    """Return changes for trial runs at ends and inner points of each axis, to find wrong keys and values in a plan."""
     middle = np.full(len(plan.axes), 0.5)
     runs = []
     for i, axis in enumerate(plan.axes):

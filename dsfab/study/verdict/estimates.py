@@ -44,7 +44,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
 
 def limit_at_own_rate(values: Sequence[float]) -> float:
     """Return the limit of values on finer and finer meshes, if the steps between values shrink by a constant ratio.
-    Ratio: that of the last two steps, within `STEP_RATIOS`; a fixed ratio for two values or steps of opposite signs."""
+    The last two steps give the ratio, within `STEP_RATIOS`; it is fixed for two values or steps of opposite signs."""
     step, before = values[-1] - values[-2], values[-2] - values[-3] if len(values) > 2 else 0.0
     if before * step <= 0:
         return values[-1] + step / EXTRAPOLATION_DIVISOR
@@ -142,7 +142,7 @@ def quantile(value: Floats, weight: Floats, share: float = 0.99) -> float:
 
 
 def off_corners(surface: Surface, supported: Bools) -> Bools:
-    """Mark the faces (m,) farther than the mean rib width from reentrant corners and from ends of the supports."""
+    """Mark faces (m,) away from reentrant corners and support ends: beyond min(mean rib width, 5 % of the size)."""
     corners = np.concatenate([inward_corners(surface), support_ends(surface, supported)])
     if not len(corners):
         return np.ones(surface.m, dtype=bool)

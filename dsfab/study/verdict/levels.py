@@ -61,7 +61,6 @@ def on_mesh(
     """Return the supports and loads of a cut sheet (any mesh), and the loads as forces per area.
     surface     : uncut surface.    uncut_loads : supports and loads on the uncut surface, by case.
     forces      : forces of these loads, from `shares`.
-
     The force at a vertex spreads over the material around the vertex, in proportion to the vertex's linear shape
     function on the uncut mesh. The force on a face spreads evenly over the material of the face."""
     F, areas = sheet.surface.F, sheet.surface.areas

@@ -65,7 +65,7 @@ class ModeIntervals:
 
     @property
     def local(self) -> Mapping[str, str]:
-        """Remarks on local buckling modes on the finest mesh, by case."""
+        """Notes, by case, on lowest buckling modes on the finest mesh that move only a small part of the sheet."""
         return self.levels[-1].local if self.levels else {}
 
 

@@ -105,7 +105,7 @@ class CaseVerdict:
     value  : compliance, J; nan if nothing was solved.
     bound  : largest error of the value, divided by the value; inf if unknown.
     status : fail if the sheet does not carry the loads; pass if the bound is at most `CONVERGED`; else unknown.
-    spread : c / c0 - 1 on the first mesh; c, c0: compliance by quadratic + midedge and quadratic + hhj elements.
+    spread : (compliance by quadratic + midedge elements) / (compliance by quadratic + hhj elements) - 1; first mesh.
     zz_membrane, zz_bending : energies of stress errors on the finest mesh, divided by the compliance.
     theory : fraction by which a solid may be softer than this thin sheet."""
 
@@ -294,8 +294,7 @@ def check(
     progress: Progress | None = None,
     cells: Sheet | None = None,
 ) -> Verdict:
-    """Check the compliance of a cut sheet under its loads. Return the compliance with an error bound, or the reason
-    why the compliance is unknown or the sheet fails.
+    """Return the compliance of a loaded cut sheet, with an error bound, or why it is unknown or the sheet fails.
     subject : a design, or a surface with loads.
     sheet   : cut sheet; default: that of the design.
     depth   : "quick": one solve on the cut mesh. "full": an extrapolation from two meshes, or three (bound over 2 %).

@@ -20,7 +20,7 @@ FLAT = float(np.radians(150))
 
 @dataclass(frozen=True, eq=False)
 class EvenEdges:
-    """A mesh V (n, 3), F (m, 3) with straight borders. moved : number of moved vertices. most : largest move."""
+    """A mesh V (n, 3), F (m, 3) with even borders. moved : number of moved vertices. most : largest move, unit of V."""
 
     V: Floats
     F: Ints
@@ -63,7 +63,7 @@ def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
 
 
 def _ragged_runs(turn: Floats) -> list[tuple[Ints, bool]]:
-    """Return the ragged parts of a closed border by its turns, radians: indices in `turn`; True for a whole border."""
+    """Return ragged parts of a closed border: indices in `turn` (radians, by vertex), and True for the whole border."""
     large = np.flatnonzero(np.abs(turn) > RAGGED_TURN)
     if len(large) < LEAST_TURNS:
         return []

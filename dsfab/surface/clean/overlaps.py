@@ -43,7 +43,7 @@ def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
 
 
 def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
-    """Mark the corners of faces or quads that coincide if vertex k becomes `became[k]`. Quad diagonals may differ."""
+    """Mark vertices of faces or quads that coincide if vertex k becomes `became[k]`. Quads may have any diagonal."""
     faces = became[F]
     _, group, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
     edges, is_twice = edge_table(faces), (count > 1)[group.ravel()]
@@ -160,7 +160,7 @@ def _of_one_quad(F: Ints, face: Ints, cover: Ints) -> Bools:
 
 
 def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
-    """Mark faces (m,) that form one sheet without overlaps. covers : overlaps from `_covers`."""
+    """Mark faces (m,) that stay as one sheet without overlaps. covers : (k, 3) overlaps, from `_covers`."""
     overlaps, chosen = dict[int, set[int]](), list[int]()
     for face, cover in np.stack(np.divmod(distinct(covers[:, 0] * len(F) + covers[:, 2]), len(F)), axis=1).tolist():
         overlaps.setdefault(face, set()).add(cover)

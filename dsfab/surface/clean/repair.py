@@ -92,7 +92,7 @@ def sound_faces(V: Floats, F: Ints) -> MendedMesh:
 
 
 def single_sheet(mesh: MendedMesh, metres: float) -> MendedMesh:
-    """Return the mesh with one copy of each sheet; slabs become their middle surfaces. metres : unit of V in m."""
+    """Return the mesh with one copy of each sheet; slabs become middle surfaces. metres : unit of the mesh, in m."""
     V, F, texts = single_sheets(mesh.V, mesh.F, metres)
     return _compact(MendedMesh(V, F, (*mesh.repairs, *texts))) if texts else mesh
 
@@ -133,7 +133,8 @@ def _join_at_points(mesh: MendedMesh) -> MendedMesh:
 
 
 def _single_faces(V: Floats, F: Ints) -> Ints:
-    """Return the faces (k,) that stay: one of overlapping faces, but no equal faces at an edge of two other faces."""
+    """Return the faces (k,) that stay: one of overlapping faces. Faces that repeat each other are all dropped if
+    one of their edges has two other faces."""
     once = complement(overlapping_faces(V, F).whole, len(F))
     if len(once) == len(F):
         return once
@@ -185,11 +186,11 @@ def _without_teeth(mesh: MendedMesh, metres: float) -> MendedMesh:
 HOLE = 0.15  # Holes of a scan are filled if their outline is shorter than this times the scan's largest dimension.
 SPECK = 0.05  # Pieces of a scan are removed if their area is below this times the largest piece's area.
 FINE, SEVERAL = 0.01, 3
-"""A mesh is a scan if its mean edge is below `FINE` times its largest dimension, and if it has many faults of a kind:
-at least `SEVERAL` small holes, or at least `SEVERAL` edges with more than two faces."""
+"""A mesh is a scan if two things hold. Its mean edge is below `FINE` times its largest dimension. It has at least
+`SEVERAL` small holes, or at least `SEVERAL` edges with more than two faces."""
 NOISY, FOLDED = 0.02, 1e-3
-"""A mesh is a noisy scan if its mean edge is below `NOISY` times its largest dimension, and if the fraction of folded
-faces (turned against their neighbours) is above `FOLDED`. Measured: up to 0.0002 in designs, 0.003 in a noisy mesh."""
+"""A mesh is a noisy scan if two things hold. Its mean edge is below `NOISY` times its largest dimension. The share of
+folded faces (turned against their neighbours) is above `FOLDED`: up to 0.0002 in designs, 0.003 in a noisy mesh."""
 TILTED, LOW = 0.7, 0.5
 """A face is tilted by noise if the cosine between its normal and the mean normal of its neighbours is below `TILTED`,
 and the face's height is below `LOW` times the mesh's mean edge. Higher faces may be tilted by a real bend."""

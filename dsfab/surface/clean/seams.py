@@ -39,7 +39,6 @@ def merged_vertices(
     V: Floats, within: float = 1e-9, apart: Callable[[Ints], Bools] | None = None
 ) -> tuple[Floats, Ints]:
     """Merge vertices V (n, 3) at one place. Return the remaining vertices, and the new number (n,) of each old vertex.
-
     within : largest distance between merged vertices, divided by the mesh's largest dimension.
     apart  : function that takes pairs of vertices (p, 2) and marks the pairs (p,) that must stay separate."""
     alone = V, np.arange(len(V))
@@ -60,7 +59,7 @@ def merged_vertices(
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
     """Return the vertex (n,) onto which each vertex merges, so that no vertex moves farther than `reach`.
-    pairs : (p, 2) near vertices.    targets : (n,) the vertices without this limit."""
+    pairs : (p, 2) near vertices.    targets : (n,) the vertex onto which each would merge without this limit."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
         return targets

@@ -165,7 +165,8 @@ class _Entities:
     def leaves(
         self, entities: Any, outer_names: tuple[str, ...] = (), mirrored: bool = False, hidden: bool = False
     ) -> Iterator[tuple[Any, tuple[str, ...], bool, bool]]:
-        """Yield each visible entity, its names, True if a block mirrors it, True on a hidden layer (`hidden_layers`).
+        """Yield for each visible entity: itself, its names, True if a block mirrors it, True if its layer is hidden.
+        Entities on hidden layers are left out, unless `hidden_layers` is set.
         The names are its layer, then layer and name of each enclosing block insertion (`outer_names`), innermost first.
         Layer 0 in a block means the layer on which the block is inserted."""
         if len(outer_names) > 2 * self.budget.depth:
@@ -270,9 +271,7 @@ def _ends_meet(run: Floats) -> bool:
 def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floats, ...]:
     """Return the closed curves (k, 3) of a drawing, metres, on one layer or on all layers.
     Lines and arcs whose ends touch form one curve.
-
     unit : unit of the file's numbers; by default the unit that the file declares.
-
     Raises SurfaceError for a missing file, layer, unit or closed curve, for open curves, and for too large files."""
     path = Path(path)
     if path.suffix.lower() not in (".dxf", ".3dm"):

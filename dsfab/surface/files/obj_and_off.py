@@ -93,7 +93,7 @@ _Group = tuple[int, tuple[str, ...], tuple[str, ...]]
 
 
 def _named_faces(mesh: Polygons, groups: list[_Group], only: Sequence[str], counts: Counter[Content]) -> Polygons:
-    """Return the faces in the groups named in `only`, or all faces. Count groups and other parts in `counts`."""
+    """Return faces of groups or objects in `only`, by default all. Count groups and unselected parts in `counts`."""
     ends = (*(start for start, _, _ in groups[1:]), len(mesh.sizes))
     runs = [(*group, end) for group, end in zip(groups, ends, strict=True) if group[0] < end]
     if only:

@@ -19,11 +19,9 @@ difference of unit normals there must be below `ON` (10 degrees), and below `BET
 
 def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     """Return the two triangles (2 q, 3) of each of the faces `quads` (q,), which have four corners.
-
     V       : (n, 3) vertices.
     corners : (c,) corners of all faces, face after face.
     sizes   : (f,) number of corners of each face.
-
     If only one diagonal is inside the quad, the cut follows this diagonal. Otherwise the cut follows the shorter
     diagonal, or the other diagonal if the triangles then continue flat neighbours much better."""
     start = np.cumsum(sizes) - sizes
@@ -64,7 +62,8 @@ def _bend(normals: Floats, neighbour_normals: Floats) -> Floats:
 
 
 def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, starts: Ints) -> Floats:
-    """Return normals (r, 4, 3) beside quads that begin at `starts`; 0 at sides with no, several or bent neighbours."""
+    """Return the unit normal (r, 4, 3) of the face beyond each side of r quads; 0 without a single flat face there.
+    bent : (f,) True for quads that are not flat.    starts : (r,) index in `corners` of each quad's first corner."""
     owner, h = np.repeat(np.arange(len(sizes)), sizes), np.arange(len(corners))
     start = np.cumsum(sizes) - sizes
     onward = np.where(h + 1 < (start + sizes)[owner], h + 1, start[owner])

@@ -155,7 +155,7 @@ def _mark_layer(word: str) -> str:
 
 
 def contents(counts: Counter[Content]) -> tuple[Content, ...]:
-    """Return a file's inventory from counts of its things. Many hidden layers or unselected names become one entry."""
+    """Return a file's inventory from counts of its things. Over 5 hidden layers or unselected names form one entry."""
     shown = {thing: count for thing, count in counts.items() if count}
     for kind, start, plural in (("hidden object", "on layer ", "on {} layers"), (UNSELECTED, "of ", "of {} names")):
         similar = [thing for thing in shown if thing.kind == kind]
@@ -358,8 +358,7 @@ def may_lack_digits(word: str, count: int) -> bool:
 
 def text_file(data: bytes) -> TextFile:
     """Return the text in `data`: UTF-8, or the encoding that a byte order mark or zero bytes indicate.
-    Each invalid byte becomes a letter that never occurs in a number. Raises MalformedFileError for incomplete UTF-16.
-    """
+    An invalid byte becomes a letter that never occurs in a number. Raises MalformedFileError for incomplete UTF-16."""
     encoding, doubt, skipped = "utf-8", "", 0
     for mark, name, word in _MARKS:
         if data.startswith(mark):
@@ -492,7 +491,7 @@ _APART = "put the outlines into a separate drawing"  # Remedy in the messages ab
 
 def curve_points(spans: Floats, curve: Callable[[Floats], Floats]) -> Floats:
     """Return points (k, 3) on a curve, so dense that the polyline follows the curve within `CURVE_TOLERANCE`.
-    spans : (s,) ends of the curve's parts, of up to 1024 points each.    curve : function from parameters to points."""
+    spans : (s,) parameters at ends of the curve's parts, of up to 1024 chords each.    curve : parameters -> points."""
     count = 4
     while True:
         t = np.interp(np.arange(2 * count * (len(spans) - 1) + 1) / (2 * count), np.arange(len(spans)), spans)

@@ -166,7 +166,7 @@ class _DrawnObjects:
         self.counts = Counter[Content]()
 
     def surfaces(self) -> Iterator[tuple[_Groups, _Surface]]:
-        """Yield names (see `all`), geometry, meshes, matrix (4, 4) of each surface or mesh. Add others to `counts`."""
+        """Yield names (see `all`), geometry, meshes, matrix (4, 4) of each surface or mesh. Count other objects."""
         for groups, thing, place, _ in self.all():
             meshes, name = _meshes(thing), type(thing).__name__
             if meshes or meshes is None:

@@ -195,7 +195,7 @@ class LoadParts:
         return np.asarray(self.weight + self.bare + self.covered)
 
     def forces(self, surface: Surface) -> Floats:
-        """Return the forces (n, 3), newtons: a third of each face's force at each of its corners."""
+        """Return the forces (n, 3), newtons: `point`, and a third of each face's force at each of its corners."""
         traction = self.traction
         return (
             self.point + forces_at_corners(surface, traction * surface.areas[:, None]) if traction.any() else self.point
@@ -435,7 +435,7 @@ class LoadCase:
         return self.force if self.parts is None else self.parts.point
 
     def with_forces(self, force: Floats, loaded: Bools | None = None) -> Self:
-        """Return the same supports with forces (n, 3), newtons, on the vertices."""
+        """Return the same supports with forces (n, 3), newtons, on the vertices. loaded : None keeps the old mask."""
         return replace(self, force=force, loaded=self.loaded if loaded is None else loaded, parts=None)
 
     def with_parts(self, surface: Surface, parts: LoadParts) -> Self:
@@ -453,7 +453,7 @@ class LoadCase:
         return self.with_parts(surface, self.parts.on_share(weight=share))
 
     def on_share(self, surface: Surface, share: Floats) -> Self:
-        """Return the load case of a sheet that keeps a fraction (m,) of each face; removed material has no loads."""
+        """Return the load case of a sheet that keeps a fraction (m,) of each face; loads `weight` and `bare` shrink."""
         if self.parts is None:
             return self
         return self.with_parts(surface, self.parts.on_share(share, share))

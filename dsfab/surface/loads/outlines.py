@@ -155,16 +155,13 @@ class PlanPolygon:
 @dataclass(frozen=True)
 class ClosedCurves:
     """The space inside closed curves of a drawing: `{ pick = "curve", file = "door.dxf", layer = "door" }`.
-
     Horizontal curves are projected from above. Other curves are projected along the normal of their plane, like a door
     in elevation.
-
     file   : drawing, DXF or 3DM; relative paths start at the preset's folder, in Python at the current folder.
     layer  : layer of the curves; by default all layers.    unit : unit of the file's numbers; by default its own unit.
     curves : points of polygons, used in place of a file, metres.
     depth  : distance to both sides of the curves' plane, metres. By default, horizontal curves have no limit, and
              other curves reach only the nearest part of the surface.
-
     Raises OutlineError if both or neither of `file` and `curves` are set."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -305,8 +302,8 @@ class _Plane:
         return Extent(prism_depth, foot[:, None] + ends, min(_width(flat) for flat in loops))
 
     def _nearest_part(self, surface: Surface) -> tuple[float, float]:
-        """Return lower and upper end of the prism, metres from the plane, so that the prism contains only the surface's
-        nearest part; infinite if nothing lies behind this part."""
+        """Return lower and upper end, metres from the plane, of a prism that contains only the surface's nearest part.
+        An end is infinite if nothing lies behind the nearest part on this side."""
         reach, normal = np.abs(self.distances(surface.V)).max() + surface.size, self.axes[2]
         nearest_hits, behind = list[float](), list[float]()
         for p in self._sight_points():
@@ -376,7 +373,7 @@ def extent_of(picker: Picker, surface: Surface) -> Extent | None:
 
 def edges_of(picker: Picker, surface: Surface) -> Bools:
     """Mark the edges (e,) between picked vertices; only free edges for a picker of the boundary.
-    With a drawn outline, the middle of an edge must be inside, too. Raises SurfaceError as the picker does."""
+    With a drawn outline, an edge counts only if its middle is inside, too. Raises SurfaceError as the picker does."""
     picked, edges = picker.vertices(surface), surface.edges
     if isinstance(picker, VerticesLeft):
         return picker.edges(surface)

@@ -98,7 +98,7 @@ class _HasPick(Protocol):
 
 @dataclass(frozen=True)
 class All:
-    """All vertices of the surface."""
+    """Every vertex of the surface."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pick: Literal["all"] = "all"

@@ -62,17 +62,14 @@ class Net:
 
     @property
     def n(self) -> int:
-        """Number of vertices."""
         return len(self.V)
 
     @property
     def F(self) -> Ints:  # noqa: N802, the field's letter
-        """Faces (m, 3)."""
         return self.faces.F
 
     @property
     def edges(self) -> EdgeTable:
-        """Edges of the faces."""
         return self.faces.edges
 
     @property
@@ -143,7 +140,8 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _leading(net: Net, long: Bools, length: Floats) -> Bools:
-    """Mark the `long` edges (e,) with at least 70 % of each face's longest `long` edge; in thin faces 100 %."""
+    """Return the mask `long` (e,) without edges shorter than 70 % of the longest marked edge in one of their faces.
+    Around thin faces, all edges shorter than the longest marked edge are left out."""
     faces = np.flatnonzero(faces_at(net.edges.of, long))
     edge = net.edges.of[faces]
     marked_length = np.where(long, length, -1.0)[edge]
@@ -386,7 +384,7 @@ def with_ears_flipped(surface: Surface) -> Surface:
 
 
 LOW = 1 / 8
-"""Height limit of a low border face, divided by its border edge; the normals of lower faces have large errors."""
+"""Largest height of a low border face / length of its border edge. The normals of low faces have large errors."""
 
 
 def without_rim_slivers(surface: Surface, smooth: bool = False) -> Surface:

@@ -13,7 +13,7 @@ from dsfab.surface.topology import link_components
 
 TOLERANCE = 1 / 50  # Largest move of boundaries and creases, in edge lengths.
 CORNER = 30.0  # Least bend of a curve at a corner, degrees.
-DULL = 0.6 * CREASE  # Least angle between the mean normals on the two sides of a short crease, degrees.
+DULL = 0.6 * CREASE  # A short crease is left out if the mean normals on its two sides differ by less, degrees.
 FINE = 1 / 80  # Largest averaging radius for a scan's normals in `design_features`, divided by its box's diagonal.
 
 
@@ -104,7 +104,8 @@ class FeatureCurves:
         return (1 - t) * self.points[k - 1] + t * self.points[k]
 
     def points_between(self, start: Floats, end: Floats) -> tuple[Ints, Ints]:
-        """Return pairs (j,), (j,): an interval from `start` to `end` (k,) on the axis, metres; a point inside it."""
+        """Return pairs as two arrays (j,): the index of an interval, and the index of a curve point inside it.
+        start, end : (k,) ends of the intervals on the axis of arc length, metres."""
         low, high = np.searchsorted(self.at, start, side="right"), np.searchsorted(self.at, end, side="left")
         count = np.maximum(high - low, 0)
         which = np.repeat(np.arange(len(start)), count)

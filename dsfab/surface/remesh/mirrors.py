@@ -32,7 +32,7 @@ def centroid(surface: Surface) -> Floats:
 
 
 def round_axis(surface: Surface, axes: Floats) -> Floats | None:
-    """Return the axis, out of `axes` (3, 3), about which the moments of inertia are as for a round surface; or None."""
+    """Return the first of `axes` (3, 3) for which the other two have nearly equal second moments of area, or None."""
     x = surface.centroids - centroid(surface)
     inertia = [float(surface.areas @ (x @ axis) ** 2) for axis in axes]
     for k in range(3):
@@ -51,8 +51,8 @@ def far_directions(x: Floats, size: float, count: int = 1) -> Floats:
 
 
 def planes_through(axis: Floats, directions: Floats) -> Iterator[Floats]:
-    """Yield normals of planes through an axis. Each plane mirrors the first of `directions` (d, 3) onto a direction
-    among the first 24, or onto the opposite of this direction."""
+    """Yield normals (3,) of planes that contain an axis. Each plane mirrors the first of `directions` (d, 3) onto one
+    of the first 24 directions, or onto its opposite."""
     for direction in directions[:24]:
         for through in (directions[0] + direction, np.cross(axis, directions[0] + direction)):
             if (length := np.linalg.norm(through)) > INERTIA_TOLERANCE:
@@ -76,7 +76,7 @@ def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) 
     return elements[:count].copy()
 
 
-IMAGE_TOLERANCE = 1 / 20  # Largest distance from the mirror image, divided by the edge length.
+IMAGE_TOLERANCE = 1 / 20  # Largest distance of a surface from its mirror image, divided by the edge length.
 ROUND_ANGLES = (0.7, 1.9)  # A surface is round if planes at these angles (radians) to a mirror plane are also mirrors.
 MOST_SIDES = 16  # Largest number of mirrored sectors around an axis; with more sectors, only two mirrors are used.
 
@@ -84,7 +84,7 @@ MOST_SIDES = 16  # Largest number of mirrored sectors around an axis; with more 
 @dataclass(frozen=True, eq=False)
 class Mirrors:
     """A group of mirrors through the middle of a surface.
-    centre  : (3,) point in the planes of all mirrors, metres.
+    centre  : (3,) point that lies in all mirror planes, metres.
     normals : (k, 3) unit normals of all mirrors.
     group   : (g, 3, 3) mirrors and rotations, the identity first."""
 
@@ -263,7 +263,7 @@ class Chamber:
         return moved
 
     def all_sides(self, V: Floats, F: Ints) -> tuple[Surface, Ints] | None:
-        """Return the whole surface from mirrored copies of this part V (p, 3), F, and each vertex's index (n,) in V.
+        """Join mirrored copies of a part V (p, 3), F; return the whole surface, and each vertex's index in V (n,).
         Return None if the topology or the length of the boundary would change."""
         n, centre = len(V), self.mirrors.centre
         images = [(V - centre) @ R.T + centre for R in self.mirrors.group]

@@ -44,7 +44,6 @@ def remeshed_surface(
     finest : least edge length on curved parts, metres; 0 for no shorter edges on curved parts.
     smooth : true for new vertices on the smooth surface through the old vertices, false for new vertices on old facets.
     sizes  : fields of wanted edge lengths, metres, each on a mesh of this surface; the shortest length counts.
-
     - Boundaries, and creases of more than 30 degrees, move by at most a fiftieth of `edge`. Corners do not move.
     - The bounding box, the numbers of pieces and holes, and the orientation of the faces do not change.
     - Creases from noise, and very thin triangles (slivers) at the border, are removed.
@@ -52,7 +51,6 @@ def remeshed_surface(
     - With `finest`, normals rotate by about 15 degrees along an edge. Equal surfaces give equal meshes.
     - Without `sizes`, a surface with mirror symmetries (within a twentieth of `edge`) gets an exactly symmetric mesh.
       The bounding box of this mesh is exact to a fiftieth of `edge`.
-
     Source of the smooth surface: [Vlachos et al. 2001]. Raises SurfaceError for
     - invalid lengths, and edges that are longer than the surface or need over `MOST_TRIANGLES` triangles;
     - repeated faces, and edges of more than two faces."""

@@ -60,7 +60,8 @@ def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
 
 
 def _corner_normals(surface: Surface, features: Bools) -> Floats:
-    """Return normals (m, 3, 3) at face corners: angle-weighted means of the vertex's faces between creases (e,)."""
+    """Return normals (m, 3, 3) at the corners of faces: means over the faces at the vertex, weighted by their angles.
+    features : (e,) mask of creases and boundaries. Faces beyond a crease do not count."""
     fan = corner_fans(surface.F, surface.edges, apart=features).ravel()
     count = int(fan.max()) + 1
     weighted = (face_angles(surface.V, surface.F)[:, :, None] * surface.normals[:, None]).reshape(-1, 3)

@@ -130,8 +130,9 @@ def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Float
 
 
 def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
-    """Return the results of `prisms` for each prism. upper, lower : (xyz, 3, m) corners of the skins.
-    Errors e of corners give errors <= 3 r^2 e in determinants of lengths r, and 4 s e in normals of sides s."""
+    """Return for each prism: True if it may be folded, its smallest cosine, and its radius; see `prisms`.
+    upper, lower : (xyz, 3, m) corners of the skins.    axis : (xyz, m) axis of each prism's box.
+    Errors e of corners give errors <= 3 r^2 e in determinants of vectors of length r, 4 s e in normals of sides s."""
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]
     reach = np.sqrt(np.maximum((A**2).sum(axis=0), (B**2).sum(axis=0)).max(axis=0)) + error

@@ -17,7 +17,7 @@ from dsfab.workshop.parts import NAME_SHARE, NODE_LETTERS, FlatPart, Fold, Hole,
 
 BOLT_SPACINGS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
 """Distances in bolt diameters: fold to first bolt, bolt to bolt, bolt to plate's end. The first fitting row is used."""
-LEG_NAME = "ground"  # name of the leg in the list of a plate's arms
+LEG_NAME = "ground"  # name of a plate's arm that stands on the ground
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def bar_part(bar: LatticeBar, nodes: tuple[str, str], stock: BarStock) -> FlatPa
 
 
 def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats, float]]:
-    """Yield half planes a . x <= b that keep a bar clear of its neighbours. x : (along bar, left of bar), metres."""
+    """Yield half planes a . x <= b that keep a bar clear of its neighbours. x : metres along, and left of, the bar."""
     for side, gap in ((1, end.after), (-1, end.before)):
         if 0 < gap < np.pi:
             c, s = np.cos(gap / 2), np.sin(gap / 2)

@@ -249,7 +249,8 @@ class BarLattice:
 
 @dataclass(frozen=True, eq=False)
 class _BayEnds:
-    """The 2 b ends of b bays: node number (2 b,), width (2 b,) in metres, and number (2 b,) of the opposite end."""
+    """The 2 b ends of b bays (parts of members between two nodes).
+    node, width : (2 b,) node number, and width of the bay, metres.    opposite : (2 b,) index of the other end."""
 
     node: Ints
     width: Floats

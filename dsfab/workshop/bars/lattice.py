@@ -23,8 +23,7 @@ class LatticeNode:
     """Node of bars: one node of the graph, or several nodes that are too close for bars between them.
     id     : name of the first node, or "A07 end 1" for a free end of a member.
     nodes  : names of all nodes.
-    point  : (3,) place of the node, metres.
-    normal : (3,) normal of the surface.
+    point  : (3,) place of the node, metres.    normal : (3,) normal of the surface there.
     joined : True if a plate joins the bars.
     moved  : largest distance of the nodes from the point, metres."""
 
@@ -133,7 +132,8 @@ def _member_bays(
 def _place_groups(
     keys: list[str], raw_bays: list[_RawBay], places: dict[str, tuple[Floats, Floats]], bolt: float
 ) -> tuple[Ints, int]:
-    """Group nodes of bays too short for bars, and overlapping free ends. Return groups (k,), number of short bays."""
+    """Return the group (k,) of each node in `keys`, and the number of bays that are too short for bars.
+    The two nodes of a short bay belong to the same group, and so do free ends whose bars would overlap."""
     number = {key: k for k, key in enumerate(keys)}
     half = np.zeros(len(keys))
     ends = np.array([[number[key] for key in raw_bay.ends] for raw_bay in raw_bays], dtype=np.int64).reshape(-1, 2)

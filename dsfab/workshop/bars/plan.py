@@ -43,8 +43,8 @@ class BarPlan:
 
 
 def bar_plan(graph: MemberGraph, normals: Floats, stock: BarStock, footing: Footing | None = None) -> BarPlan:
-    """Return the bars, plates and discs of a graph, with legs at supports.
-    normals : (n, 3) normals at the vertices of the graph's sheet.
+    """Return the bars, node plates, and discs (plates for members that do not become bars) of a graph.
+    normals : (n, 3) at the vertices of the graph's sheet.    footing : supports at which plates get legs, or None.
     Raises PatternError if nodes are too close to each other for bars."""
     lattice = bar_lattice(graph, member_lattice(graph, stock.bolt), stock.bar, stock.bolt)
     lattice, legless = lattice.with_legs(footing) if footing else (lattice, [])

@@ -35,7 +35,8 @@ class PartShape:
 @dataclass(frozen=True)
 class ColumnGrid:
     """Division of sheets into columns of the width `step`, metres.
-    gap : between parts (m). tallest : longest part that may lie across a sheet (m). grain : as for `nest_parts`."""
+    gap     : distance between parts, metres.    grain : True if parts of members must lie lengthwise on sheets.
+    tallest : length of the longest part that may lie across a sheet, metres."""
 
     gap: float
     step: float
@@ -120,7 +121,6 @@ class NestedPart:
 
     @property
     def placed_part(self) -> FlatPart:
-        """Part at its place on the sheet."""
         return self.part.moved_by(self.turn, np.array(self.shift))
 
 

@@ -33,7 +33,7 @@ def upright_course(course: StripCourse, depth: float) -> StripCourse:
 
 
 def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, StripCourse], dict[str, StripCourse]]:
-    """Return the courses (built parts of axes) of all planks, and, separately, those shorter than their members.
+    """Return the courses (built parts of axes) of all planks, and also the courses shorter than their members.
     A course is shorter if it stops at another plank, or before a sharply turning end of its member."""
     members = [m for m in graph.members if is_strip(m)]
     extra_length = 2 * (stock.splice_reach + stock.depth + stock.overhang)

@@ -22,8 +22,8 @@ EdgeStations = tuple[tuple[float, float], tuple[float, float]]
 
 @dataclass(frozen=True)
 class PlankStock:
-    """Thickness and depth of planks, bolt diameter of splices, and largest heights of letters (m).
-    splice : "cover", "scarf" or "none"."""
+    """Thickness and depth of planks, and bolt diameter of splices (m). splice : "cover", "scarf" or "none".
+    letters : largest heights (m) of letters: for names of planks and cover plates; for other marks."""
 
     thickness: float
     depth: float
@@ -43,7 +43,7 @@ class PlankStock:
 
     @property
     def lap(self) -> float:
-        """Overlap of two pieces (m)."""
+        """Overlap of two pieces at a scarf (m); 0 for other splices."""
         return SCARF_SLOPE * self.thickness if self.splice == "scarf" else 0.0
 
     @property
@@ -111,7 +111,7 @@ def plank_marks(
 
 
 def letters_within(name: str, stock: PlankStock, room: float) -> float:
-    """Return the height of letters (m) for a name that is at most 2 `room` metres long."""
+    """Return the height of letters (m) for a plank's or cover plate's name, at most 2 `room` metres long."""
     high = letter_height(stock.depth, stock.letters[0])
     return high * min(1.0, 2 * room / text_length(name, high))
 
@@ -187,7 +187,8 @@ class Plank:
         return [self.member.id] if count == 1 else [f"{self.member.id}.{k}" for k in range(1, count + 1)]
 
     def direction_at(self, s: float) -> Floats | None:
-        """Return the direction in which the piece at s slides onto lower planks; None without these, or if it jams."""
+        """Return the direction in which the piece at arc length s slides onto the planks below it.
+        Return None if no plank lies below, or if the piece jams."""
         return next((d for d, (a, b) in zip(self.directions, self.spans, strict=True) if a <= s <= b), None)
 
     def _fits(self, begin: float, end: float, room: list[tuple[float, float]]) -> bool:

@@ -156,7 +156,7 @@ def slot_crossing(
 class PlankParts:
     """Flat parts of all planks, with notes on them.
     order        : families, from the lowest planks to the uppermost.
-    crossings    : nodes with and without slots.
+    crossings    : crossings with slots, and nodes without slots.
     crowded      : slots that would run into a neighbouring slot, "N007 in A02".
     slide_angles : largest angle between the assembly direction and the slots, by piece, radians.
     stuck        : largest angle as in `slide_angles`, only for pieces that cannot slide on lower planks.

@@ -87,7 +87,7 @@ ENCODERS: dict[str, Callable[[Part], tuple[int, float, Iterable[str]]]] = {
     "faceted": _encode_faceted,
     "tessellated": _encode_tessellated,
 }
-"""Function of each strategy. It returns the number of faces (for `step_faces`), the approximate bytes, and the text."""
+"""Function of each strategy. It returns the number of faces (limit: `step_faces`), the expected bytes, and the text."""
 
 
 def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes]) -> Iterator[bytes]:
@@ -159,7 +159,7 @@ _BEGINNING_OF_ZIP = (1980, 1, 1, 0, 0, 0)
 
 
 def encode_compressed(part: Part) -> Iterator[bytes]:
-    """Yield a zip archive whose only entry has the name of the part."""
+    """Yield a zip archive with a single file: the STEP file of the part, under the part's name."""
     level = 6  # level 9 of deflate takes five times as long and saves 2 %
     package = io.BytesIO()
     entry = zipfile.ZipInfo(f"{one_line(part.name).replace('/', '-')}.stp", _BEGINNING_OF_ZIP)
@@ -181,7 +181,7 @@ def check_compressed(part: Part, path: Path) -> ReadBack:
 
 
 def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
-    """Describe the strategy of the file in one sentence. refused : errors of the strategies tried before."""
+    """Return a sentence about the strategy of a BREP file. refused : errors of the strategies tried before."""
     return strategies.route_sentence(part, refused).replace("STEP", "BREP", 1)
 
 
@@ -243,7 +243,7 @@ def encode_lines(part: Part) -> Iterator[bytes]:
 
 
 def _line(entity_list: StepEntities, line: StructureLine, chain: list[Curve]) -> int:
-    """Write a curve, or a composite of several curves. A closed curve is split in two, because OCCT requires that."""
+    """Add a line as a curve or a composite curve; return its number. A closed curve is split in two, for OCCT."""
     chain = halves(chain[0]) if line.is_closed and len(chain) == 1 else chain
     title = step_string(f"{line.id} {line.length:.3f} mm")
     if len(chain) == 1:

@@ -58,7 +58,7 @@ class BudgetError(NotMadeError):
 
     @property
     def excess(self) -> str:
-        """Number of faces, or size in MB, that exceeds its limit. A message has this text after "would have"."""
+        """Text after "would have" in a message: the number of faces, or the size in MB, that exceeds its limit."""
         if self.by_faces:
             about = "about " if self.way == "simplified" else ""
             return f"{about}{self.faces:,} {'planar ' if self.way not in ('smooth', 'members') else ''}faces"
@@ -126,8 +126,8 @@ def usual_tolerance(part: Part) -> float:
 def simplified_part(part: Part, tolerance: float) -> Part:
     """Return the solid with fewer triangles. Its `note` has the measured distance and the change of volume.
     The distance between the old and the new surface is at most `tolerance` (mm). The volume changes by at most 0.5 %.
-    The result has no new crossings, and at most 9/10 of the triangles. Raises ExportError if no try meets these limits;
-    BudgetError if far more planar faces remain than `step_faces` (0: no limit)."""
+    No more pairs of triangles cross than before, and at most 9/10 of the triangles remain. Raises ExportError if no try
+    meets these limits; BudgetError if far more planar faces remain than `step_faces` (0: no limit)."""
     worth = 0.9  # largest fraction of the triangles that may remain after simplification
     stride = 1.6  # each try has 1.6 times the tolerance (in manifold3d) of the try before
     crossing, step = len(intersecting_pairs(part.V, part.F)), tolerance
@@ -159,7 +159,8 @@ def _require_hope(simple: Part) -> None:
 
 
 def simplification(part: Part, step: float) -> tuple[Part, float]:
-    """Coarsen a part within `step` (mm). Return it and its distance (mm) from the old part, or no triangles and inf."""
+    """Coarsen a part within `step` (mm). Return the new part, and its distance (mm) from the old part.
+    If coarsening fails, the new part has no triangles, and the distance is infinite."""
     try:
         V, F = coarsen_mesh(part.V, part.F, step)
     except SolidError:

@@ -28,7 +28,7 @@ class FlatOutlines:
     """Outlines of a flat sheet, as polylines.
     axes   : (3, 3) unit vectors, right-handed: two in the plane, and the normal of the plane.
     height : heights of the lower and the upper plane along axes[2], mm.
-    pieces : loops (k, 2) of each piece along axes[0] and axes[1], the outer loop first, counter-clockwise."""
+    pieces : loops of each piece: points (k, 2) along axes[0] and axes[1]; first the outer loop, counter-clockwise."""
 
     axes: Floats
     height: tuple[float, float]
@@ -77,7 +77,7 @@ def outlines_of(part: Part) -> FlatOutlines:
 
 
 def frame(across: Floats) -> Floats:
-    """Return right-handed axes (3, 3). The last axis is the unit vector `across`."""
+    """Return three right-handed unit axes as rows (3, 3). The last row is the unit vector `across`."""
     along = np.roll(np.eye(3), -1, axis=0)[np.abs(across).argmax()]
     axis = along - (along @ across) * across
     axis = axis / np.linalg.norm(axis)

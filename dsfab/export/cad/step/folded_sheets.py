@@ -53,7 +53,8 @@ class Facet:
 @dataclass(frozen=True, eq=False)
 class FlatFacets:
     """Cut sheet whose faces lie in a few planes (facets), before its vertices are moved exactly into these planes.
-    skins : (n, 2, 3) vertices of the sheet on both skins, mm.    facet : (m,) facet of each face."""
+    skins : (n, 2, 3) vertices of the sheet on both skins, mm.    facet : (m,) facet of each face.
+    shift : distance of the sheet's middle from the surface: 0, 1 or -1 half thicknesses."""
 
     whole: DividedSheet
     shift: int
@@ -63,7 +64,7 @@ class FlatFacets:
 
     @cached_property
     def has_creases(self) -> bool:
-        """True if creases are at least half of all folds by length. If not, the sheet may be curved."""
+        """True if folds over 30 degrees are at least half of the length of all folds. Else the sheet may be curved."""
         F, upper = self.whole.F, self.skins[:, 0]
         h, k = edge_table(F).pairs.T
         fold = self.facet[h // 3] != self.facet[k // 3]
@@ -158,7 +159,8 @@ def _plane(skins: Floats, F: Ints) -> Facet:
 
 
 def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
-    """Move vertices into planes of facets that have several triangles. Return points, and (n,) True for failures."""
+    """Move vertices into the planes of their facets, if these have several triangles.
+    Return the points (n, 2, 3), and a mask (n,) of vertices at which the planes have no common point."""
     exact = 1e-5  # largest distance (mm) of a fold's corners from the planes that meet there
     count = np.bincount(facet)
     planes = {int(k): _plane(skins, F[facet == k]) for k in np.flatnonzero(count > 1)}
@@ -179,7 +181,7 @@ def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools
 
 @dataclass(frozen=True, eq=False)
 class FoldedShape:
-    """Folded sheet, and curves along its walls (faces through the thickness), by part of an outline.
+    """Folded sheet. walls : for each part of an outline, the curves along its walls (faces through the thickness).
     Poles (p, 4) of curves are coordinates in a facet's planes: two in the upper plane, two in the lower plane."""
 
     sheet: FoldedSheet
@@ -222,7 +224,7 @@ def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
 
 
 def _curve(line: Floats, tolerance: float) -> Curve:
-    """Fit a curve to two polylines (k, 4) on the skins. Points at equal fractions of their two lengths are pairs."""
+    """Fit a curve to polylines (k, 4) on both skins. Points at equal fractions of each polyline's length form pairs."""
     upper, lower = (arc_lengths(line[:, s : s + 2]) for s in (0, 2))
     shares = [np.asarray(length / max(float(length[-1]), 1e-300)) for length in (upper, lower)]
     x = np.union1d(*shares)
@@ -237,7 +239,7 @@ EdgePair = tuple[int, int]  # numbers of an edge (or vertex) on the upper and on
 
 
 class PlanarFile(NamedTuple):
-    """STEP text of a flat or folded sheet. faces, facets : numbers; 1 facet if flat.
+    """STEP text of a flat or folded sheet. faces, facets : number of faces, and of facets (1 for a flat sheet).
     deviation : largest distance of outlines from the mesh, mm."""
 
     faces: int

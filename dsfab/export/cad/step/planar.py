@@ -143,7 +143,6 @@ def step_positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
 @dataclass(frozen=True, eq=False)
 class Polyhedron:
     """Planar faces with shared edges. Outer loops run counter-clockwise about the face's normal, inner loops clockwise.
-
     points  : (p, 3) coordinates, mm.
     edges   : (e, 2) end points of each straight edge.
     steps   : (s,) edge of each step of the loops. Each edge has two steps, one in each direction.
@@ -243,7 +242,8 @@ def _numbered_polyhedron(
 def _long_edges(
     F: Ints, table: EdgeTable, outline: FaceOutlines, alive: Bools
 ) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
-    """Return the first vertex of each step (straight part of a loop), the first step of each loop, and the edges."""
+    """Return the first vertex of each step (straight part of a loop), and the first step of each loop. Then return
+    the edge of each step, the ends (e, 2) of the edges, and True for steps from the first end to the second end."""
     a = F.ravel()[outline.h]
     is_corner = alive[a]
     run, end = ends_of_runs(is_corner, outline)

@@ -38,7 +38,7 @@ class StepTriangles(NamedTuple):
 
 
 def step_triangles(mesh: StepMesh) -> StepTriangles:
-    """Return OCCT's triangles after points at the same place were merged."""
+    """Return OCCT's triangles in metres, with one point at each place, and without degenerate triangles."""
     same_place = 1e-9  # points closer than this * diagonal are equal; OCCT triangulates each face separately
     grid = np.round(mesh.V / (same_place * float(np.linalg.norm(np.ptp(mesh.V, axis=0)))))
     _, once, point_number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
@@ -133,7 +133,8 @@ class SampledUse:
 
 @derived
 def smooth_use(part: Part) -> SampledUse:
-    """Let OCCT cut the solid of a part's smooth file once, if `part.cut` is True; return the result of this trial."""
+    """Let OCCT cut the solid of a part's smooth file once, if `part.cut` is True; return the result of this trial.
+    A file of over 500 faces is not cut."""
     most_faces = 500  # largest number of faces for a trial cut (half a minute for 1400 faces)
     file = smooth_file(part)
     if not part.cut or file.faces > most_faces:
@@ -143,7 +144,7 @@ def smooth_use(part: Part) -> SampledUse:
 
 def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffix: str = ".step") -> SampledUse:
     """Let OCCT cut the solid in a file once, and compare the solid's box with the part's box; return the result.
-    file : STEP text, or OCCT's binary shape (`suffix` ".bin").    faces : number of faces in the file."""
+    file : STEP text, or OCCT's binary shape (`suffix` ".bin").    faces : number of faces; no cut over `MOST_FACES`."""
     if faces > MOST_FACES:
         return SampledUse(False)
     with _file(file, suffix) as path:

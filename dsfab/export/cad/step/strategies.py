@@ -109,7 +109,9 @@ def _striped_sheet(part: Part) -> Curved | None:
 
 
 def _last_attempts(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
-    """Yield versions to try if a faceted file fails. members : None skips slow versions. quick : may stop early."""
+    """Yield versions of a part to try if its faceted file fails; a BudgetError for a version that is too large.
+    members : version with step = 'members'; None to leave out this version and the smooth file, which are slow.
+    quick   : True to leave out the last version if the first has far too many faces."""
     far_factor = 2  # with more than twice the allowed faces, further tries do not help
     is_far = False
     if not part.tolerance:

@@ -85,7 +85,7 @@ def without_crossings(
 
 
 def without_chain(net: ChainNet, k: int) -> ChainNet:
-    """Remove chain k: join the regions beside it, with the number of the left region. Regions with holes stay apart."""
+    """Join the regions left and right of chain k, under the left region's number. Regions with holes stay apart."""
     kept_region, joined_region = net.chains[k].left, net.chains[k].right
     if len(net.loops[kept_region]) + len(net.loops[joined_region]) > 2:
         return net
@@ -123,8 +123,8 @@ PLACES = np.linspace(0, 1, 65)  # parameters where the curvature is measured
 
 
 def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """Return the net with straight borders between regions, except on creases, and without borders like hairpins.
-    lifting : mapping of mesh points to the skins.    thickness : mm."""
+    """Return the net with smooth borders between regions, except on creases, and without borders that turn back.
+    lifting : mapping of mesh points to both skins of the sheet.    thickness : mm."""
     sideways = 1 / 3  # a chain moves sideways by at most this fraction of the thickness
     sag = 1 / 400  # largest distance of chords from the curve, as a fraction of the thickness
     P = np.asarray(net.weights @ lifting.skins.points)
@@ -174,7 +174,7 @@ def _without_hairpins(net: ChainNet, hairpins: Sequence[int], N: Floats) -> Chai
 
 
 def point_count(curve: Spline, sag: float) -> int:
-    """Return the number of points of a polyline that is at most `sag` (mm) from a curve."""
+    """Return how many points a polyline needs to stay within `sag` (mm) of a curve; at least 9."""
     fewest = 9  # a straightened chain has at least 9 points
     bends = np.linalg.norm(np.diff(curve(PLACES), n=2, axis=0) * (len(PLACES) - 1) ** 2, axis=1)
     return max(fewest, 1 + int(np.ceil(np.sqrt(bends.max() / (8 * sag)))))
@@ -185,7 +185,7 @@ LONGEST_CHORD = 2.0  # largest chord of a round corner, as a multiple of the thi
 
 def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
     """Move ends of borders between members along round corners, to places where border and outline form larger angles.
-    lifting : mapping of mesh points to the skins.    thickness : mm."""
+    lifting : mapping of mesh points to both skins of the sheet.    thickness : mm."""
     rounds = 3  # in each round, a border's end moves along one chain of the outline; a corner may have several chains
     for _ in range(rounds):
         work = _BorderEnds(net, np.asarray(net.weights @ lifting.skins.points), thickness)
@@ -227,7 +227,7 @@ class _BorderEnds:
         self.changed |= {before, after, seam}
 
     def _worth(self, place: tuple[float, int, int]) -> tuple[float, bool, float]:
-        """Return the rank of a place for a border's end: angle up to 45 degrees, True at a chain's end, angle."""
+        """Return the rank of a place for a border's end: its angle, up to 45 degrees; True at a chain's end; angle."""
         enough = 45.0  # degrees; all places with larger angles between border and outline are equally good
         steep, k, i = place
         return min(steep, enough), i in (0, len(self.chains[k].points) - 1), steep
@@ -238,7 +238,7 @@ class _BorderEnds:
 
     def _angle_at(self, before: int, after: int, anchor: Floats) -> float:
         """Return the angle (degrees) of a border to the outline at its end. anchor : point of the border near the end.
-        before, after : chains of the outline at the end. If only a single chain is straight, that chain counts."""
+        before, after : chains of the outline at the end. If only one of these is straight, only this chain counts."""
         P = self._points_around(before, after)
         weights = [1.0 - (self._is_round(j) and not self._is_round(k)) for j, k in ((before, after), (after, before))]
         return _angle(P, weights, anchor)

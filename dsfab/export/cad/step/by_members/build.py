@@ -110,7 +110,7 @@ def _tried(part: Part, plan: SolidPlan, fine: bool) -> MemberFile:
 @dataclass(frozen=True, eq=False)
 class TriangleReport:
     """Report on OCCT's triangles. there, back : distances of triangles from the mesh, and of the mesh from triangles.
-    shape : OCCT's binary shape.    fault : reason why the triangles bound no solid, or why OCCT cannot tell."""
+    shape : OCCT's binary shape.    fault : why the triangles bound no solid, or why OCCT cannot tell; or ""."""
 
     there: MeshDistances
     back: MeshDistances
@@ -181,7 +181,7 @@ def _use_sentence(draft: MemberDraft, seconds: float) -> str:
 
 
 def require_use(report: dict[str, Any]) -> None:
-    """Raise ExportError if the findings of `use_findings` show that CAD programs would fail."""
+    """Raise ExportError if OCCT failed in trials with a solid, such as cuts. report : findings of `use_findings`."""
     plain_limit = 1e-3  # largest relative error of the volume if OCCT does not refine its integration
     plain_error = report["plain"] / report["volume"] - 1
     _require(report["valid"], "OCCT finds the solid of step = 'members' invalid after reading it again")

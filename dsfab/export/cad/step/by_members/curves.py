@@ -36,7 +36,7 @@ class InnerSpline:
 
     @cached_property
     def hats(self) -> Floats:
-        """Weights (k + 1, k, 4) of all Bezier poles. Row i belongs to the spline's point at parameter `places[i]`."""
+        """Weights (k + 1, k, 4) of Bezier poles. Row i, times the poles, gives the curve's point at `places[i]`."""
         count = len(self.places) - 1
         span = np.clip(np.searchsorted(self.breaks, self.places, side="right") - 1, 0, count - 1)
         hats = np.zeros((count + 1, count, 4))
@@ -70,7 +70,7 @@ SAMPLES_PER_EDGE = 2  # number of samples on each skin of the sheet, for each me
 @dataclass(frozen=True, eq=False)
 class SampledChain:
     """Samples of a chain (row of mesh edges). Q : (k, 6) points on the outer and inner skin, mm.
-    outline : True if the chain lies on an outline.    chord : smallest chord error of the mesh along the chain, mm."""
+    outline : True if no region is on its right.    chord : smallest chord error of the mesh along the chain, mm."""
 
     Q: Floats
     outline: bool
@@ -117,7 +117,7 @@ class ChainCurve:
 
     @classmethod
     def from_spline(cls, spline: Spline, distance: float) -> "ChainCurve":
-        """Convert a spline of degree 1, 2 or 3 to cubics. distance : largest distance of samples, mm."""
+        """Convert a spline of degree 1 to 3 to cubics. distance : largest distance of samples from the spline, mm."""
         breaks = np.unique(spline.knots)
         x = READ_PLACES[None] * np.diff(breaks)[:, None] + breaks[:-1, None]
         values = spline(x.ravel()).reshape(len(breaks) - 1, 4, -1)
@@ -137,7 +137,7 @@ class ChainCurve:
         return np.concatenate([[low], self.breaks[(self.breaks > low) & (self.breaks < high)], [high]])
 
     def with_ends(self, start: Floats, end: Floats) -> "ChainCurve":
-        """Return the curve with its ends moved to `start` and `end` (6,). Poles between move in proportion."""
+        """Return the curve with its ends moved to `start` and `end` (6,). Other poles move by interpolated vectors."""
         x = self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.arange(4) / 3
         ways = start - self.spans[0, 0], end - self.spans[-1, -1]
         spans = self.spans + (1 - x)[..., None] * ways[0] + x[..., None] * ways[1]
@@ -221,8 +221,8 @@ def as_parabolas(P: Floats, axis: int) -> Floats:
 
 
 def patches_as_parabolas(P: Floats, distance: float) -> Floats:
-    """Lower the degree of patches (ku, kv, 4, 4, 6) to 2 in each direction in which the sides are parabolas.
-    The sides do not change. Other poles move by at most `PARABOLA_SHARE` of the allowed `distance` (mm)."""
+    """Lower the degree of patches (ku, kv, 4, 4, 6) to 2 in each direction in which the sides are parabolas, unless a
+    pole would move by more than `PARABOLA_SHARE` * `distance` (mm). The sides do not change."""
     for axis, sides in ((2, P[:, [0, -1], :, [0, -1]]), (3, P[[0, -1], :, [0, -1]])):
         if np.abs(_third(sides.swapaxes(0, -2))).max() < ZERO_DIFFERENCE:
             Q = as_parabolas(P, axis)
@@ -249,7 +249,7 @@ def _middle_pole(P: Floats) -> Floats:
 
 
 def _are_parabolas(spans: Floats, tolerance: float, box: Floats) -> bool:
-    """Return True if cubics (k, 4, 6) are parabolas on both skins within `tolerance` mm."""
+    """Return True if parabolas can replace cubics (k, 4, 6): within `tolerance` mm, similar end tangents, in `box`."""
     turn, turn_out = np.tan(np.deg2rad([0.5, 0.25]))  # largest turns of end tangents: in any direction, out of the skin
     P = spans.reshape(-1, 4, 2, 3).swapaxes(0, 1)
     outer = _middle_pole(P)

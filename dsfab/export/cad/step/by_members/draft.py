@@ -64,7 +64,8 @@ class NetWriter:
         self.edges = list[list[int]]()
 
     def faces(self, trimmed: list[TrimmedFace], seams: Mapping[int, LongSeam]) -> list[int]:
-        """Add the faces of the model and the `trimmed` faces; return their numbers. seams : long seams by edge."""
+        """Add the faces of the model and the `trimmed` faces; return their numbers in the file.
+        seams : edges that were extended for fillets, by number of the edge."""
         numbers, posts = list[int](), dict[tuple[int, int], int]()
         skins: list[NetPatch | TrimmedFace] = [*self.model.patches, *trimmed]
         surfaces = {i: self._surfaces(skins[i]) for i in sorted({i for seam in seams.values() for i in seam.on})}
@@ -205,7 +206,7 @@ def has_too_many(part: Part) -> bool:
 
 
 def require_few_faces(part: Part, faces: int) -> None:
-    """Raise ManyFacesError for more than `part.hurry * UNASKED` faces, unless `part.hurry` is 0."""
+    """Raise ManyFacesError for more than `UNASKED` faces times the factor `part.hurry`; 0 means no limit."""
     limit = part.hurry * UNASKED
     if part.hurry and faces > limit:
         _TOO_MANY.add(part)
@@ -307,7 +308,7 @@ def _with_cut_ends(
 
 
 def outline_poles(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, bytes]:
-    """Return the poles of the outline curves of each trimmed region as bytes, by number of the region."""
+    """Return the poles of each trimmed region's outline curves, as bytes for comparison, by number of the region."""
     curves = lines.curves(model.trimmed)
     return {
         region: b"".join(curves[k].spans.tobytes() for loop in net.loops[region] for k, _ in loop)
@@ -353,7 +354,7 @@ class RegionQuads:
         self.reach, self.known = reach, dict[int, tuple[list[ChainLoop], list[SampledChain], Quad | None]]()
 
     def quads(self, net: ChainNet, chains: dict[int, SampledChain]) -> tuple[list[Quad], list[int]]:
-        """Return the four-sided regions of a net, and the numbers of its other regions."""
+        """Return the four-sided regions of a net of chains of edges, and the numbers of the net's other regions."""
         for region, loops in net.loops.items():
             around = [chains[k] for loop in loops for k, _ in loop]
             cached = self.known.get(region)

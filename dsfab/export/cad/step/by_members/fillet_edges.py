@@ -29,16 +29,16 @@ PLACES = np.linspace(0, 1, 17)  # parameters of a curve where its distance from 
 
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
-    """Return poles (2, 4, 2) of curves in parameters of a face's outer and inner surface; None if they are not on it.
-    poles : (4, 6) of the curves on both skins, mm."""
+    """Return the poles (2, 4, 2) of an edge's two curves in parameters of the face's outer and inner surface.
+    None if a curve is over `FACE_TOLERANCE` from its surface. poles : (4, 6) on the outer and inner skin, mm."""
     if np.abs(face.gaps(bernstein(PLACES) @ poles)).max() > FACE_TOLERANCE:
         return None
     return np.stack([places(surface, axes, poles[:, s]) for surface, axes, s in face.skins])
 
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
-    """Return patch parameters (2, 2, 2) of the ends of an extended edge; None if it extends no side of the patch.
-    edge, poles : (4, 6) before and after the extension.    share : (2,) lengths added at both ends / old length."""
+    """Return patch parameters (2 skins, 2 ends, 2) of an extended edge; None if it extends no side of the patch.
+    edge, poles : (4, 6) edge before and after the extension.    share : (2,) added lengths at its ends / old length."""
     P = patch.poles
     for axis in (0, 1):
         for fixed in (0, 1):
@@ -96,7 +96,7 @@ def curves_beyond(model: NetModel) -> dict[int, Floats]:
 
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
-    """Return for each seam: lengths (2,) added at start and end, divided by the seam's length, and new poles (4, 6)."""
+    """Return for each extended seam, by number: added lengths (2,) at both ends / old length, and new poles (4, 6)."""
     longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
     shares = dict[int, Floats]()
     for corner in corners:
@@ -119,7 +119,7 @@ def _share(poles: Floats, end: int, half: float) -> float:
 
 
 def _share_to_gap(poles: Floats, end: int, half: float) -> float:
-    """Return the added length of a seam, divided by its old length. OCCT adds more, with a gap up to `TANGENT_GAP`."""
+    """Return the length to add at an end of a seam / its old length. OCCT adds more, with a gap up to `TANGENT_GAP`."""
     ahead = poles[::-1] if end else poles
     across = poles[-end, :3] - poles[-end, 3:]
     thick = float(np.linalg.norm(across))
@@ -135,7 +135,7 @@ def _share_to_gap(poles: Floats, end: int, half: float) -> float:
 def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
-    """Extend seams (edges between faces) and their surfaces for fillets, but no seam that would leave one of its faces.
+    """Extend seams (edges between faces) and their surfaces for fillets. A seam that would leave a face stays as it is.
     Return the model, the trimmed faces, and by edge number the long seams and the walls' edges beside them."""
     corners = filled_corners(model)
     loops = _edges_around(model, faces, corners)
@@ -183,7 +183,8 @@ def _edges_around(model: NetModel, faces: list[TrimmedFace], corners: list[Fille
 def _beside_straight(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> tuple[dict[int, Floats], dict[int, list[Floats]]]:
-    """Return larger parameter ranges, and required parameters, of patches beside seams in line with a wall's edge."""
+    """Return two dicts, by number of a patch beside a seam that continues a wall's edge: a larger parameter range,
+    and the parameters of the seams' ends that the patch must contain."""
     straight = [corner for corner in corners if corner.straight is not None]
     longer, boxes, needed = _extensions(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
     for corner in straight:

@@ -13,7 +13,7 @@ from dsfab.export.splines import arc_lengths, polyline_length
 
 
 def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting: Lifting) -> ChainNet:
-    """Move ends of chains to the points `moves[chain, end]`, `end` 0 or -1. Inner points of the chains move, too."""
+    """Move ends of chains to the points `moves[chain, end]`; `end` is 0 (start) or -1 (end). Inner points move, too."""
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     ends = {k: [moves.get((k, i), int(net.chains[k].points[i])) for i in (0, -1)] for k, _ in moves}
     if not ends:
@@ -39,7 +39,7 @@ def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
 
 def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> ChainNet:
     """Remove parts of outlines that are shorter than `shortest` mm and lie between two borders of members.
-    Both borders then end at one point.    lifting : mapping of mesh points to the skins."""
+    Both borders then end at one point.    lifting : mapping of mesh points to both skins of the sheet."""
     fewest_sides = 3  # a region keeps at least three sides
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     chains, moves, node_ends = dict(net.chains), dict[tuple[int, int], int](), ends_at(net)
@@ -80,7 +80,7 @@ def turn_at(three: Floats) -> float:
 
 
 class _Arcs:
-    """Arcs of round corners. If an arc ends at a border, it may be extended over a short wall beyond the border."""
+    """Arcs of round corners. An arc that ends at a border between members may grow over a short wall beyond it."""
 
     def __init__(self, net: ChainNet, P: Floats, arcs: frozenset[int]) -> None:
         self.P, self.chains, self.arcs = P, dict(net.chains), arcs

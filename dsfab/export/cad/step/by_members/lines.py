@@ -29,7 +29,7 @@ class ChainLine:
     at: Floats
 
     def outlines(self, net: ChainNet) -> list[tuple[float, float]]:
-        """Return parameters (start, end) of the parts on outlines. From start to end, material is on the left."""
+        """Return parameters (start, end) of the line's parts on outlines. Material is on the left from start to end."""
         pairs = list[tuple[float, float]]()
         for (k, ahead), (a, b) in zip(self.steps, pairwise(self.at.tolist()), strict=True):
             if net.chains[k].right != VOID or net.on_seam(k):
@@ -76,7 +76,7 @@ class ChainLine:
 
 
 class NetLines:
-    """All lines of a net: curves along chains (rows of mesh edges). twins : pairs of lines on both sides of a seam.
+    """Lines of a net: curves along chains (rows of mesh edges). twins : line at the seam -> line on its other side.
     place : for each chain, the number of its line, and the parameters of the chain's ends on this line."""
 
     def __init__(self, net: ChainNet, lines: list[ChainLine], twins: dict[int, int] | None = None) -> None:
@@ -87,7 +87,7 @@ class NetLines:
                 self.place[k] = (i, a, b) if ahead else (i, b, a)
 
     def line_part(self, step: tuple[int, bool]) -> LinePart:
-        """Return a chain's line, and parameters of the chain's ends. step : chain number, True to run forwards."""
+        """Return a chain's line, and parameters of the chain's ends. step : chain number, and True to run forwards."""
         i, a, b = self.place[step[0]]
         return (i, a, b) if step[1] else (i, b, a)
 
@@ -307,7 +307,7 @@ class _Corners:
         return self.made[k][2]
 
     def _known_way(self, node: int) -> Floats | None:
-        """Return an outline's tangent (6,) at a node; None at a corner, or if a border is within 25 degrees of it."""
+        """Return an outline's tangent (6,) at a node; None at a corner, or at under 25 degrees to a border."""
         if node not in self.nodes:
             return None
         before, after = self.nodes[node]
@@ -331,7 +331,7 @@ class _Corners:
         return d if steep else None
 
     def _on_circle(self, before: int, after: int) -> Floats:
-        """Return the tangent (6,) at the joint of two chains: of the circle through the joint and the outer ends."""
+        """Return the tangent (6,) where two chains meet: of the circle through this node and the chains' far ends."""
         spans_before, spans_after = self.curves[before].spans, self.curves[after].spans
         a, b, c = spans_before[0, 0], spans_before[-1, -1], spans_after[-1, -1]
         length_before, length_after = (float(np.linalg.norm(_mean_direction(chord))) for chord in (b - a, c - b))

@@ -18,7 +18,8 @@ MOST_CELLS = 2  # a four-sided region that needs more than 2 patches becomes a t
 
 @dataclass(frozen=True, eq=False)
 class NetEdge:
-    """Edge as two cubics, on the outer and the inner skin. start, end : vertex numbers.    poles : (4, 6), mm."""
+    """Edge of the boundary model: a cubic curve on the outer skin, and its counterpart on the inner skin.
+    start, end : vertex numbers.    poles : (4, 6) control points: three columns for each skin, outer first, mm."""
 
     start: int
     end: int
@@ -27,8 +28,8 @@ class NetEdge:
 
 @dataclass(frozen=True, eq=False)
 class NetWall:
-    """Face through the thickness, between the skins. steps : directed edges, with material on the left.
-    poles : (4, 6) of the wall's outer and inner edge, mm."""
+    """Face through the thickness, from the outer to the inner skin. poles : (4, 6) control points as in `NetEdge`, mm.
+    steps : edges along the wall, each with its direction; the material is on the left."""
 
     steps: ChainLoop
     poles: Floats
@@ -38,7 +39,7 @@ class NetWall:
 class NetPatch:
     """Four-sided face on the outer skin, and its counterpart on the inner skin.
     loop  : edges counter-clockwise from outside; each side has one or several edges.
-    poles : (4, 4, 6) of the surfaces, mm.    within : True if the surfaces extend beyond the edges of the face."""
+    poles : (4, 4, 6) control points of both surfaces, mm.    within : True if the surfaces extend beyond the face."""
 
     loop: ChainLoop
     poles: Floats
@@ -66,7 +67,7 @@ class NetModel:
         return 2 * (len(self.patches) + len(self.trimmed)) + len(self.walls)
 
     def outline(self, loops: Iterable[ChainLoop]) -> bytes:
-        """Return the poles of edges along loops, as bytes that do not depend on the numbers of the edges."""
+        """Return the control points along loops of edges as bytes, which do not depend on the edges' numbers."""
         return b"".join(self.poles(step).tobytes() for loop in loops for step in loop)
 
     def poles(self, step: tuple[int, bool]) -> Floats:
@@ -97,7 +98,7 @@ def net_model(
     covering: PatchBuilder,
     patched: Collection[int] = (),
 ) -> NetModel:
-    """Build the boundary model of a solid from lines and regions.
+    """Build the boundary model of a solid from lines, regions with four sides (`quads`) and other regions.
     covering : builder of patches for regions. Regions with bad patches become trimmed faces.
     patched  : four-sided regions that may have more than `MOST_CELLS` patches."""
     stations, quad_list = SideStations(lines, chains), list(quads)
@@ -277,13 +278,13 @@ def _corners(model: NetModel) -> dict[int, tuple[float, tuple[int, bool], tuple[
 
 
 def half_turn(cosine: float) -> float:
-    """Return tan(bend / 2) at a corner between walls; 0 for a smooth corner. cosine : of the bend angle."""
+    """Return tan(bend / 2) at a corner between walls; 0 up to a bend of 10 degrees. cosine : cosine of the bend."""
     smooth = np.cos(np.deg2rad(10.0))  # walls with a bend of at most 10 degrees need no fillet
     return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < smooth else 0.0
 
 
 def outlines(model: NetModel) -> list[list[NetWall]]:
-    """Return the walls of each outline, in order."""
+    """Return the walls of each outline of the solid, in their order along the outline."""
     begin = dict[int, list[NetWall]]()
     for wall in model.walls:
         begin.setdefault(model.vertex(wall.steps[0], True), []).append(wall)

@@ -13,8 +13,8 @@ from dsfab.export.splines import bernstein
 
 
 def places(poles: Floats, axes: Floats, points: Floats) -> Floats:
-    """Return the parameters (k, 2) of points (k, 3) on a surface with poles (p + 1, p + 1, 3).
-    axes : (3, 3). Seen along the third axis, the poles must form a regular grid in a parallelogram."""
+    """Return the parameters (k, 2) at which a surface covers points (k, 3), seen along the third of `axes` (3, 3).
+    poles : (p + 1, p + 1, 3) of the surface; seen along this axis, they must form a regular grid in a parallelogram."""
     (a, b), (c, _) = poles[:: len(poles) - 1, :: len(poles) - 1] @ axes[:2].T
     return np.asarray(np.linalg.solve(np.stack([c - a, b - a], axis=1), (points @ axes[:2].T - a).T).T)
 
@@ -61,7 +61,7 @@ def differences(count: int) -> Floats:
 
 
 PLACES = (np.stack(np.meshgrid(*[np.arange(24)] * 2, indexing="ij"), axis=2).reshape(-1, 2) + 0.5) / 24
-"""Sample parameters (k, 2) of a surface, 24 along each side. With 12, a bulge in a corner was missed."""
+"""Sample parameters (k, 2) of a surface, 24 along each side. A grid of 12 can miss a bulge in a corner."""
 
 ROWS = rows_at(PLACES)
 
@@ -85,8 +85,8 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Return the largest (distance from mesh - limit), mm, on surfaces inside outlines; -inf without a limit.
-    surfaces : poles and axes of each.    lines : for each outline, its points (., 3) on each surface."""
+    """Return the largest `beyond_mesh` (mm, see `FaceLimits`) at samples of surfaces inside outlines; -inf if None.
+    surfaces : poles and axes of each surface.    lines : for each outline, its points (., 3) on each surface."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
@@ -174,7 +174,7 @@ def least_jacobian(P: Floats) -> float:
 
 class PatchBuilder:
     """Builder of patches, with a cache by region and curves.
-    away   : function of points (k, 6); returns the vectors to both skins.
+    away   : function of rows (k, 6) of two points, one near each skin; returns the vectors (k, 6) to the skins.
     limits : allowed distances of the patches from the skins and from the mesh."""
 
     def __init__(self, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:

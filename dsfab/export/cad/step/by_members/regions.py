@@ -51,7 +51,7 @@ class ChainNet:
     loops   : region -> loops of chains, with the region on the left.    loose : regions outside of all stripes.
     cell    : (m,) region of each cell of the sheet. Cells of a cut-off region have the number of its parent.
     parent  : number of a cut-off region -> number of the region that it was cut from.
-    twins   : point on one side of the seam -> coincident point on the opposite side, see `StripedSheet`."""
+    twins   : point on one side of the seam (see `StripedSheet`) -> point at the same place on the other side."""
 
     weights: csr_array
     chains: dict[int, Chain]
@@ -77,7 +77,8 @@ CreaseTest = Callable[[csr_array, Ints, Ints], Bools]
 
 
 def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased: CreaseTest | None = None) -> ChainNet:
-    """Build the net of a sheet on an uncut surface with vertices V and normals N (n, 3); thickness in the unit of V."""
+    """Return the regions of a sheet, and the chains of mesh edges between regions.
+    V, N : (n, 3) vertices and normals of the uncut surface.    thickness : unit of V.    creased : a `CreaseTest`."""
     P, normals = (np.asarray(sheet.weights @ x) for x in (V, N))
     edges = edge_table(sheet.F)
     start, end = half_edges(sheet.F)
@@ -116,7 +117,7 @@ def turns(before: Floats, after: Floats, N: Floats) -> Floats:
 def _regions(
     sheet: StripedSheet, P: Floats, edges: EdgeTable, thickness: float, apart: Bools
 ) -> tuple[Ints, frozenset[int]]:
-    """Return each cell's region, and the regions outside of stripes. apart : (i,) True for cell pairs at a crease."""
+    """Return each cell's region, and the regions outside stripes. apart : (i,) True for pairs of cells at a crease."""
     sliver = 1 / 4  # a region with an area below (thickness / 4)^2 joins a neighbour
     f, g = edges.pairs.T // 3
     is_joined = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
@@ -182,7 +183,7 @@ class _BorderWalk:
         return np.stack([np.append(self.start[side], self.end[side]) for side in (side_a, side_b)])
 
     def _round_ends(self, bent: Bools, void: Bools) -> Bools:
-        """Return a mask of half-edges at ends of round corners. bent : True before a bend.    void : on an outline."""
+        """Return a mask of half-edges to ends of round corners. bent : mask before a bend.    void : on an outline."""
         h, position = self.along, np.full(len(self.border), -1)
         position[h] = np.arange(len(h))
         after = position[self.after[h]]
@@ -339,7 +340,7 @@ class RegionInterior:
     fine: bool = False
 
     def points(self, net: ChainNet, regions: Sequence[int]) -> dict[int, Floats]:
-        """Return a dict: region -> points (k, 6) in the cells of the region, on both skins."""
+        """Return a dict: region -> points (k, 6) in its cells; a row has two points, one on each skin."""
         if not regions:
             return {}
         cells = [np.flatnonzero(net.cell == net.parent.get(region, region)) for region in regions]

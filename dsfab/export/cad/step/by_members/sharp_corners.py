@@ -16,7 +16,8 @@ from dsfab.export.splines import bernstein
 
 @dataclass(frozen=True)
 class MovedRim:
-    """Changes that move wall edges `pieces` onto a face. edges, vertices : new edges and vertices (6,), by number."""
+    """Changes that move edges of walls onto a face.    pieces : numbers of these edges.
+    edges, vertices : changed edges and vertices by number; a vertex (6,) is a pair of points on the two skins."""
 
     pieces: list[int]
     edges: dict[int, NetEdge]
@@ -38,7 +39,7 @@ class Rims:
         self.moved = set[int]()
 
     def pieces_around(self, face: TrimmedFace) -> set[int]:
-        """Return each rim (edge of a wall) that ends at a sharp corner and lies on the outline of a face."""
+        """Return the numbers of the rims (edges of walls) at sharp corners on the outline of a face."""
         return self.pieces & _edges_of_face(face)
 
     def seams(self, face: TrimmedFace, curves: Mapping[int, Floats]) -> dict[int, Floats]:
@@ -148,7 +149,7 @@ def _on_rims(face: TrimmedFace, rims: Rims, held_curves: Iterable[Mapping[int, F
 
 
 def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats]) -> TrimmedFace | None:
-    """Move edges of walls onto a face and return it; None if an edge moves by over `SPLIT`, or gaps get too wide."""
+    """Move edges of walls onto a face; return it, or None if an edge moves by over `SPLIT`, or gaps get too wide."""
     change = rims.moved_onto(face, bool(seams))
     moves = [edge.poles - rims.edges[e].poles for e, edge in change.edges.items()] if change else []
     if change is None or np.abs(moves).max() > SPLIT:
@@ -205,7 +206,7 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
     """Return poles of a surface near the old `poles`, through `points[0]`; None if it is too far from other points.
-    points : groups on held edges, between those points, on all edges, and inside the face."""
+    points : four groups: points to fit on held edges, test points on held edges, points on all edges, inside points."""
     hopeless = 20.0  # the search ends after three polynomial degrees if a residual is over 20 times its limit
     more_degrees = 6  # the degree of a surface rises by at most 6
     exact = 5e-8  # mm; goal of the fit. OCCT ignores gaps up to twice this, but rounding of poles widens gaps
@@ -236,7 +237,8 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
     """Return changes of pole heights that put a surface onto the first group of points, and near the third group.
-    rows : basis at each group.    distances : from the surface.    calm, smooth : weights of small and smooth moves."""
+    rows : basis functions at each group.    distances : of each group from the surface.
+    calm, smooth : weights of a surface that stays in place, and of smooth changes."""
     held_weight, move_weight = 1e6, 1e-4  # weights: of points that the surface must contain; of small pole movements
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), move_weight * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]

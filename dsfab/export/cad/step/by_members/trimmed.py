@@ -41,7 +41,8 @@ class FaceDomain:
 
     @classmethod
     def from_edges(cls, points: Floats, edges: Floats, axes: Floats, sides: Floats) -> "FaceDomain":
-        """Return the domain around edges (j, 3), with 1 mm more in each direction. axes, sides : as in the class."""
+        """Return the domain around edges (j, 3), with 1 mm more in each direction. axes, sides : as in the class.
+        points : (k, 3) inner points; the domain leaves out points outside of the parallelogram."""
         origin, across = edges.mean(axis=0), np.linalg.inv(sides)
         inside, around = (points - origin) @ axes.T, (edges - origin) @ axes.T
         inner_places, ends = inside[:, :2] @ across, around[:, :2] @ across
@@ -102,10 +103,10 @@ SPLIT = 0.045
 OCCT measures each part of a cut edge at 23 new points, and allows gaps up to 0.05 mm (`BOPAlgo_Builder::PostTreat`)."""
 
 EDGE_WEIGHTS = (100.0, 10.0)
-"""Weights of edge points in trial fits of a face; inner points have weight 1. The last trials have the smaller one."""
+"""Weights of edge points in trial fits of a face; inner points have weight 1. The last trials use the smaller one."""
 
 SMOOTH_WEIGHTS = (1e-1, 1e-2)
-"""Weights of smooth pole movements (second differences) in trial fits; the smaller weight is for later trials."""
+"""Weights of second differences of pole movements in trial fits. Later trials use the smaller weight."""
 
 BASE_DEGREE = 2  # degree of the surface to which corrections of higher degree are added
 
@@ -132,7 +133,7 @@ class TrimmedFace:
     """Faces of a region, one on each skin of the sheet.
     loops : loops of edges, the outer loop first.    outer, inner : poles (p + 1, p + 1, 3), mm.
     axes  : (3, 3) for each surface: two axes of its plane, and the direction of its heights.
-    gap   : widest gap at the edges, mm.    off : largest distance of inner points along that direction, mm.
+    gap   : widest gap at the edges, mm.    off : largest distance of inner points along the heights, mm.
     exact : True if edges lie exactly, or nearly, on the surfaces. The file then has all digits of the poles.
     astray : largest (distance from the mesh - allowed distance), mm; -inf if no distance is set."""
 
@@ -182,7 +183,7 @@ def trimmed_face(
 
 
 def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
-    """Return a mask (k,) of points (k, 6) inside lines (., 6), with normals within 70 degrees of the lines' mean."""
+    """Return a mask of points (k, 6) inside lines (., 6), with normals within 70 degrees of the lines' mean normal."""
     mean = middle_normal(np.concatenate(lines))
     plane = axes_of(mean)[:2].T
     is_inside = points_inside(points[:, :3] @ plane, [line[:, :3] @ plane for line in lines])
@@ -190,7 +191,7 @@ def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
 
 
 def inside_of(line: Floats) -> Floats:
-    """Return sample points (k, d) inside an outline (n, d)."""
+    """Return sample points (k, d) on the segments from the middle of an outline to its points (n, d)."""
     shares, middle = np.array([0.3, 0.5, 0.7, 0.85, 0.95]), line.mean(axis=0)  # fractions from middle to outline
     return np.asarray((middle + shares[:, None, None] * (line - middle)).reshape(-1, line.shape[1]))
 
@@ -266,7 +267,7 @@ def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
 
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
     """Fit a surface on each skin to a closed line (k, 6) and inner points (j, 6); return the line's distances (k,), mm.
-    Each value is the larger of the two skins' values. All values are infinite if the region bends too much."""
+    Each is the larger of the distances from the two surfaces. All values are infinite if the region bends too much."""
     return np.maximum(*misfits(points, line, degree))
 
 
@@ -303,7 +304,7 @@ def _base_poles(over: FaceDomain) -> Floats:
 
 
 def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
-    """Fit a surface; return its pole heights, and its largest distances from points on edges and from inner points."""
+    """Fit a surface; return the heights of its poles, and its largest distances from edges and from inner points."""
     z, inside, base = over.z, over.inside, _base_poles(over)
     fits, splittable = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
     for i, (edge, smooth, degree) in enumerate((*USUAL_TRIALS, *FURTHER_TRIALS)):

@@ -58,7 +58,8 @@ def without_strays(
 def _skins_beside(
     model: NetModel, faces: Sequence[TrimmedFace], away: Callable[[Floats], Floats], tolerance: float
 ) -> list[Floats]:
-    """For each face, return points (k, 6) on both skins near samples, or none if the face is within `tolerance`."""
+    """Return for each face the points (k, 6) on both skins beside sample points of the face.
+    Return no points for a face if all its samples are within `tolerance`, mm, of the skins."""
     samples = [_places(model, face) for face in faces]
     ways = away(np.concatenate(samples))
     result = list[Floats]()
@@ -79,8 +80,9 @@ SLOPE_STEP = 1e-3  # distance (mm) of two points that determine the slope of a s
 
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
-    """Change faces so that the widest gap along each seam that ends at a wall lies where OCCT measures gaps.
-    A face does not change if its gap, or the movement of its inner points, would be larger than `SPLIT`."""
+    """Change faces so that OCCT measures, if possible, the widest gap of a face at each seam that ends at a wall.
+    OCCT measures gaps only at `SAMPLES` points of an edge. A change is left out if it widens a face's largest gap
+    beyond `SPLIT`, mm, or moves an inner point by more than `SPLIT`."""
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
     exact_poles = {e: edge.poles for e, edge in enumerate(model.edges)} | curves_beyond(model)
@@ -110,8 +112,10 @@ def _with_peaks(
 
 @dataclass(frozen=True, eq=False)
 class _PeakSurface:
-    """Surface of a face on one skin: poles (p + 1, p + 1, 3), axes (3, 3), and points on edges, mm.
-    seams : (e, k, 3) on seams.  edges : (j, 3) on all edges.  held : (h, 6, 3) six on each edge, to keep it exact."""
+    """Surface of a trimmed face on one skin, and points on the face's edges, mm.
+    poles : (p + 1, p + 1, 3) poles.    axes : (3, 3) axes; the heights of poles are along the third axis.
+    seams : (e, k, 3) k points on each of e seams.    edges : (j, 3) points on all edges.
+    held  : (h, 6, 3) six points on each of h edges; edges that lie exactly on the surface can be kept on it."""
 
     poles: Floats
     axes: Floats
@@ -139,7 +143,8 @@ class _PeakSurface:
         return float(np.abs(self._gaps_and_cosines(poles @ self.axes.T)[0]).max(axis=1).min())
 
     def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
-        """Move poles in rounds. Return for each round: pole heights, number of widest gaps between OCCT's samples."""
+        """Move the poles `local` in rounds, so that the widest gaps of seams move to points where OCCT measures gaps.
+        Return for each round the heights of the poles, and the number of seams whose widest gap is elsewhere."""
         rounds = 6  # largest number of times that all poles move
         peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of goals: gaps at samples, smooth and small pole movements
         degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
@@ -206,15 +211,17 @@ def _summits(gaps: Floats) -> Floats:
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
-    """Return the index of OCCT's sample nearest to the widest of gaps (k,), and a target for the gap there; 0: none."""
+    """Return the index of OCCT's sample nearest to the widest of `gaps` (k,), and the wanted gap there; 0: any gap.
+    again : True if an earlier round moved this gap; only then a gap is wanted."""
     higher = 1.003  # in later rounds, the wanted gap is this factor times the widest gap of the previous round
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
-    """Return linear equations (matrix, right side) for pole heights that put the widest gap of seams at samples.
-    pinned : seam -> (sample, wanted gap); at samples between the ends, the gap's slope becomes 0."""
+    """Return linear equations (matrix, right side) for moves of pole heights that put widest gaps at OCCT's samples.
+    rows   : (e, k, N) decrease of the gaps (e, k) per move of each pole.
+    pinned : seam -> (index of the sample, wanted gap or 0). At samples between the ends, the gap's slope becomes 0."""
     slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # derivative along a seam, from 5 points in a row
     pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():

@@ -113,7 +113,7 @@ def divided_faces(
 ) -> list[TrimmedFace]:
     """Divide each face that exceeds its limits (see `allowance_used`), and add the new edges to the model.
     inside : function of region numbers; returns region -> points (k, 6) inside the region.
-    away   : function of points (k, 6); returns the vectors to both skins of the sheet."""
+    away   : function of rows (k, 6) of two points, one near each skin; returns the vectors (k, 6) to the skins."""
     bad = [region for region, face in faces.items() if allowance_used(face, limits) > 1 and len(face.loops) == 1]
     if not bad:
         return list(faces.values())
@@ -123,7 +123,7 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Return the largest value / limit of a face: over 1 if the gap, a distance, or a pole is beyond its limit."""
+    """Return the largest value / limit of a face: over 1 if an edge gap, a distance, or a pole is beyond its limit."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
     astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # includes the error of OCCT's triangles
@@ -131,7 +131,7 @@ def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
 
 
 class FaceDivision:
-    """Division of several regions of a model. away, limits : as in `divided_faces`.
+    """Division of faces of a model by seams. away, limits : as in `divided_faces`.
     halves : halved edge -> its two new edges.    times : factor on the number of tried seams, see `TIMES`."""
 
     def __init__(self, model: NetModel, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:

@@ -104,7 +104,8 @@ class CreaseSides:
         return cls(surface, creases, vertex, corner, N, half, mitre)
 
     def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
-        """Return weights (k, n) as two matrices (k, s), one for each side of a crease. Columns : as in `vertex`."""
+        """Return weights (k, n) of points as two matrices (k, s), with a column for each entry of `vertex`.
+        For a point on an edge of a crease, each matrix uses copies on one side; other points have equal rows."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         columns = np.tile(weights.indices, (2, 1)).astype(np.int64)
@@ -135,7 +136,9 @@ class CreaseSides:
         return row, np.isin(row, row[split[weights.indices] & real]) & real
 
     def _faces(self, vertices: Ints, row: Ints, count: int) -> Ints:
-        """Return two faces (count, 2) with all vertices of a row: two at an edge, or one face twice; -1 if none."""
+        """Return two faces (count, 2) with all vertices of each of `count` rows; -1 if there is no such face.
+        For the two vertices of an edge, the faces are those beside the edge; otherwise they are the same face.
+        vertices, row : (j,) vertices, and the row of each vertex."""
         row_faces = np.full((count, 2), -1)
         order = np.lexsort([vertices, row])
         vertices, row = vertices[order], row[order]
@@ -245,7 +248,7 @@ class Lifting:
         return np.asarray((self._points(left_weights) + self._points(right_weights)) / 2)
 
     def _in_faces(self, weights: csr_array) -> csr_array:
-        """Return the weights with each point that `between_faces` selects moved onto the nearest face."""
+        """Return weights (k, n) of points; the points that `between_faces` selects are moved onto the nearest face."""
         between = self.sides.between_faces(weights)
         if not len(between):
             return weights

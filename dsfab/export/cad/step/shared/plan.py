@@ -46,7 +46,7 @@ class MeshSolids:
         return cKDTree(self.part.V)
 
     def distances(self, points: Floats) -> Floats:
-        """(k,) distances of points (k, 3) from all triangles."""
+        """(k,) distances of points (k, 3) from the nearest triangle of the mesh."""
         P, V, F = (np.ascontiguousarray(x) for x in (points, self.part.V, self.part.F))
         return np.asarray(np.sqrt(self._triangles.squared_distance(V, F, P)[0]))
 
@@ -135,7 +135,7 @@ class PieceJudge:
 
 
 class SolidPlan:
-    """Data to write a part as a curved solid; raises ExportError if the sheet of the part is unknown."""
+    """Data to write a part as a solid with curved faces. Raises ExportError if the sheet of the part is unknown."""
 
     def __init__(self, part: Part) -> None:
         if part.curved is None:
@@ -146,7 +146,7 @@ class SolidPlan:
 
     @cached_property
     def whole(self) -> SheetOutline:
-        """The whole sheet with its outlines, as a single chart."""
+        """The whole sheet with its outlines, not divided into charts (parts of a sheet)."""
         return sheet_of(self.curved.divided(np.ones((self.surface.n, 1))), self.curved.shift)
 
     @cached_property

@@ -101,8 +101,8 @@ def _cosines(surface: Surface, label: Ints) -> Floats:
 
 
 def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
-    """Return fields (n, c) of charts with straight borders. Charts with several parts or steep faces are divided.
-    least : smallest accepted cosine between the normal of a face and the mean normal of its chart."""
+    """Return fields (n, c) of charts with straight borders, from clusters `label` (m,) of faces. Charts with several
+    parts or steep faces are divided. least : smallest cosine between a face's normal and its chart's mean normal."""
     f, g = (surface.edges.pairs // 3).T
     for turn in range(5):
         fields = diffused_fields(surface, label, 1.0 if turn == 0 else 0.7)

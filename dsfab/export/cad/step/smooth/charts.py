@@ -391,7 +391,8 @@ class ChartAtlas:
         return fields
 
     def chart(self, k: int, first_poles: float, most_poles: int) -> SkinChart:
-        """Return chart k with spline surfaces of about `first_poles` to `most_poles` poles in each direction."""
+        """Return chart k with fitted spline surfaces. The fit starts with about `first_poles` poles in each direction,
+        and uses at most `most_poles` in each direction."""
         of_chord = 0.3  # the tolerance includes this fraction of the mesh's chord error
         most_divisions = 2  # largest number of divisions of a coarse mesh
         F = self.surface.F

@@ -92,21 +92,21 @@ class SmoothEdge:
 
 @dataclass(frozen=True)
 class EdgeTolerances:
-    """Limits in millimetres: thickness of the sheet, distance from the mesh, and the mesh's chord error."""
+    """Lengths (mm) that set tolerances: thickness of the sheet, allowed distance from the mesh, mesh's chord error."""
 
     thickness: float
     distance: float
     chord: float
 
     def outline(self, run: OutlineRun, steep: float, level: int) -> float:
-        """Tolerance, in the chart's plane, of a curve along part `run`. level : how often curves failed checks.
+        """Return the tolerance (mm) in the chart's plane of a curve along part `run`. level : number of failed checks.
         steep : largest ratio of a length on the surface to its length in the plane."""
         of_chord = 0.5  # fraction of the mesh's chord error that is added to the tolerance of an outline
         limit = min(OUTLINE_SHARE * self.distance + of_chord * self.chord, LOOP_SHARE * run.width)
         return LEVEL_FACTORS[level] * limit / steep
 
     def in_space(self, run: OutlineRun, level: int) -> float:
-        """Tolerance of the curves along outline part `run` on the two skins. level : how often curves failed checks."""
+        """Return the tolerance (mm) of curves along part `run` on the two skins. level : number of failed checks."""
         share = 1 / 50  # largest tolerance / thickness
         return LEVEL_FACTORS[level] * min(share * self.thickness, LOOP_SHARE * run.width)
 
@@ -193,7 +193,7 @@ def by_chart(charts: list[int], rows: list[Floats], function: Callable[[int, Flo
 
 
 def parameters(curve: Spline, finer: int = 1) -> Floats:
-    """(k,) sample parameters in each span of a curve. finer : factor of the number of samples."""
+    """Return parameters (k,) of samples along a curve, many in each span. finer : factor on the number of samples."""
     return _parameters(curve.knots.tobytes(), finer)
 
 

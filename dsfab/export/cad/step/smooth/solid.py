@@ -52,7 +52,8 @@ class SmoothSkin:
 
 @dataclass(eq=False)
 class SmoothPiece:
-    """Piece of the sheet, with edges and skins. keys : `run_key` of each edge.    gap : widest gap at an edge, mm.
+    """Piece of the sheet, with edges and skins. gap : widest gap at an edge, mm.
+    keys    : for each edge, the key of its part of an outline (`run_key`).
     traced  : True if the file also contains the curves of edges on skins and walls.
     refused : reason why the piece is not a single closed shell, or ''."""
 
@@ -94,7 +95,8 @@ class PieceBuilder:
         self._make(sheet.regions, {})
 
     def piece(self, number: int, level: dict[RunKey, int], traced: bool = False) -> SmoothPiece:
-        """Build a piece. level : how often curves of each outline part failed checks. traced : as in `SmoothPiece`."""
+        """Build the piece with this number. traced : as in `SmoothPiece`.
+        level : number of failed checks by key of an outline part, default 0; each failure lowers the tolerance."""
         result, seams = SmoothPiece(traced=traced), dict[RunKey, int]()
         regions = [region for region in self.sheet.regions if region.piece == number]
         self._make(regions, level)

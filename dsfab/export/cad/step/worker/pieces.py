@@ -105,7 +105,7 @@ def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies:
 
 
 def whole_findings(path: str, folder: str, deflection: float, copies: bool = False) -> list[dict[str, Any]]:
-    """Return the findings for each solid of a file, after all solids were read together; [] if OCCT cannot read it.
+    """Return OCCT's findings about each solid of a STEP file, read as one shape; [] if OCCT cannot read the file.
     If every face has triangles, the folder gets the triangles and the shape, as from `write_triangles`.
     copies : True if a forked process measures gaps and volumes while this process makes triangles."""
     reader = _reader(path)

@@ -85,7 +85,8 @@ RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute
 
 @dataclass(frozen=True, eq=False)
 class OcctFinding:
-    """OCCT's findings about a solid (see worker/pieces.py), in mm. Triangles of different faces share no vertices.
+    """OCCT's findings about a solid, in mm. tessellates : True if every face has triangles. faces : number of faces.
+    gap : largest distance of an edge from its curve on a face.    box : lowest and highest corner.
     bad : (k, 3) end points of edges that cross each other.    V, F : triangles of the solid."""
 
     valid: bool
@@ -135,7 +136,8 @@ def solid_records(
     limit: float,
     look: Callable[[], None] | None = None,
 ) -> list[dict[str, Any]]:
-    """Return OCCT's record of each solid of a file, see `findings`. look : function to call when triangles exist."""
+    """Return OCCT's findings about each solid of the file `path`, as dictionaries. limit : seconds of processor time.
+    look : function to call when triangles exist; with this function, OCCT reads all solids together."""
     program.send("pieces", path, folder, str(deflection), *(["whole"] if look else []))
     mesh_path = Path(folder) / "mesh.npz"
     line = program.answer_with_work(mesh_path.exists, look, limit) if look else program.answer(limit)

@@ -29,7 +29,7 @@ def read(path: Path) -> Any:
 
 
 def step_reader(path: Path) -> Any | None:
-    """Return OCCT's reader of a STEP file before it makes shapes; None if it cannot read the file."""
+    """Return an OCCT reader that has read a STEP file but made no shapes yet; None if OCCT cannot read the file."""
     from OCP.IFSelect import IFSelect_ReturnStatus
     from OCP.Message import Message
     from OCP.STEPControl import STEPControl_Reader
@@ -80,7 +80,7 @@ def compound(shapes: list[Any]) -> Any:
 
 def bounds(shape: Any, with_triangles: bool = True) -> list[float]:
     """Return the lowest and highest corner of OCCT's bounding box, six numbers.
-    with_triangles : True to use triangles that the faces hold."""
+    with_triangles : True to measure the faces' triangles, where they exist."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
 

@@ -39,7 +39,7 @@ def triangles_of(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple
 
 
 def draw(shape: Any, deflection: float) -> None:
-    """Let OCCT triangulate a shape; it stores the triangles with the faces."""
+    """Let OCCT triangulate a shape and store the triangles in its faces. deflection : largest error, mm."""
     angle = 0.2  # largest angle (radians) between neighbouring triangles
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
 
@@ -47,7 +47,7 @@ def draw(shape: Any, deflection: float) -> None:
 
 
 def keep_drawn(shape: Any, folder: Path) -> None:
-    """Write a triangulated shape as `write_triangles` does. `mesh.npz` appears last, when it is complete."""
+    """Write `shape.bin` and `mesh.npz` of a triangulated shape. `mesh.npz` appears last, when it is complete."""
     solids = parts(shape, "SOLID")
     faces = [face for solid in solids for face in faces_of(solid)]
     write_binary(shape, folder / "shape.bin")

@@ -14,7 +14,7 @@ MANY_EDGES = 16  # faces with at least this many edges are integrated by Green's
 
 
 class PlaneSpline(NamedTuple):
-    """Curve in a surface's parameter plane. knots : with repetitions. way : 1 if the edge runs along it, else -1."""
+    """Curve in a surface's parameter plane. knots : with repetitions. way : 1, or -1 if the edge is reversed."""
 
     degree: int
     knots: list[float]
@@ -81,8 +81,9 @@ def _spline_on(edge: Any, face: Any) -> PlaneSpline | None:
 
 
 def _cone_on_spline(surface: Any, outline: Sequence[PlaneSpline], about: Any) -> float:
-    """Integrate f = (S - about) . (S_u x S_v) / 3 inside an outline. By Green's theorem, this is the integral of G dv
-    along the outline; G is the integral of f over u. Between knots f is a polynomial of degrees 3 p - 1, 3 q - 1."""
+    """Return the volume (mm3) between the point `about` and the part of a spline surface S inside an outline: the
+    integral of f = (S - about) . (S_u x S_v) / 3. By Green's theorem, this is the integral of G dv along the outline;
+    G is the integral of f over u. Between knots f is a polynomial of degrees 3 p - 1, 3 q - 1."""
     u = [surface.UKnot(i) for i in range(1, surface.NbUKnots() + 1)]
     v = [surface.VKnot(i) for i in range(1, surface.NbVKnots() + 1)]
     p, q = 3 * surface.UDegree(), 3 * surface.VDegree()
@@ -127,7 +128,7 @@ def _local(knots: list[float], t: Any) -> tuple[Any, Any]:
 
 
 def _outline_points(outline: Sequence[PlaneSpline]) -> tuple[Any, Any]:
-    """Gauss points (k, 2) between knots of an outline's curves, and weights (k,) of integrals over axis 1 (v)."""
+    """Return Gauss points (k, 2) on an outline's curves, and weights (k,) for integrals dv along the outline."""
     points = 4  # Gauss points in a span, as in OCCT
     places, weights = [], []
     for degree in sorted({curve.degree for curve in outline}):
