@@ -333,7 +333,7 @@ class Design:
         """Forces and moments along the axis of each member, by name of the member, from `section_forces`."""
         from dsfab.members.frame import member_forces
 
-        def make() -> dict[str, MemberForces]:
+        def make() -> "dict[str, MemberForces]":
             factors = {name: case.factors for name, case in self.statics.cases.items() if case.factors is not None}
             forces = {name: forces for name, forces in self.section_forces.items() if name not in factors}
             return member_forces(self.members, forces, self.member_cuts, factors)

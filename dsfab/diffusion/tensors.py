@@ -36,7 +36,7 @@ def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
 
 
 def only_bends(membrane: Floats, bending: Floats) -> bool:
-    """Return True if the stress of the middle surface is below a thousandth of the bending stress. Arrays in Pa."""
+    """Return True if the stress of the middle surface is below a thousandth of the bending stress. (..., 3), Pa."""
     return float(np.abs(membrane).max()) < 1e-3 * float(np.abs(bending).max())
 
 

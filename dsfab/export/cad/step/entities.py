@@ -170,7 +170,7 @@ class StepEntities:
 
 
 def knot_text(knots: Floats, digits: int = DIGITS) -> KnotText:
-    """Format the knots of a spline; repeated knots become multiplicities."""
+    """Format the knots (k,) of a spline; repeated knots become multiplicities."""
     values, times = np.unique(knots, return_counts=True)
     return "(" + ",".join(str(k) for k in times.tolist()) + ")", step_list(values, digits)
 

@@ -176,7 +176,8 @@ def _sound(part: Part, simple: Part, crossing: int) -> bool:
 
 
 def distance(V: Floats, F: Ints, V2: Floats, F2: Ints) -> float:
-    """Return the largest distance between two meshes, both ways, at vertices and centres of edges and triangles."""
+    """Return the largest distance between two meshes, V (n, 3) and F (m, 3) each, both ways.
+    It is measured at vertices, and at centres of edges and triangles."""
     forth, back = nearest_places(_samples(V, F), V2, F2).squared, nearest_places(_samples(V2, F2), V, F).squared
     return float(np.sqrt(max(forth.max(), back.max())))
 

@@ -31,7 +31,7 @@ class InnerSpline:
 
     @classmethod
     def from_breaks(cls, breaks: Floats) -> "InnerSpline":
-        """Return the cached splines for `breaks`: the parameters, from 0 to 1, where spans of the splines end."""
+        """Return the cached splines for `breaks` (k,): the parameters, from 0 to 1, where spans of the splines end."""
         return _inner_spline(breaks.tobytes())
 
     @cached_property
