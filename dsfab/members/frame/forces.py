@@ -220,8 +220,10 @@ def with_balanced_shear(forces: Floats, cut: MemberCuts) -> Floats:
     balanced = np.where(is_long[:, None], shear, mean[:, None])
     for end, beside in ((0, 1), (-1, -2)):
         wanted = (moment[:, end] - moment[:, beside]) / np.where(is_long, s[:, end] - s[:, beside], 1.0)
-        own, other = (np.abs((values + shear[:, beside]) / 2 - wanted) for values in (shear[:, end], shear[:, beside]))
-        balanced[:, end] = np.where(is_long & (other < own), shear[:, beside], balanced[:, end])
+        own_error, next_error = (
+            np.abs((values + shear[:, beside]) / 2 - wanted) for values in (shear[:, end], shear[:, beside])
+        )
+        balanced[:, end] = np.where(is_long & (next_error < own_error), shear[:, beside], balanced[:, end])
     result = forces.copy()
     result[:, 2] = balanced.ravel()
     return result
