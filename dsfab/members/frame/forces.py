@@ -218,12 +218,11 @@ def with_balanced_shear(forces: Floats, cut: MemberCuts) -> Floats:
     mean = (x * moment).sum(axis=1) / np.maximum((x**2).sum(axis=1), tiny)
     is_long = np.ptp(s, axis=1) > 2 * width.mean(axis=1)
     balanced = np.where(is_long[:, None], shear, mean[:, None])
-    for end, beside in ((0, 1), (-1, -2)):
-        wanted = (moment[:, end] - moment[:, beside]) / np.where(is_long, s[:, end] - s[:, beside], 1.0)
-        own_error, next_error = (
-            np.abs((values + shear[:, beside]) / 2 - wanted) for values in (shear[:, end], shear[:, beside])
-        )
-        balanced[:, end] = np.where(is_long & (next_error < own_error), shear[:, beside], balanced[:, end])
+    for end, inner in ((0, 1), (-1, -2)):
+        slope = (moment[:, end] - moment[:, inner]) / np.where(is_long, s[:, end] - s[:, inner], 1.0)
+        error = np.abs((shear[:, end] + shear[:, inner]) / 2 - slope)
+        replaced = is_long & (np.abs(shear[:, inner] - slope) < error)
+        balanced[:, end] = np.where(replaced, shear[:, inner], balanced[:, end])
     result = forces.copy()
     result[:, 2] = balanced.ravel()
     return result
