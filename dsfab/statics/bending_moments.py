@@ -38,8 +38,11 @@ def face_moments(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> 
         return np.zeros((surface.m, 3, 3))
     if elements.bending == "hhj":
         return _linear_moments(surface, sheet.bending, answer)
-    curvature = _midedge_curvature if elements.bending == "midedge" else _hinge_curvature
-    return np.repeat(curvature(surface, answer)[:, None] @ sheet.bending, 3, axis=1)
+    if elements.bending == "midedge":
+        moments = _midedge_curvature(surface, answer)[:, None] @ sheet.bending
+    else:
+        moments = _hinge_curvature(surface, answer)[:, None] @ sheet.material.bending(sheet.thickness)
+    return np.repeat(moments, 3, axis=1)
 
 
 def hinge_energy(surface: Surface, material: Material, thickness: float, answer: Equilibrium) -> Floats:

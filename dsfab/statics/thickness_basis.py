@@ -31,7 +31,8 @@ INDEPENDENT = 1e-10
 """A vector is independent of earlier vectors if at least this fraction of it lies outside their span."""
 ACCURATE = 2.0
 """For a sheet solved at thickness t, results are accurate from t / ACCURATE to t ACCURATE. Largest errors on cut
-sheets: 1 % in displacements, 2 % in stresses, 5 % in buckling factors, as `SheetModel.rigidity` grows with t^3."""
+sheets: 1 % in displacements, 5 % in buckling factors. `SheetModel.rigidity` grows with t^3, so the torsion of ribs
+narrower than three thicknesses can be off by a third."""
 DERIVATIVES, MODE_DERIVATIVES = 3, 2  # Number of derivatives of solutions and modes by the thickness.
 MODES = 3  # Number of buckling modes for each load case; with another thickness, another mode may be the lowest.
 CASES = 3  # Number of load cases with buckling modes in the basis: the cases with the largest compression.

@@ -126,7 +126,7 @@ MEMBER_NOTES = (
     "signs on a section with outward normal x: positive N is tension; positive My stretches the side at positive z",
     "positive Mz stretches the right side (negative y); Mt turns about x; Vy and Vz act along y and z",
     "rows 'least' and 'greatest': smallest and largest value of each column over all cases and combinations",
-    "bays end where joints begin; Vz is the least accurate force: in ribs 3 or 4 faces wide, up to a fifth too small",
+    "bays end where joints begin; Vz, the least accurate force, follows the change of moments where both differ",
 )
 
 

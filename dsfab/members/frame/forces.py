@@ -206,22 +206,22 @@ def member_forces(
 
 def with_balanced_shear(forces: Floats, cut: MemberCuts) -> Floats:
     """Return forces (k, 6) with a shear force Vz that agrees with the change of moments in each bay: T x dM/ds.
-    Beside joints, sums of the sheet's shear can be far off up to a width away. In bays up to two widths long, Vz is the
-    mean slope of the moments. In longer bays only the first and the last Vz can change: to the Vz of the next station,
-    if that balances the moments between both stations better."""
+    Up to a width from joints, sums of the sheet's shear can be far off. A bay up to two widths long gets the mean slope
+    of its moments, if that agrees better. In a longer bay, the first and the last station get the Vz of the next
+    station, if that agrees better."""
     s, width, shear = (values.reshape(-1, STATIONS) for values in (cut.s, cut.width, forces[:, 2]))
     axes = cut.axes.reshape(-1, STATIONS, 3, 3)
-    x, middle = s - s.mean(axis=1, keepdims=True), axes[:, STATIONS // 2]
-    lever = np.cross(middle[:, 2], middle[:, 0])  # V = N . (T x dM/ds) = (N x T) . dM/ds
-    moment = np.einsum("bkai,bka,bi->bk", axes, forces[:, 3:].reshape(-1, STATIONS, 3), lever)
-    tiny = np.finfo(float).tiny
-    mean = (x * moment).sum(axis=1) / np.maximum((x**2).sum(axis=1), tiny)
+    moments = np.einsum("bkai,bka->bki", axes, forces[:, 3:].reshape(-1, STATIONS, 3))
+    T, N = ((axes[:, 1:, k] + axes[:, :-1, k]) / 2 for k in (0, 2))
+    steps = np.maximum(np.diff(s, axis=1), np.finfo(float).tiny)
+    slope = np.einsum("bki,bki->bk", np.cross(N, T), np.diff(moments, axis=1)) / steps  # N . (T x dM/ds)
     is_long = np.ptp(s, axis=1) > 2 * width.mean(axis=1)
-    balanced = np.where(is_long[:, None], shear, mean[:, None])
+    mean = slope @ np.array([0.2, 0.3, 0.3, 0.2])  # the least squares of five stations at equal distances
+    error = np.abs((shear[:, 1:] + shear[:, :-1]) / 2 - slope)
+    constant = ~is_long & (((mean[:, None] - slope) ** 2).sum(axis=1) < (error**2).sum(axis=1))
+    balanced = np.where(constant[:, None], mean[:, None], shear)
     for end, inner in ((0, 1), (-1, -2)):
-        slope = (moment[:, end] - moment[:, inner]) / np.where(is_long, s[:, end] - s[:, inner], 1.0)
-        error = np.abs((shear[:, end] + shear[:, inner]) / 2 - slope)
-        replaced = is_long & (np.abs(shear[:, inner] - slope) < error)
+        replaced = is_long & (np.abs(shear[:, inner] - slope[:, end]) < error[:, end])
         balanced[:, end] = np.where(replaced, shear[:, inner], balanced[:, end])
     result = forces.copy()
     result[:, 2] = balanced.ravel()
