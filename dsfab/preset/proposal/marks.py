@@ -1,4 +1,4 @@
-"""Marks in the user's surface file: points and curves on the layers `support`, `load`, `keep` and `void`."""
+"""Marks in the user's surface file: points and curves on named layers."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -19,7 +19,7 @@ TABLES = {"support": "[[surface.support]]", "load": "[[surface.load]]"}
 
 
 def drawn_marks(user_mesh: UserMesh) -> dict[str, Marks]:
-    """Return the marks by layer: support, load, keep and void. Return {} for file formats without layers.
+    """Return the marks by layer: support, load, keep and void; {} for file formats without layers.
     Raises SurfaceError if the file has marks and its z axis does not point upwards."""
     path = Path(str(user_mesh.keys.get("file", "")))
     if path.suffix.lower() not in DRAWINGS:
@@ -36,7 +36,7 @@ def drawn_marks(user_mesh: UserMesh) -> dict[str, Marks]:
 
 def mark_tables(marks: Mapping[str, Marks], file: str, unit: str, size: Sizes, edge: float) -> Iterator[list[str]]:
     """Yield tables of a preset for the marks, each as a list of lines.
-    file : path from the preset's folder, or "" to write curves into the preset.    edge : mean edge of the mesh (m)."""
+    file : path of a file, or "" to write curves into the preset.    edge : mean edge of the mesh (m)."""
     radius = round(0.6 * edge, 3)
     for word, layer_marks in marks.items():
         head = TABLES.get(word, "[[pattern.region]]")
@@ -74,7 +74,7 @@ def mark_decisions(marks: Mapping[str, Marks]) -> Iterator[Decision]:
 
 
 def drawn_feet(marks: Mapping[str, Marks]) -> tuple[SupportPlace, ...]:
-    """Return the marks on layer `support` as one support. Return nothing if this layer has no marks."""
+    """Return the marks on layer `support` as one support; () without marks."""
     if "support" not in marks:
         return ()
     layer_marks = marks["support"]
