@@ -142,7 +142,7 @@ def preset_and_folder(name: str, source: Source) -> tuple["Preset", Path]:
 
 
 def built_design(name: str, preset: "Preset") -> "Design | None":
-    """Return the design in the built folder `name`; None if its preset differs from `preset`."""
+    """Return the design in the built folder `name` if its preset equals `preset`; else None."""
     from dsfab.design.output.archive import read_archive
 
     folder = built_folder(name)

@@ -60,7 +60,7 @@ def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
 @dataclass(frozen=True)
 class PreviewPage:
     """A picture file. names : pictures, side by side.    pixels : width and height of each picture.
-    options : options of `Previewer`."""
+    options : options of `Previewer`, except `show`."""
 
     names: tuple[str, ...]
     pixels: tuple[int, int]

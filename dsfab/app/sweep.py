@@ -44,7 +44,7 @@ class PlanOptions:
     view: Annotated[str | None, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")] = None
 
     def tables(self, file_tables: Mapping[str, Any]) -> dict[str, Any]:
-        """Return these options as keys of a sweep file.
+        """Return these options as keys of a sweep file; None or an empty list for unset options.
         file_tables : keys of the user's sweep file."""
         from dsfab.app.sweep_options import listed_words
 

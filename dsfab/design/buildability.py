@@ -53,7 +53,7 @@ def require_buildable(preset: Preset, statics: StaticsResult) -> None:
 
 
 def refusal(preset: Preset, statics: StaticsResult) -> str:
-    """Return the most serious fault of a sheet as a text; '' if there is no fault."""
+    """Return the most serious fault of a sheet as a text; '' without a fault, or if `statics.check` is false."""
     return f"{statics.objections[0]} {NEVERTHELESS}" if preset.statics.check and statics.objections else ""
 
 

@@ -117,7 +117,7 @@ class Steering:
         return replace(self, guidance=(*self.guidance, *around), loops=())
 
     def confidence(self, surface: Surface, stress: Floats) -> Floats:
-        """Return the clarity (m,) of the stripe direction on each face, 0 to 1. stress : (m,) without guides."""
+        """Return the clarity (m,) of stripe directions on the faces, 0 to 1. stress : (m,) clarity without guides."""
         return np.minimum(stress + self.guide_weights(surface), 1.0) if self.guidance else stress
 
     def guide_weights(self, surface: Surface) -> Floats:

@@ -58,7 +58,7 @@ def _stiffest(candidates: list[MethodCandidate]) -> MethodCandidate | None:
 def stressed_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the best stripes of both kinds, with widths by the rule `stressed`."""
+    """Yield the best evenly spaced stripes and the best stripes from modes, with the width rule `stressed`."""
     if not _exchangeable(preset.pattern.width):
         return
     for method in ("stripes", "modes"):

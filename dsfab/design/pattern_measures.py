@@ -190,7 +190,7 @@ def symmetry_error(surface: Surface, stripes: StripeChart, symmetry: Symmetry) -
 
 
 def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
-    """Return the share of the area where cut material differs from its symmetric image."""
+    """Return the share of the area where the material of a cut sheet differs from its symmetric image."""
     V, F = cells.surface.V, cells.surface.F
     return _asymmetric_share(
         surface, cells.surface, symmetry, lambda points: cells.material[nearest_places(points, V, F).simplex]

@@ -42,7 +42,7 @@ IMAGE_DIFFERENCE = 0.3
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
     """Return the surface without voids, cut along the outlines of the preset's regions.
-    Raises SurfaceError for a region outside of the surface, and for voids that take a support or load, or that
+    Raises SurfaceError for a region outside of the surface, and for voids that contain a support or load, or that
     separate a piece of the surface from all supports."""
     regions, voids = preset.pattern.region, preset.pattern.voids
     cut = with_regions(surface, regions)
@@ -335,7 +335,7 @@ def loads_on(surface: Surface, sheet: Sheet, loads: Mapping[str, LoadCase]) -> d
 
 def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: CoveringLoads | None = None) -> LoadCase:
     """Return the supports and loads of the uncut surface on a sheet that was cut from it.
-    A concentrated force on a removed vertex moves to the nearest vertex; the moment of this force changes.
+    A concentrated force on a removed vertex moves to the nearest vertex of the sheet; the moment of this force changes.
     Raises StaticsError if no supported vertex remains, and if no material is near a concentrated force."""
     supported = sheet_supports(surface, sheet, load)
     point = _moved_forces(surface, sheet, load.point)

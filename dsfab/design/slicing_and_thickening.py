@@ -57,7 +57,7 @@ def merging_rule(preset: Preset) -> Merging:
 def trial_cut(
     preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None
 ) -> TrialCut | None:
-    """Return the cut of a pattern, before corners are finished; None if no material is left.
+    """Return the cut of a pattern, finished up to the first rounding of corners; None if no material is left.
     polygons : the surface cut along the pattern, if known."""
     preset = preset.model_copy(update={"slicing": Slicing()})
     options = finishing_options(preset, surface, pattern)

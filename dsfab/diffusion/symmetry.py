@@ -65,7 +65,7 @@ class Symmetry:
         return np.asarray(np.max([x, *(T @ x for T in self.maps[1:])], axis=0))
 
     def mean_stress(self, sigma: Floats) -> Floats:
-        """Return symmetric tensors (m, 3, 3): the mean over all images of each face."""
+        """Return a symmetric field of tensors (m, 3, 3): the mean over all images of each face, rotated back."""
         total = sum(R.T @ sigma[face] @ R for R, face in zip(self.R, self.faces, strict=True))
         return np.asarray(total / self.order)
 
@@ -241,7 +241,7 @@ LENIENT = 1.5  # Quick checks multiply all tolerances by this factor.
 
 def largest_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) -> Symmetry | None:
     """Return the largest symmetry group of a surface with its loads; None without any mirror or rotation.
-    axes : (3, 3) rows for a search."""
+    axes : (3, 3) in rows; the tried mirrors and rotations depend on these axes."""
     glance = _QuickCheck(surface, tuple(loads))
     generators = [R for R in _generators(surface, axes, glance) if glance.allows(R)]
     if not generators:

@@ -91,7 +91,7 @@ def diffusion_tensors(
 
 
 def combined_stress(surface: Surface, stresses: Sequence[Floats], weights: Sequence[float]) -> Floats:
-    """Combine the stresses of load cases to one tensor (m, 3, 3), Pa, for tension and compression alike.
+    """Combine the stresses of load cases to one tensor (m, 3, 3), Pa. Tension and compression count alike.
     stresses : (m, 3, 3) each, Pa, tangent to the faces.    weights : 0 or more for each case."""
     total = np.zeros((surface.m, 3, 3))
     for sigma, weight in zip(stresses, weights, strict=True):

@@ -118,7 +118,7 @@ Route = Literal["auto", "quick", "planar", "members", "smooth", "compact", "face
 class Details:
     """Content of a file besides its mesh.
 
-    lines     : edges and centre lines, m.    tolerance : largest error of curves, m.
+    lines     : edges and centre lines, m.    tolerance : largest error of `lines` or their curves, m.
     values    : values at the vertices (n, ...) or in the faces (m, ...) of the mesh, by name with SI unit.
     facts     : short lines for a title block, or about `values`.
     measures  : thickness (m), density (kg/m3), young (Pa) and poisson, as far as known.
@@ -282,7 +282,7 @@ def in_single_precision(part: Part) -> Part:
 
 
 def open_edges(F: Ints) -> int:
-    """Return the number of edges of F (m, 3) without an opposite edge; 0 for a closed mesh."""
+    """Return the number of edges of F (m, 3) without an opposite edge; 0 for a closed, oriented mesh."""
     a, b = half_edges(F)
     keys = np.minimum(a, b) * (int(F.max()) + 1) + np.maximum(a, b)
     forward, backward = (np.sort(keys[mask]) for mask in (a < b, a > b))

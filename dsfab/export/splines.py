@@ -160,7 +160,8 @@ def _band(values: Floats, first_hats: Ints, first_poles: Ints, fixed_poles: Ints
 @dataclass(frozen=True, eq=False)
 class SplineRows:
     """Samples of several curves, one curve after the other; r counts the curves, k the samples.
-    number : (r,) number of the curve.    count, first, last : (r,) its samples.    row : (k,) curve of each sample."""
+    number : (r,) number of the curve.    row : (k,) curve of each sample.
+    count, first, last : (r,) number of samples, first sample and last sample of each curve."""
 
     number: Ints
     count: Ints

@@ -36,7 +36,7 @@ class _Work:
                 self._error = error
 
     def end(self) -> None:
-        """Do the work unless it was done before; raise the exception of the work."""
+        """Do the work unless it was done before; raise the exception of the work, if any."""
         self.do()
         if self._error:
             raise self._error
@@ -47,7 +47,7 @@ _WAITING: ContextVar[_Work | None] = ContextVar("_WAITING", default=None)
 
 @contextmanager
 def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
-    """Call `work` once, while the first program in the `with` block runs."""
+    """Call `work` once: while the first program in the `with` block runs, otherwise after the block."""
     waiting = _Work(work)
     token = _WAITING.set(waiting)
     try:

@@ -245,7 +245,7 @@ def require_writable(folder: Path) -> None:
 
 
 def manifest(folder: Path) -> dict[str, dict[str, int | str]]:
-    """Return size and SHA-256 of every file of a folder, by name."""
+    """Return size and SHA-256 of every file of a folder except the manifest, by name."""
     files = sorted(path for path in folder.iterdir() if path.is_file() and path.name != DESIGN)
     return {path.name: {"bytes": path.stat().st_size, "sha256": _sha256(path)} for path in files}
 

@@ -94,7 +94,7 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
-    """Return fractions of sides (c, 2) of cells where `offset` is 0."""
+    """Return places on sides (c, 2) of cells where `offset` is 0: from 0 (lower vertex number) to 1 (higher)."""
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
     ascending = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]

@@ -168,7 +168,7 @@ class Member:
 class Node:
     """The overlap of two members.
 
-    kind    : crossing if both members continue, branch if one member ends, end if both end; grazing without a crossing.
+    kind    : crossing if both continue, branch if one ends, end if both end, grazing if middle lines do not meet.
     members : names of the members.    at : (2,) arc length along the axis of each member, metres; NaN without an axis.
     angle   : angle between the members, degrees, 0 to 90; NaN without an axis.
     point   : (3,) metres.    normal : (3,) normal of the surface.    area : area of the overlap, m2."""
@@ -206,7 +206,7 @@ class MemberGraph:
 
     @cached_property
     def nodes_along(self) -> dict[str, tuple[Node, ...]]:
-        """Nodes along the axis of each member, by the member's name."""
+        """Nodes along the axis of each member, by the member's name, without kind "grazing"."""
         stations = stations_of_nodes(self.members, self.nodes)
         return {name: tuple(node for _, node in sorted(pairs, key=itemgetter(0))) for name, pairs in stations.items()}
 
@@ -271,7 +271,7 @@ class MemberGraph:
 
 
 def stations_of_nodes(members: Sequence[Member], nodes: Sequence[Node]) -> dict[str, list[tuple[float, Node]]]:
-    """Return the nodes of each member, with arc lengths (m) on the member's axis."""
+    """Return the nodes of each member, with arc lengths (m) on its axis, without kind "grazing"."""
     stations: dict[str, list[tuple[float, Node]]] = {member.id: [] for member in members}
     for node in nodes:
         if node.kind != "grazing":

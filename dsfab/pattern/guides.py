@@ -165,7 +165,7 @@ class GuideLine:
         return lines
 
     def target_phases(self, frames: Frames, g: Floats, density: Floats) -> tuple[Ints, Floats]:
-        """Return the vertices (v,) beside the curve, and phases (v,), periods, that put a stripe there.
+        """Return the vertices (v,) beside the curve, and phases (v,), periods, that put a stripe on it.
         g : (n, 3) unit direction of the phase's gradient, up to sign.    density : (n,) periods per m."""
         surface = frames.surface
         vertices = np.unique(surface.F[self.faces])
@@ -194,7 +194,7 @@ class GuideLine:
 
 
 def guide_phases(lines: Sequence[GuideLine], frames: Frames, g: Floats, density: Floats) -> tuple[Bools, Floats]:
-    """Return a mask (n,) of vertices beside the curves, and phases (n,) that put stripes there, in periods."""
+    """Return a mask (n,) of vertices beside the curves, and phases (n,), periods, that put stripes on the curves."""
     lock, aim = np.zeros(frames.surface.n, dtype=bool), np.zeros(frames.surface.n)
     for line in lines:
         vertices, phase = line.target_phases(frames, g, density)

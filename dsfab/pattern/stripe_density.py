@@ -1,4 +1,4 @@
-"""Even stripes per metre for given directions [cf. Diamanti et al. 2015]."""
+"""Density of stripes, as even as possible for given directions [cf. Diamanti et al. 2015]."""
 
 from typing import NamedTuple
 

@@ -15,7 +15,7 @@ from dsfab.surface import Surface, geodesic_distances
 from dsfab.surface.fields import hat_gradients
 
 REACH = 1.5
-"""Distance from a loop with rings and rays, divided by the stripes' spacing."""
+"""Largest distance of rings and rays from a loop, divided by the stripes' spacing."""
 PULL = 100.0
 """Weight of ring and ray directions."""
 

@@ -35,7 +35,7 @@ class Images:
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / len(self.maps))
 
     def marked_in_any(self, marked: Bools) -> Bools:
-        """Return a mask (m,) of the marked faces and their symmetric images."""
+        """Return a mask (m,) of the marked faces and, if vertices map to vertices, of their symmetric images."""
         exact = all(T.nnz == T.shape[0] for T in self.maps)
         return np.asarray(marked[self.faces].any(axis=0)) if exact and self.faces is not None else marked
 

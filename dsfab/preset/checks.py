@@ -189,7 +189,7 @@ SOFTEST, LIGHTEST, WEAKEST = 1e6, 10.0, 1e3
 
 
 def with_material(values: Any) -> Any:
-    """Return the table [statics] with the values of its material."""
+    """Return the table [statics], with its material's values for the missing keys."""
     name = values.get("material") if isinstance(values, Mapping) else None
     if not isinstance(name, str):
         return values
@@ -267,6 +267,6 @@ def resistance(value: float) -> float:
 
 
 def require_strength(material: str | None, strength: float) -> None:
-    """Raise PresetError without a material and a strength."""
+    """Raise PresetError if there is neither a material nor a strength."""
     if not material and not strength:
         raise PresetError(NO_STRENGTH)

@@ -28,7 +28,7 @@ PERSON_HEIGHT, TREE_HEIGHT = 1.75, 6.0  # heights of the person and of the tree 
 @dataclass(frozen=True, eq=False)
 class Annotations:
     """Marks beside a structure.
-    surface, load : uncut surface and loads; give the two, or none.
+    surface, load : uncut surface and loads; give both or neither.
     reaction      : (n, 3) forces of the supports on the structure, N.
     gradient      : (m, 3) gradient of a mode.    layers : names from `EVERY_LAYER`."""
 

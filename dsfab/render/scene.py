@@ -257,7 +257,7 @@ class Scene:
         self.window.close()
 
     def replace_body(self, index: int, body: Body) -> None:
-        """Replace the body with number `index`."""
+        """Replace the body with number `index` by a body of the same size."""
         actor = self._add(body)
         self.window.remove(self.actors[index])
         self.actors[index], self.bodies[index], self.casts[index] = actor, body, body.casts
@@ -305,7 +305,7 @@ class Scene:
         self.window.wait()
 
     def mask(self, view: View, width: int, height: int) -> Bools:
-        """Return a mask (h, w) of pixels that show a body with a shadow."""
+        """Return a mask (h, w) of pixels that show a body that casts shadows."""
         with self.lamps():
             self._aim_camera(view)
             self.window.resize(width, height)
@@ -313,7 +313,7 @@ class Scene:
 
     @contextmanager
     def lamps(self) -> Iterator[None]:
-        """Hide all bodies without a shadow during a `with` block, as `lamp` needs."""
+        """Hide all bodies that cast no shadow during a `with` block, as `lamp` needs."""
         self.casting = False
         for actor, body, casts in zip(self.actors, self.bodies, self.casts, strict=True):
             actor.SetVisibility(casts)

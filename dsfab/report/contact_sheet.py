@@ -196,7 +196,7 @@ before it is cut: pieces that reach no support may still be there, and the thick
 
 
 def check_film(values: Values, fps: float) -> None:
-    """Raise DsfabError unless exactly one key has several values."""
+    """Raise DsfabError unless exactly one key has several values and `fps` is possible."""
     several = [key for key, listed in values.items() if len(listed) > 1]
     if len(several) != 1:
         raise DsfabError(

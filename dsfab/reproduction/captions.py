@@ -62,7 +62,7 @@ def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
 
 
 def links(surface: Surface, phases: Floats, start: Bools, end: Bools) -> tuple[int, int]:
-    """Return how many major and how many minor members connect the vertices `start`, `end` (n,)."""
+    """Return how many major and how many minor members connect the marked vertices `start`, `end` (n,)."""
     counts = [0, 0]
     for k, z in enumerate(phases.T):
         for level in _levels(z):

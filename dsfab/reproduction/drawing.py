@@ -52,7 +52,7 @@ class PaperComparison:
 
 
 def paper_picture(design: Design, folder: Path, show: str, stem: str, title: str = "") -> PaperPicture:
-    """Draw a design into the file `stem`-`show`.webp. show : subject, as in 'loads'."""
+    """Draw a design into the file `stem`-`show`.webp. show : subject, such as 'loads'."""
     size = LARGE if show == "structure" and not title else SMALL
     title = title or _title(design, show)
     file = f"{stem}-{show.replace('_', '-')}.webp"

@@ -37,7 +37,7 @@ class RenditionPicture:
 
 @dataclass(frozen=True, eq=False)
 class FigurePictures:
-    """A figure of the paper, computed by dsfab. error : reason of a failure.
+    """A figure of the paper, computed by dsfab. error : reason for a failure, or ''.
     seconds : processor seconds by step.    carried : text on how the loads reach the supports.
     coarser : edge length of the mesh / edge length in the preset."""
 
@@ -86,7 +86,7 @@ def processor_seconds(design: Design) -> dict[str, float]:
 
 
 def coarsened_draft(preset: Preset, coarser: float) -> tuple[Design, float]:
-    """Return a design up to its pattern, with mesh edges `coarser` times as long, and the used factor.
+    """Return a design up to its pattern, with mesh edges up to `coarser` times as long, and the used factor.
     Raises DsfabError if factor 1 also fails."""
     edge = preset.surface.model_dump()["edge"]
     while True:

@@ -22,7 +22,7 @@ CROWDED = 0.25
 class ShearRecovery:
     """Data of a surface to compute shear forces q from moments. q is the gradient of a potential M.
     columns : unknowns of M, (m, 6) at corners and middles of half-edges, or (m, 3) at corners.
-    sign    : (m, 6) -1 if the face's normal is opposite to the normal of the first face here, else 1.
+    sign    : (m, 6) -1 if the face's normal is opposite to that of the first face with the unknown, else 1.
     rim     : (m, 3) 1 on half-edges that transfer no shear; else 0.
     spread  : (N, N) matrix that spreads the load of unknowns at splinters over neighbours."""
 

@@ -125,7 +125,7 @@ def _doubled_area_gradients(surface: Surface) -> Floats:
 
 
 def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> Floats:
-    """Return the mean in-plane strain (m, 3), (xx, yy, 2 xy), of each face [Turner et al. 1956].
+    """Return the mean in-plane strain (m, 3), (xx, yy, 2 xy), of each face in its tangent frame [Turner et al. 1956].
     u       : (n, 3) displacements, metres.
     bubbles : (e, 2) edge bubbles of `quadratic` along t and m, metres."""
     t = tangents(surface)

@@ -45,7 +45,7 @@ class Material:
         return self.young * thickness**3 / (12 * (1 - self.poisson**2))
 
     def bending(self, thickness: float) -> Floats:
-        """Return the matrix (3, 3) from curvatures (xx, yy, 2 xy) of a plate to moments per length, N m [Kirchhoff]."""
+        """Return the matrix (3, 3) from curvatures (xx, yy, 2 xy) of a plate to moments per length, N m (Kirchhoff)."""
         nu = self.poisson
         return self.bending_stiffness(thickness) * np.array([[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu) / 2]])
 
@@ -56,7 +56,7 @@ class SheetModel:
     surface : middle surface.    thickness : metres.
     clamped : (e,) edges that do not rotate, besides the edges that supports clamp.
     carried : (n,) masses that vibrate with the sheet, kg.
-    rigidity : (m, 3, 3) bending stiffness of each face, N m; None for `Material.bending` everywhere."""
+    rigidity : (m, 3, 3) bending stiffness of each face, N m, in its frame; None for `Material.bending` everywhere."""
 
     surface: Surface
     material: Material

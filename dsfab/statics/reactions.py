@@ -25,7 +25,7 @@ class Resultant:
 
 
 def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> Resultant:
-    """Return the resultant of forces (n, 3) at the vertices, N, and torques (e,) at the edges, N m."""
+    """Return the resultant of forces (n, 3) at the vertices, N, and torques (e,) about the edges, N m."""
     moment = np.cross(surface.V, force).sum(axis=0)
     if torque is not None and len(torque):
         ends = surface.V[surface.edges.ends]

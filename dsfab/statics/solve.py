@@ -38,7 +38,7 @@ class Equilibrium:
     residual   : relative rounding error of u in the norm of energy.
     on_edges   : unknowns on edges (e,), by name: `rotation` and `slope` in radians; bubbles `along`, `across` and
                  `normal` in metres. Empty for the elements `PAPER`.
-    torque     : (e,) moments of the supports on clamped edges, newton metres; empty for elements without rotations."""
+    torque     : (e,) moments of the supports about clamped edges, N m; empty for elements without rotations."""
 
     u: Floats
     reaction: Floats

@@ -126,7 +126,7 @@ class SheetStress:
     frame           : (m, 2, 3) two orthonormal directions of each face's plane, for the components.
     membrane        : (m, 3 corners, 3) stress (xx, yy, xy) of the middle surface, Pa.
     bending         : (m, 3 corners, 3) bending stress 6 M / h^2 at the bottom, Pa; the top has the opposite sign.
-    smooth_membrane, smooth_bending : stresses averaged around vertices.
+    smooth_membrane, smooth_bending : stresses averaged around vertices, if they are linear on faces.
     membrane_energy, bending_energy : (m,) mean strain energy per area of each face, J/m2."""
 
     frame: Floats

@@ -52,7 +52,7 @@ BUCKLED_CASES = 3
 @dataclass(frozen=True)
 class MemberUse:
     """The most used member.
-    value : utilisation, 1 at the limit.    place : m.    case : of load.    check : name of the check."""
+    value : utilisation, 1 at the limit.    place : m.    case : load case.    check : name of the check."""
 
     member: str
     value: float

@@ -25,7 +25,7 @@ def check_edges(surface: Surface) -> None:
 
 
 def check_oriented(surface: Surface) -> None:
-    """Raise SolidError if edges have over two faces, or normals of a piece point to opposite sides."""
+    """Raise SolidError if edges have over two faces, or normals of a two-sided piece point to opposite sides."""
     check_edges(surface)
     edges = surface.edges
     against = misoriented_edges(surface.F, edges)

@@ -51,7 +51,7 @@ def _around_vertices(V: Floats, F: Ints) -> Ints:
     corner = sorted_order(s)
     around = s[corner]
     position, hits = np.arange(len(corner)), []
-    for distance in range(1, len(corner)):  # largest number of faces at a vertex
+    for distance in range(1, len(corner)):  # stops at the largest number of faces at a vertex
         position = position[position + distance < len(corner)]
         position = position[around[position] == around[position + distance]]
         if not len(position):

@@ -103,7 +103,7 @@ class PrismUnion:
 
 
 def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> PrismUnion | None:
-    """Return the solid of a sheet that crosses itself, or None if the cuts fail.
+    """Return the solid of a sheet that crosses itself, or None if cuts or union fail.
     corners : (m, 3, 3) half-thickness vectors at the corners of the faces, on the side of each face's normal, metres.
     pairs   : (k, 2) pairs of faces of `skin` that intersect."""
     graph, share = _dual(surface), np.ones(surface.n)

@@ -19,7 +19,7 @@ PATTERNS: tuple[Mesh, ...] = ("diagonal", "union_jack")
 
 
 def straight_beam(cells: int, mesh: Mesh, force: Vector, shape: Shape = "rectangles") -> Problem:
-    """Return a cantilever 6 x 0.2 x 0.1 with a force on its end. cells : number along the sides of each block."""
+    """Return a cantilever 6 x 0.2 x 0.1 with a force on its end. cells : cells along each side of six blocks."""
     uv, F = square(6 * cells, cells, mesh)
     V = np.stack([6 * uv[:, 0] + lean(6 * uv[:, 0], shape) * (2 * uv[:, 1] - 1), 0.2 * uv[:, 1], 0 * uv[:, 0]], axis=1)
     return tip_loaded(uv, F, V, Material(1e7, 0.3), 0.1, force)

@@ -53,7 +53,7 @@ def vibrating(surface: Surface, fixed: Bools, clamped: Bools, mode: int) -> Prob
     return Problem(surface, STEEL, THICKNESS, fixed, clamped=clamped, modes=modes)
 
 
-TUBE, TUBE_WALL = Material(young=1e7, poisson=0.3), 0.02  # Of the tube, whose radius is 1.
+TUBE, TUBE_WALL = Material(young=1e7, poisson=0.3), 0.02  # Material and thickness of a tube of radius 1.
 CLASSICAL = 1 / np.sqrt(3 * (1 - TUBE.poisson**2))
 """Buckling load N R / (E t^2) of a cylinder, .605 for nu = .3 [Lorenz 1908]."""
 WAVE = np.pi * np.sqrt(TUBE_WALL) / (12 * (1 - TUBE.poisson**2)) ** 0.25

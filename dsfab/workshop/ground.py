@@ -46,7 +46,7 @@ class BasePlane:
     """Upper face of the base plate of a model.
     point, up : (3,) point in the face, metres, and unit normal of the face.
     supports  : (q, 3) vertices of the surface with a support, metres.
-    reach     : largest distance of a strip's end from a support, metres, without the strip's width.
+    reach     : metres; a strip stands on a support closer to its end than `reach` plus the strip's width.
     clearance : gap between a tab and its slot, metres."""
 
     point: Floats
@@ -80,7 +80,7 @@ class BasePlane:
         return np.asarray(points @ np.stack([right, np.cross(self.up, right)], axis=1))
 
     def support_height(self, point: Floats, width: float) -> float | None:
-        """Return the height (m) of the support nearest to a point (3,); None if no support is near."""
+        """Return the height (m) above the plate of the support nearest to a point (3,); None if no support is near."""
         distance, k = cKDTree(self.supports).query(point)
         is_near = float(distance) < self.reach + width
         return float(self.heights(self.supports[int(k)][None])[0]) if is_near else None

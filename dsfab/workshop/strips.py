@@ -53,7 +53,7 @@ class StripParts:
 
 
 def is_strip(member: Member) -> bool:
-    """Return True if a member can be built as a strip: no sharp turn within the surface."""
+    """Return True if a member can be built as a strip: no sharp turn within the surface except at its ends."""
     if member.axis is None or member.kind not in STRIP_KINDS:
         return False
     begin, end = uncurled_span(member)

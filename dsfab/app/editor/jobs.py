@@ -132,7 +132,7 @@ class Jobs:
         return self._known.get(number)
 
     def pending(self, number: int) -> bool:
-        """Return True if a job is waiting or running."""
+        """Return True if a job is waiting or running, and not cancelled."""
         with self._wake:
             job = self._known.get(number)
             return job is not None and job.state in ("waiting", "running") and not job.stop.is_set()

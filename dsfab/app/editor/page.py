@@ -152,4 +152,4 @@ HANDLERS: dict[str, Callable[[Session, RequestFields], RequestFields]] = {
     "compare": _handle_compare,
     "cancel": lambda session, given: {"stopped": session.jobs.cancel(_required_field(given, "job", int))},
 }
-"""Functions that answer requests, by the name of the request. Raise DsfabError."""
+"""Functions that answer requests, by the name of the request. They raise DsfabError."""

@@ -126,7 +126,7 @@ class Session:
             return {**(self.start() if is_open else self._set_opened(variant.opened)), "changes": dict(variant.changes)}
 
     def ask_mesh(self, name: str, unit: str | None, data: str) -> dict[str, Any]:
-        """Start a job that opens a mesh file from the page; return the job's number. Raises DsfabError.
+        """Start a job that opens a mesh file from the page; return the job's number as `job`. Raises DsfabError.
         data : content of the file in base64.    unit : unit of the file's numbers, or None if unknown."""
         suffix = Path(name).suffix.lower()
         if suffix not in MESH_SUFFIXES:
@@ -212,7 +212,7 @@ class Session:
         return self.jobs.submit("picture", lambda progress: self._picture(preset, view, show, size, progress))
 
     def first_model(self) -> bytes:
-        """Return the last draft, packed for a new page; b'' if no job is making a draft.
+        """Return the last draft, packed for a new page; b'' if there is none and no job makes one.
         This function waits for the first draft or sketch."""
         shown = self._shown
         while shown is None and self._asked and self.jobs.pending(self._asked[0]):

@@ -62,7 +62,7 @@ class Outputs:
 
     def write_file(self, name: str, suffix: str, content: bytes) -> Path:
         """Write a file into `home` and return the path. Raises DsfabError.
-        A second file with other content gets the name NAME-2, NAME-3 ..."""
+        If an older file of another session has this name and other content, the name is NAME-2, NAME-3 ..."""
         self.folder(name)
         paths = (self.home / f"{word}{suffix}" for word in _numbered_names(name))
         path = next(path for path in paths if path in self._ours or _may_write(path, content))
@@ -240,7 +240,7 @@ FIGURES = ("share", "area", "mass", "pieces", "narrowest", "compliance")  # Meas
 
 @dataclass(frozen=True)
 class KeptVariant:
-    """A variant: the open preset, the user's changes, a picture, and measures by name or None."""
+    """A variant: the open preset, the user's changes, a picture, and measures by name; None if not measured."""
 
     name: str
     opened: OpenedPreset

@@ -79,7 +79,7 @@ def release_freed_memory(freed: float) -> None:
 
 @cache
 def malloc_trim() -> Any:
-    """Return glibc's function that frees memory, or None."""
+    """Return glibc's function that gives freed memory back to the system, or None."""
     return getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform.startswith("linux") else None
 
 

@@ -199,7 +199,7 @@ def has_pyamg() -> bool:
 
 
 class Multigrid:
-    """Solver for the stiffness of thin sheets; a call with b (N,) returns K^-1 b.
+    """Solver for the stiffness of thin sheets; a call with b, (N,) or (N, k), returns K^-1 b.
     The method is smoothed aggregation [Vanek, Mandel and Brezina 1996].
     rigid : (N, 6) rigid motions in the unknowns of K.
     Raises ConvergenceError if the relative residual exceeds 1e-9."""

@@ -72,7 +72,7 @@ def _view(
 
 @dataclass(frozen=True, eq=False)
 class _DepthPicture:
-    """Depth of the sheet in each cell of a grid (w, h); -inf in empty cells."""
+    """Largest coordinate towards the eye in each cell of a grid (w, h); -inf in empty cells."""
 
     low: Floats
     cell: float

@@ -227,7 +227,7 @@ class Rectangle:
         return np.asarray(8 * a**3 * r**2 / (3 * (1 + 0.6095 * r + 0.8865 * r**2 - 1.8023 * r**3 + 0.91 * r**4)))
 
     def slimmest(self) -> "Rectangle":
-        """Return the narrowest section (b, 1) of each bay."""
+        """Return the narrowest section (b, 1) of each bay, without the sections at its ends."""
         inner = slice(1, -1) if self.width.shape[1] > 2 else slice(None)
         narrow = (side[:, inner].min(axis=1, keepdims=True) for side in (self.width, self.thickness))
         return Rectangle(*narrow)
@@ -239,7 +239,7 @@ class Rectangle:
 
 
 def moment_factor(moment: Floats) -> Floats:
-    """Return the uniform moment factor C_m (b, 1) for moments (b, 5) along each bay [EN 1993-1-1, table B.3]."""
+    """Return the equivalent uniform moment factor C_m (b, 1) for moments (b, 5) of bays [EN 1993-1-1, table B.3]."""
     ends = moment[:, [0, -1]]
     first_is_larger = np.abs(ends[:, 0]) >= np.abs(ends[:, 1])
     large, small = np.where(first_is_larger, ends[:, 0], ends[:, 1]), np.where(first_is_larger, ends[:, 1], ends[:, 0])

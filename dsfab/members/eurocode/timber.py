@@ -98,7 +98,7 @@ def section_checks(
     section: Rectangle, stress: Stresses, over: float, lengthy: Floats, grade: TimberGrade
 ) -> CheckRatios:
     """Return force / resistance at 5 sections of each of b bays. over : gamma_M / k_mod.
-    lengthy : (b, 1) factor in long LVL [3.4]."""
+    lengthy : (b, 1) factor on tension in long LVL [3.4]."""
     y, z = (over * ratio for ratio in _bending(section, stress, grade))
     bent = np.maximum(y + K_M * z, K_M * y + z)
     tension = over * lengthy * np.maximum(stress.axial, 0.0) / grade.ft

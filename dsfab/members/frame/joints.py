@@ -12,7 +12,7 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.members import Member, MemberGraph
 
 SAME = 0.25
-"""Joints on an axis share a node below this distance, divided by the member's mean width."""
+"""Distance below which joints on an axis share a node, divided by the member's mean width."""
 
 
 def fitting(halves: Floats, length: float) -> Floats:
@@ -219,7 +219,7 @@ def _samples(member: Member) -> tuple[Floats, Floats]:
 
 
 def add_hubs(joints: AxisJoints) -> None:
-    """Add a hub (central node) and spokes (links to the hub) to members of kind "disc"."""
+    """Add a hub (central node) and spokes (links to the hub) to members of kind "disc" with 3 nodes or more."""
     for member in joints.members_with_axis:
         nodes = sorted({number for _, number in joints.on[member.id]})
         if member.kind == "disc" and member.axis and member.axis.closed and len(nodes) >= 3:

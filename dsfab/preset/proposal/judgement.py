@@ -48,7 +48,7 @@ UNDER = 0.7  # Factor on the score if the surface would reach below the ground (
 class JudgedReading:
     """A way to support a surface, with its score. up : axis of the user's mesh that points up.
     built_in : True for a wall, and for a single line of support that is no closed loop.
-    figures  : values that give the score, by name."""
+    figures  : values that give the score, by name; may be empty."""
 
     reading: SupportReading
     score: float

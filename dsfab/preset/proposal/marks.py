@@ -36,7 +36,7 @@ def drawn_marks(user_mesh: UserMesh) -> dict[str, Marks]:
 
 def mark_tables(marks: Mapping[str, Marks], file: str, unit: str, size: Sizes, edge: float) -> Iterator[list[str]]:
     """Yield tables of a preset for the marks, each as a list of lines.
-    file : path of a file, or "" to write curves into the preset.    edge : mean edge of the mesh (m)."""
+    file : path from the preset's folder, or "" to write curves into the preset.    edge : mean edge of the mesh (m)."""
     radius = round(0.6 * edge, 3)
     for word, layer_marks in marks.items():
         head = TABLES.get(word, "[[pattern.region]]")

@@ -21,7 +21,7 @@ FRAGMENT = 0.1  # Smallest size of a support, divided by the size of the largest
 LOWEST_SILL = 0.005  # Smallest height of a window above the base, divided by the wall's height.
 BAY = 7.5  # Usual distance between the columns of a grid, metres.
 MOST = 200  # Largest number of columns, and of posts along a side.
-SOLE = 0.03  # Height of a closed surface's supported vertices, divided by the surface's height.
+SOLE = 0.03  # Largest height of a closed surface's supported vertices, divided by the surface's height.
 Kind = Literal["roof", "hung", "floor", "wall", "object"]
 
 

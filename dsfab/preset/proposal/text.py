@@ -1,4 +1,4 @@
-"""`ProposedValues`: the values of a proposed preset, and the text."""
+"""`ProposedValues`: the values of a proposed preset, and the preset's text."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence

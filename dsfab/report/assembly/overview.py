@@ -16,7 +16,7 @@ from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, RED, DrawingTran
 from dsfab.surface import simplified_line
 from dsfab.workshop import Layering, RefoldedStrip, WorkshopPlan, is_strip, layer_numbers, refolded_plan
 
-GRID_PER_MM = 8.0  # Grid cells for a millimetre of paper.
+GRID_PER_MM = 8.0  # Grid cells per millimetre of paper.
 
 
 def draw_cover(

@@ -13,7 +13,7 @@ from dsfab.report.pdf_pages import MM
 
 PAPER_WIDTH, PAPER_HEIGHT = 420.0, 297.0  # A3 paper, millimetres.
 MARGIN, HEAD, FOOT = 14.0, 26.0, 18.0  # Margins of a page, millimetres: at the sides, above, and below.
-SCALE_STEPS = (1.0, 2.0, 2.5, 5.0)  # Usual scales are 1:k, for these k times a power of ten.
+SCALE_STEPS = (1.0, 2.0, 2.5, 5.0)  # Usual scales are 1:k; k is one of these times a power of ten.
 Colour = tuple[float, float, float]
 
 

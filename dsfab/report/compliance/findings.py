@@ -121,8 +121,8 @@ class CheckLine:
 @dataclass(frozen=True, eq=False)
 class Findings:
     """Comparison of a design with other structures of the same mass (competitors).
-    Without `carries`, a design has no `judgement` and no `fields`.
-    volumes : further comparisons, by share of material.
+    If `carries` is False, there is no `judgement`, and there are no `fields`.
+    volumes : pairs of a share of material and a further comparison.
     share   : share of material if widths were scaled, or None."""
 
     compared: Comparison
@@ -223,7 +223,7 @@ class Findings:
         return f", {escaped_text(self.decisive_case(answer)[0])}" if len(self.judgement.cases) > 1 else ""
 
     def stiffness_ratio(self, rival: Competitor) -> tuple[float, float, float]:
-        """Return stiffness / a competitor's stiffness at equal mass: lower bound, estimate, upper bound."""
+        """Return the design's stiffness / a competitor's at equal mass: lower bound, estimate, upper bound."""
         assert rival.judgement is not None
         rival_bound, design_bound = rival.judgement.bound or 0.0, self.judgement.bound or 0.0
         middle = rival.compliance / self.design.compliance

@@ -138,7 +138,7 @@ def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
 
 
 def bay_values(design: Design) -> Floats:
-    """Return the utilisation (m,) of the nearest member at each cell of the members' sheet; NaN without a member."""
+    """Return the utilisation (m,) of the nearest bay at each cell of the members' sheet; NaN without a bay."""
     graph, utilisation = design.members, design.member_utilisation
     value, samples = np.full(graph.sheet.surface.m, -np.inf), 8  # eight points along a bay
     for name in dict.fromkeys(utilisation.bays.member):

@@ -234,7 +234,7 @@ class Contacts:
 
     def islands(self, before: Bools, gone: Bools, stays: Bools) -> Bools:
         """Return a mask (p,) of parts that a removal cuts off from surface edges, anchors, and parts in `stays` (p,).
-        before, gone : (p,) masks of removed parts."""
+        before, gone : (p,) masks of removed parts, before and after this removal."""
         return self._has_ground(before, stays) & ~self._has_ground(gone, stays) & ~gone
 
     def _has_ground(self, gone: Bools, stays: Bools) -> Bools:

@@ -113,7 +113,7 @@ class Walls:
 
     @cached_property
     def void_normals(self) -> Floats:
-        """(n', 3) sum of the normals of the void cells around each vertex, by area."""
+        """(n', 3) sum of the normals of the void cells around each vertex, weighted by area."""
         cells = np.flatnonzero(self.void)
         vector = (self.surface.normals * self.surface.areas[:, None])[cells]
         return group_sums(self.surface.F[cells].ravel(), np.repeat(vector, 3, axis=0), self.surface.n)

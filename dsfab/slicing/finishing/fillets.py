@@ -22,7 +22,8 @@ from dsfab.slicing.finishing.point_contacts import pinched_vertices
 class DiscStops:
     """Places (p,) where a rolling disc stops, because it touches two walls of a flat opening.
     middle : (p, 2) centre of the disc, metres.    before, behind : (p, 2) unit vectors from the centre to the walls.
-    a, b   : (p,) the two walls.    share_a, share_b : (p,) positions of the contacts on the walls, 0 to 1."""
+    a, b   : (p,) the two walls, as indices into `FlatOpenings.wall`.
+    share_a, share_b : (p,) positions of the contacts on the walls, 0 to 1."""
 
     middle: Floats
     before: Floats

@@ -23,7 +23,7 @@ SMOOTH = 1e-3  # Largest error of an outline after an offset, as a fraction of t
 
 @dataclass(frozen=True, eq=False)
 class FlatOpenings:
-    """The openings of a sheet, projected to planes.
+    """The enclosed openings of a sheet, each projected to its mean plane.
 
     wall  : (k,) walls (edges at openings) of the sheet.    chain : (k,) the chain of each wall, numbered from 0.
     after : (k,) the next wall in the chain, as an index into `wall`.
@@ -48,7 +48,7 @@ class FlatOpenings:
         return offset_shape(self.shape, -radius)
 
     def nearest_walls(self, points: Floats) -> tuple[Ints, Floats]:
-        """Return the walls nearest to points (p, 2), and the nearest positions (p,) on the walls, 0 to 1."""
+        """Return the walls (indices into `wall`) nearest to points (p, 2), and positions (p,) on the walls, 0 to 1."""
         nearest = self._nearest(points)
         start, finish = self.start[nearest.simplex], self.start[self.after[nearest.simplex]]
         size = np.maximum(np.linalg.norm(finish - start, axis=1), np.finfo(float).tiny)
@@ -64,7 +64,7 @@ class FlatOpenings:
 
 @derived
 def flat_openings_of(sheet: Sheet) -> FlatOpenings:
-    """Return the openings of a sheet, side by side in a plane."""
+    """Return the enclosed openings of a sheet, side by side in a plane."""
     walls, void, (count, label) = sheet.walls, sheet.void_part, sheet.void_part.surface.pieces
     opening = np.empty(sheet.surface.m, dtype=np.int64)
     opening[void.cells] = label

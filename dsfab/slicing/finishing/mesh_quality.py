@@ -51,7 +51,7 @@ GAIN = 1.01
 @dataclass(frozen=True, eq=False)
 class CellMesh:
     """A cut sheet during its improvement, and the surface `uncut` before the cut.
-    strayed        : (n',) largest possible move of stripe edges at each vertex, metres.
+    strayed        : (n',) upper limit of the moves of stripe edges at each vertex so far, metres.
     smallest_angle : (m',) the smallest angle of each cell, degrees.
     least_area     : minimum area of a cell, square metres."""
 

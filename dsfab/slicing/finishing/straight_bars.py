@@ -33,7 +33,7 @@ class FairBar:
 
     @classmethod
     def straight(cls, mesh: PolygonMesh, cells: Bools) -> Self | None:
-        """Return a straight bar that replaces polygons (c,), or None if they have no two square contacts."""
+        """Return a straight bar that replaces polygons (c,), or None without two contacts at right angles to it."""
         contacts = _contacts(mesh, cells)
         if len(contacts) != 2:
             return None

@@ -60,7 +60,7 @@ def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None
 
 
 def equal_row_groups(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
-    """Return the first row (g,) of each group of rows with equal keys (k,) and numbers (k, r), and the group (k,)."""
+    """Return the first row (g,) of each group of rows with equal keys (k,) and numbers (k, r), and each row's group."""
     order, begins, group_of = equal_key_groups(key)
     lead = order[begins][group_of]
     different = np.flatnonzero((rows != rows[lead]).any(axis=1))

@@ -40,7 +40,7 @@ class Bays:
 
     @cached_property
     def free(self) -> Floats:
-        """(b,) length of each part, metres; 0 for parts in other material."""
+        """(b,) length of each part, metres; 0 for parts in other members or material."""
         chart, face = self.middles.drawn, self.middles.face[self.piece]
         met = chart.inside(1 - self.middles.k, face, self.at) | chart.is_kept(face, self.at)
         return np.where(met, 0.0, self.length)
@@ -68,7 +68,7 @@ class Bays:
 
 
 def bays(middles: StripeMiddles) -> Bays:
-    """Divide the middle lines of a family where members of the second family cross."""
+    """Divide the middle lines of a family where they cross middle lines of the other family."""
     chart, face = middles.drawn, middles.face
     other_family = 1 - middles.k
     corner = chart.surface.F[face]

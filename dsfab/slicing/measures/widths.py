@@ -105,7 +105,7 @@ class Crossings:
 
     width  : (k,) shortest distance from a line's start to the opposite wall, metres.
     place  : (k, 3) the start, metres.    face : (k,) the triangle at the start.
-    weight : (k,) metres of wall for the line; 0 for lines not in the wall's middle.
+    weight : (k,) length of the wall at the start, metres; 0 for lines that do not start in its middle.
     walls  : (k, 2) numbers of the boundary edges at the line's ends."""
 
     width: Floats

@@ -148,7 +148,7 @@ class Structure:
 
     @cached_property
     def material(self) -> Sheet:
-        """Return all cells with material, also loose pieces."""
+        """All cells with material, including loose pieces."""
         return self.cells.subset()
 
     @property
@@ -225,7 +225,7 @@ def area_share(task: ComparisonTask, layers: Sequence[Layer]) -> float:
 def striped_structure(
     task: ComparisonTask, preset: Preset, diffusion: DiffusionResult, even: EvenStripes | None = None
 ) -> Structure:
-    """Return a structure of area `task.area` with stripes along modes. even : stripes instead of modes."""
+    """Return a structure of area `task.area` with stripes along modes. even : evenly spaced stripes instead."""
     radius = preset.pattern.width.widths(np.sqrt(task.surface.area)).radius
     task = replace(task, diffusion=diffusion)
     return widened_structure(task, preset, drawable_families(preset, task.stressed_surface, radius, even=even))
@@ -338,7 +338,7 @@ def scaled_field(surface: Surface, value: Floats) -> Floats:
 
 
 def principal_axes(task: ComparisonTask) -> Floats:
-    """Return two unit vectors (2, 3) in which the surface is longest."""
+    """Return two unit vectors (2, 3), the directions in which the surface is longest."""
     surface, load = task.surface, task.statics.load
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()

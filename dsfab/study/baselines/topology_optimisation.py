@@ -64,7 +64,7 @@ class Simp:
             )
 
     def filter_radius(self, surface: Surface) -> float:
-        """Return the radius of the filter, metres."""
+        """Return the radius of the filter, metres; if `radius` is 0, from the size of the surface."""
         return self.radius or max(0.03 * float(np.sqrt(surface.area)), 1.1 * surface.mean_edge)
 
     @property

@@ -269,7 +269,8 @@ class SupportPoints:
         return csr_array(sum(parts, start=csr_array((3 * len(places), self.model.K.shape[0]))))
 
     def rotation(self, edges: Bools) -> csr_array:
-        """Return the matrix (r, N) from N unknowns to rotations about marked edges, at r points."""
+        """Return the matrix (r, N) from N unknowns to rotations about marked edges, at r points.
+        A rotation is a difference of two displacements, metres."""
         places, normals, along = self.samples(edges)
         across = np.cross(along, normals)
         across /= np.linalg.norm(across, axis=1, keepdims=True)

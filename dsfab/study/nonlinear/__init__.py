@@ -12,7 +12,7 @@ from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
 CANDIDATE, JUMP = 10.0, 5.0
-"""Least displacement per load of a snap-through / that of the first (CANDIDATE) or previous step (JUMP)."""
+"""Least displacement per load of a snap-through / that of the first (CANDIDATE) and previous step (JUMP)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ def nonlinear_check(
     progress: Progress = silent,
     edge: float | None = None,
 ) -> NonlinearCheck:
-    """Find the load factor at which a design's cut sheet fails with large displacements.
+    """Find the load factor at which a design's cut sheet fails, computed with large displacements.
     case         : case or combination; default: the first combination, or else the first case.
     imperfection : metres; default: a 300th of the longest side.    minutes : time limit of each run of CalculiX.
     edge         : smallest edge length (m) of the mesh; 0 for the mesh of the design.

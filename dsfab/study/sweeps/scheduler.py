@@ -89,7 +89,7 @@ class Rows:
         self.leave(worker)
 
     def leave(self, worker: str) -> None:
-        """Remove a worker, and keep the runs in its queue."""
+        """Remove a worker, and free the runs in its queue."""
         self._free.extend(self._rows.pop(worker, []))
 
     def _take_share(self) -> list[int]:

@@ -105,7 +105,7 @@ class CaseVerdict:
     value  : compliance, J; nan if nothing was solved.
     bound  : largest error of the value, divided by the value; inf if unknown.
     status : fail if the sheet does not carry the loads; pass if the bound is at most `CONVERGED`; else unknown.
-    spread : relative difference of the compliance between two kinds of elements.
+    spread : compliance by midedge elements / compliance by hhj elements, minus 1, on the first mesh.
     zz_membrane, zz_bending : energies of stress errors, divided by the compliance.
     theory : fraction by which a solid may be softer than this thin sheet."""
 
@@ -128,7 +128,7 @@ class Verdict:
     cases      : verdicts by case; the first case governs.
     levels     : results on each mesh, coarse to fine.
     dropped    : pieces of material that reach no support, largest first.
-    per_member : mean width of members divided by the mean edge; inf for a sheet without openings.
+    per_member : mean width of members divided by the mean edge; inf for a sheet without a border.
     facets     : median of L^2 / (R h): edge length L, radius of curvature R, thickness h."""
 
     depth: Depth

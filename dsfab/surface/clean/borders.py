@@ -109,6 +109,7 @@ def _flat_ears(V: Floats, F: Ints, touched: Ints, line: Ints) -> Bools:
 
 def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
     """Return the triangles (k - 2, 3) that fill the outline P (k, 3) with the least area, or None.
+    The triangles follow the direction of the outline.
     joined : (k, k) pairs of points that already have an edge in the mesh."""
     k = len(P)
     if k == 3:

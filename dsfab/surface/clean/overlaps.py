@@ -277,7 +277,7 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
 
 
 def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) -> Floats:
-    """Return the translation (3,) between two parts, or (0,) if no translation fits [Chen and Medioni 1992]."""
+    """Return the translation (3,) from the first to the second part; (0,) if none fits [Chen and Medioni 1992]."""
     P, n = V[first_part].mean(axis=1), area_vectors(V, first_part)
     area = lengths(n)
     n /= np.maximum(area, 1e-300)[:, None]
@@ -369,7 +369,7 @@ def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
 
 def single_sheets(V: Floats, F: Ints, metres: float) -> tuple[Floats, Ints, tuple[str, ...]]:
     """Return the mesh V (n, 3), F (m, 3) without second copies and slabs (thin solids), and a text for each repair.
-    metres : the mesh's unit."""
+    metres : length of the mesh's unit in metres."""
     doubled = [pair for pair in parallel_parts(V, F) if pair.kind != "apart"]
     stays: Bools = np.ones(len(F), dtype=bool)
     V = V.copy() if doubled else V

@@ -85,7 +85,7 @@ def sound_faces(V: Floats, F: Ints) -> MendedMesh:
 
 
 def single_sheet(mesh: MendedMesh, metres: float) -> MendedMesh:
-    """Return the mesh with one copy of each sheet. metres : the mesh's unit."""
+    """Return the mesh with one copy of each sheet. metres : length of its unit in metres."""
     V, F, texts = single_sheets(mesh.V, mesh.F, metres)
     return _compact(MendedMesh(V, F, (*mesh.repairs, *texts))) if texts else mesh
 

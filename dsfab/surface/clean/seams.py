@@ -123,7 +123,7 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
 
 def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     """Return pairs of a boundary edge (row of `ends`) and a near boundary vertex, (k,) and (k,).
-    ends   : (b, 2) vertices of each boundary edge.    within : largest distance; larger for long edges."""
+    ends   : (b, 2) vertices of each boundary edge.    within : largest distance, except at long edges."""
     a, b = V[ends].transpose(1, 0, 2)
     border, loops = np.unique(ends), (np.bincount(ends.ravel())[ends] == 2).all()
     long = lengths(b - a)

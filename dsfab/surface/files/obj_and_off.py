@@ -125,7 +125,7 @@ def _add_vertex(V: "array[float]", words: list[str], line: str) -> None:
         raise ValueError
     V.extend(map(float, words[1:4]))
     if len(words) > 4:
-        list(map(float, words[4:]))  # raises ValueError
+        list(map(float, words[4:]))  # ValueError for words that are no numbers
 
 
 def _add_face(corners: "array[int]", sizes: "array[int]", words: list[str], count: int) -> None:

@@ -78,7 +78,7 @@ def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, start
 MOST_CORNERS_FOR_EARS = 12  # Most corners for ear clipping.
 MANY = 2000  # Most corners for earcut.
 NOISE = 32 * float(np.finfo(np.float64).eps)
-"""Distance of a straight corner from the line through its neighbours, divided by the largest coordinate."""
+"""Largest distance of a straight corner from the line through its neighbours, divided by the largest coordinate."""
 ORDER = cdt.VertexInsertionOrder.AUTO
 TOGETHER = 1 << 12  # Number of polygons cut together.
 

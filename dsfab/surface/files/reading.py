@@ -233,7 +233,7 @@ class FileRecord:
 
     @property
     def other_words(self) -> str:
-        """Words for all other content: '2 curves, 1 point'."""
+        """Words for ignored content that is no part of a surface: '2 curves, 1 point'."""
         return ", ".join(thing.text for thing in self.content if thing.fate == "beside")
 
     @property
@@ -276,7 +276,7 @@ class TriangleFile:
 
 
 def declared_unit(word: str) -> str | None:
-    """Return the unit that a word such as 'Yards' names; None for "no unit"."""
+    """Return the unit that a word such as 'Yards' names; None for "no unit". Unknown words stay, in lower case."""
     lower = word.lower()
     return None if lower in ("none", "unset", "unitless") else UNIT_WORDS.get(lower, lower)
 

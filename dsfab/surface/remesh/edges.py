@@ -389,7 +389,7 @@ def without_rim_slivers(surface: Surface, smooth: bool = False) -> Surface:
 
 
 def _low_border_faces(surface: Surface, ratio: float) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return low border faces (c,), lowest first, and vertices of the border edge (c,), (c,) and beyond (c,)."""
+    """Return low border faces (c,), lowest first, both ends (c,), (c,) of border edges, and third corners (c,)."""
     V, F, edges = surface.V, surface.F, surface.edges
     bare = edges.boundary[edges.of].reshape(-1, 3)
     side = bare.argmax(axis=1)

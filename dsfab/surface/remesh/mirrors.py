@@ -32,7 +32,7 @@ def centroid(surface: Surface) -> Floats:
 
 
 def round_axis(surface: Surface, axes: Floats) -> Floats | None:
-    """Return the first of `axes` (3, 3) around which the surface is nearly round, or None."""
+    """Return the first of `axes` (3, 3) with nearly equal second moments along both others, or None."""
     x = surface.centroids - centroid(surface)
     inertia = [float(surface.areas @ (x @ axis) ** 2) for axis in axes]
     for k in range(3):

@@ -66,7 +66,7 @@ def check_density(area: float, edge: float) -> None:
 
 def pieces_of(length: float, edge: float, multiple: int = 1, least: int = 1) -> int:
     """Return the number of parts, about `edge` long, into which to divide a length.
-    multiple : factor of this number.    least : least number."""
+    multiple : divisor of this number.    least : least number."""
     return max(least, multiple * round(length / (edge * multiple)))
 
 

@@ -170,7 +170,7 @@ def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
 
 
 def boxes_with_simple_rims(layer: OffsetLayer, boxes: Boxes, accepted: Bools, error: float) -> Bools:
-    """Return a mask (k,) of the `accepted` boxes whose rim goes exactly once around the cylinder."""
+    """Return a mask (k,) of the `accepted` boxes around whose cylinder the rim of the block goes exactly once."""
     uncut = layer.uncut
     thick = lengths(layer.D) * (1 + abs(layer.shift)) + error
     accepted, turns = accepted.copy(), np.zeros(len(boxes.axis), dtype=np.int64)

@@ -58,7 +58,7 @@ class Leg:
 class Footing:
     """Supports of a structure on the ground.
     supports : (q, 3) supported points, metres.    up : (3,) upward unit vector.
-    reach    : largest distance of a node from its support, metres, without 0.75 member widths.
+    reach    : metres; a node stands on a support closer than `reach` plus 0.75 member widths.
     anchor   : diameter of the anchors, metres."""
 
     supports: Floats

@@ -89,7 +89,7 @@ class Slot:
 
 @dataclass
 class PlankCrossings:
-    """Crossings with slots, and names of nodes too sharp for slots."""
+    """Crossings with slots, and names of nodes with an angle too sharp for slots."""
 
     crossings: list[Crossing] = field(default_factory=list)
     sharp_nodes: list[str] = field(default_factory=list)

@@ -148,7 +148,7 @@ def simplified_part(part: Part, tolerance: float) -> Part:
 
 
 def _require_hope(simple: Part) -> None:
-    hopeless = 1.2  # allowed excess of faces in a try
+    hopeless = 1.2  # largest number of faces in a try / allowed number
     if 0 < hopeless * simple.step_faces < len(simple.F):
         shape = polyhedron(simple.V, simple.F, np.zeros(len(simple.F), dtype=np.int64))
         if len(shape.normals) > hopeless * simple.step_faces:

@@ -16,7 +16,7 @@ from dsfab.surface.topology import boundary_loops, edge_table, pieces
 
 SAME_PLACE = 1e-3  # points at a smaller distance (mm) are in one place
 WIDTH_SHARE = 0.1  # largest tolerance of a loop, as a fraction of area / length
-GAP_SHARE = 0.25  # largest tolerance of a loop, as a fraction of the distance from all further loops
+GAP_SHARE = 0.25  # largest tolerance of a loop, as a fraction of the distance from other loops
 
 
 class NotFlatError(ExportError):
@@ -125,7 +125,7 @@ def plate(outlines: FlatOutlines, corners: Floats, tolerance: float) -> FlatPlat
 
 
 def gaps_between(loops: list[Floats], tolerance: float, least: float = 0.0) -> list[float]:
-    """Return for each loop (k, 2) a lower bound (mm) of the distance to the next loop; inf if no loop is near.
+    """Return for each loop (k, 2) a lower bound (mm) of the distance from other loops; inf if they are far.
     tolerance : mm.    least : smallest bound, mm. Raises ExportError if outlines touch and `least` is 0."""
     gaps, reach_limit = [np.inf] * len(loops), tolerance / GAP_SHARE
     spacing, remaining = 8 * reach_limit, list(range(len(loops)))

@@ -250,7 +250,7 @@ def _long_edges(
 
 
 def _loop_areas(V: Floats, begin: Ints, start: Ints, face_of_loop: Ints, normals: Floats) -> Floats:
-    """Return twice the area (l,) inside each loop, negative if clockwise."""
+    """Return twice the area (l,) inside each loop, negative if clockwise; 0 for a face's only loop."""
     around = np.zeros(len(face_of_loop))
     many = np.flatnonzero(np.bincount(face_of_loop)[face_of_loop] > 1)
     if len(many):

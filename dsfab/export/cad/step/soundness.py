@@ -107,7 +107,7 @@ def _redraw(
 
 
 def _same_topology(coarse: StepTriangles, fine: StepTriangles) -> bool:
-    """Return True if `fine` is closed, oriented, and has the Euler number of `coarse`."""
+    """Return True if `fine` is an oriented manifold with the Euler number of the same faces in `coarse`."""
     selected = np.isin(coarse.face, fine.face)
     edges = edge_table(fine.F)
     crowded = (edges.count > 2).any() or len(duplicate_faces(fine.F))

@@ -21,7 +21,7 @@ TOUCHING_SHARE = 1 / 400  # parts of an outline touch if distance / thickness is
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
     """Return numbers of the chains (rows of mesh edges) around a region that cross or nearly touch.
-    distance : mm."""
+    distance : largest distance (mm) of chains that nearly touch."""
     finest = 12
     segments = 600
     steps = [step for loop in net.loops[region] for step in loop]
@@ -72,7 +72,7 @@ def crossing_segments(lines: list[Floats]) -> Bools:
 def without_crossings(
     net: ChainNet, curves: Mapping[int, ChainCurve], regions: Iterable[int], distance: float = 0.0
 ) -> ChainNet:
-    """Join each region whose outline crosses itself, or almost, to a neighbour. distance : mm."""
+    """Join each region to a neighbour if its outline crosses itself, or comes within `distance` (mm) of itself."""
     result = net
     for region in regions:
         for k in sorted(crossing_chains(net, curves, region, distance)):
@@ -84,7 +84,7 @@ def without_crossings(
 
 
 def without_chain(net: ChainNet, k: int) -> ChainNet:
-    """Join the regions left and right of chain k."""
+    """Join the regions left and right of chain k, unless a region has holes."""
     kept_region, joined_region = net.chains[k].left, net.chains[k].right
     if len(net.loops[kept_region]) + len(net.loops[joined_region]) > 2:
         return net

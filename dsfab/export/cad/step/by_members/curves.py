@@ -88,7 +88,7 @@ class SampledChain:
         return arc_lengths(self.middle)
 
     def direction(self, from_start: bool, reach: float) -> tuple[Floats, Floats]:
-        """Return the vector (3,) along a chain from the end, over `reach` mm, and the unit normal (3,)."""
+        """Return the vector (3,) along a chain from one end, over `reach` mm, and the unit normal (3,)."""
         if (from_start, reach) not in self._directions:
             x = min(reach / self.lengths[-1], 0.5)
             Q, target = self.Q[0 if from_start else -1], self.point(x if from_start else 1 - x)

@@ -362,7 +362,7 @@ class RegionQuads:
 
 
 def wanted_gap(thickness: float) -> float:
-    """Return the wanted gap (mm) between trimmed faces and their edges in a sheet."""
+    """Return the wanted gap (mm) between trimmed faces and their edges in a sheet of this thickness (mm)."""
     narrow_mm, thin_share = 0.01, 1 / 1500  # limits of a narrow gap
     return max(GAP_SHARE * thickness, min(narrow_mm, thin_share * thickness))
 

@@ -68,10 +68,10 @@ def _is_on(P: Floats, uv: Floats, poles: Floats) -> bool:
 
 
 FILLET_SHARE = 1 / 6  # radius of a fillet / thickness
-MARGIN = 0.1  # surface under a seam : extra extension / extension of the seam
+MARGIN = 0.1  # extra extension of the surface under a seam / extension of the seam
 
 LARGE_FILLET_SHARE = 1 / 8
-"""Radius of the largest valid fillet at the end of a wall's edge / thickness."""
+"""Radius of the largest valid fillet at a seam in line with a wall's edge / thickness."""
 
 TANGENT_GAP = 3e-5
 """Largest gap (mm) at the end of the largest fillet."""
@@ -254,7 +254,7 @@ def _polynomial_part(P: Floats, low: float, high: float) -> Floats:
 CLEAR_EDGE = 1 / 7  # radius of a fillet / thickness
 
 LONGEST_SHARE = 4.0
-"""Largest length of an edge at a corner / (thickness * tangent of half the bend)."""
+"""Largest length of an edge at a corner / (thickness * t). t : tangent of half the bend, at most 1."""
 
 DENSE = np.linspace(0, 1, 129)  # samples of an edge
 

@@ -242,7 +242,7 @@ def corner_tangents(model: NetModel) -> dict[int, float]:
 
 
 def filled_corners(model: NetModel) -> list[FilledCorner]:
-    """Return all corners that a fillet fills and where exactly one seam ends."""
+    """Return all corners that a fillet fills and where exactly one seam ends; [] for a one-sided surface."""
     straight_cosine = np.cos(0.01)  # OCCT 8.0 accepts a bend of 0.01 radians
     if model.seam:
         return []

@@ -32,7 +32,7 @@ REACH_SHARE = 3 / 4  # length over which a chain's direction is measured, as a f
 
 @dataclass(frozen=True, eq=False)
 class Quad:
-    """Region with four sides, in order, with the region on the left."""
+    """Region with four sides, in order around it. Each side has the region on the left."""
 
     region: int
     sides: tuple[ChainLoop, ChainLoop, ChainLoop, ChainLoop]
@@ -109,7 +109,7 @@ class SideStations:
         return along * up
 
     def grid(self, quad: Quad) -> SideGrid:
-        """Return the sides of a region, divided at stations."""
+        """Return the sides of a region, divided at stations. Adds missing stations to `stops`."""
         bottom_side, right_side, top_side, left_side = (self._side(steps) for steps in quad.sides)
         below, above = self._divide_sides(bottom_side, top_side.backwards())
         before, after = self._divide_sides(left_side.backwards(), right_side)

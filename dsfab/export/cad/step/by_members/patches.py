@@ -85,7 +85,7 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Return the largest `beyond_mesh` (mm) at samples of surfaces (poles and axes); -inf if None.
+    """Return the largest `beyond_mesh` (mm) at samples of surfaces (poles and axes); -inf if `beyond_mesh` is None.
     lines : for each outline, points (., 3) on each surface."""
     if beyond_mesh is None:
         return -np.inf

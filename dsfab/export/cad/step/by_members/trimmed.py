@@ -154,7 +154,8 @@ class TrimmedFace:
 def trimmed_face(
     model: NetModel, loops: list[ChainLoop], points: Floats, limits: FaceLimits, part: bool = False
 ) -> TrimmedFace:
-    """Return a trimmed face on each skin of a region. Raises ExportError if a single surface cannot fit.
+    """Return the trimmed face of a region, with one surface on each skin.
+    Raises ExportError if a single surface cannot fit.
     points : (k, 6).    part : True if the points may lie outside of the region."""
     lines = [loop_samples(model, loop) for loop in loops]
     edges = np.concatenate(lines)

@@ -81,7 +81,7 @@ class SplinePatch:
 SMOOTHING = 1e-5  # weight of second differences of the poles in the fit
 FEWEST_POLES, MOST_POLES = 6, 48  # smallest and largest number of poles of a fit in one direction
 FEW_POLES = 24  # largest number of poles in one direction before a chart is divided
-FIRST_POLES = 8.0  # poles of the first attempt in each direction
+FIRST_POLES = 8.0  # poles of the first attempt, geometric mean of both directions
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,7 @@ def fitted_surface(
     """Fit a surface with few poles to both skins.
     uv, Q       : (k, 2) points in a plane, and (k, 6) points on upper and lower skin, mm.
     inside      : (k,) True for points to which the tolerance (mm) applies.    weight : (k,) weights in the fit.
-    first_poles, most_poles : number of poles in each direction, at the start and at most."""
+    first_poles : poles at the start, geometric mean of both directions.    most_poles : most poles in a direction."""
     points_per_pole = 2.5
     extent = np.ptp(uv, axis=0)
     aspect = np.sqrt(np.clip(extent[0] / extent[1], 0.1, 10.0))
@@ -288,7 +288,7 @@ class SkinChart:
     """Plane of a chart (part of the sheet), and both skins as surfaces over the plane, millimetres.
     origin, axes : (3,) point of the plane, and (3, 3) axes: two axes in the plane, and its normal.
     upper, lower, middle : surfaces of both skins, and the surface half way between them.
-    steepest     : cosine of the angle between face and plane, without the steepest 1 % of the faces.
+    steepest     : smallest cosine of the angle between face and plane, without the steepest 1 % of the faces.
     off          : largest distance of the skins from the inner points to which they were fitted."""
 
     origin: Floats

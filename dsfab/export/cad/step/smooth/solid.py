@@ -356,7 +356,7 @@ def file_text(part: Part, which: list[tuple[SmoothModel, int]], rest: Part | Non
 
 
 def rest_of(part: Part, F: Ints) -> Part:
-    """Return a part with only the triangles F (m, 3), which no smooth piece replaces."""
+    """Return a part with only the triangles F (m, 3), which no smooth piece replaces; simplified if possible."""
     used, local = np.unique(F, return_inverse=True)
     remainder = replace(part, V=part.V[used], F=local.reshape(F.shape))
     try:

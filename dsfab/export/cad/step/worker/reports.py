@@ -111,7 +111,7 @@ def findings(
     limit: float,
     on_triangles: Callable[[StepMesh], None] | None = None,
 ) -> list[OcctFinding]:
-    """Return findings about each solid of a STEP file `text`; [] if OCCT fails. limit : seconds.
+    """Return findings about each solid of a STEP file `text`; [] if OCCT fails or takes over `limit` seconds.
     deflection   : largest distance of the triangles from the solid, mm.
     on_triangles : function of all triangles; with this function, the findings contain no triangles."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:

@@ -15,7 +15,8 @@ DEFLECTION_SHARE = 1e-4  # default deflection, as a fraction of the diagonal of 
 
 
 def write_triangles(path: Path, folder: Path, deflection: float = 0.0, faces: str = "") -> dict[str, Any]:
-    """Write `mesh.npz` and `shape.bin` of a STEP or `.bin` file to a folder. faces : `.npy` file with numbers of faces.
+    """Write `mesh.npz` of a STEP or `.bin` file to a folder, and `shape.bin` of a STEP file.
+    faces : `.npy` file with numbers of faces; all faces by default.
     Return the number of solids and the deflection. Raises ValueError."""
     shape = read(path)
     if path.suffix != ".bin":

@@ -37,7 +37,7 @@ def volume(solid: Any) -> float:
 
 
 def _cone(face: Any, about: Any) -> float:
-    """Return the volume (mm3) between a face and a point, positive behind the face."""
+    """Return the volume (mm3) between a face and a point, positive if the point is behind the face."""
     from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Vinert
     from OCP.TopAbs import TopAbs_Orientation
     from OCP.TopoDS import TopoDS
