@@ -1,11 +1,11 @@
-"""dsfab: Diffusion Structures, from a surface, its supports and its loads to a file that a fabricator opens.
+"""dsfab: structures that follow the stress on a surface.
 
     preset = dsfab.load_preset("dome", {"surface.edge": 0.6})   # a shipped preset, or your TOML file
     design = dsfab.run(preset)                                   # runs all stages; a notebook shows a picture
     design.write("dome.step")                                    # one file: step, stl, 3mf, dxf, ...
     design.save("outputs/dome")                                  # all files that `dsfab build` writes
 
-    dsfab.revise(design, preset)      the design of a changed preset; unchanged stages keep their results
+    dsfab.revise(design, preset)      the design of a changed preset
     dsfab.sized_design(preset)        the design with the thinnest sufficient sheet from the material's stock
     dsfab.sweep(preset, ...)          many designs, with measures of each
     dsfab.compare(design)             compares the design with other designs of the same mass
@@ -20,7 +20,7 @@
     )
     dsfab.Surface.of(mesh, "mm")      for a mesh in another unit;  dsfab.read_surface("roof.obj", "mm")
 
-dsfab imports heavy libraries only where it uses them, so `import dsfab` and `dsfab --help` are quick."""
+dsfab imports heavy libraries at their first use."""
 
 import os
 from importlib import import_module
@@ -32,7 +32,7 @@ try:
 except PackageNotFoundError:  # the files were copied without an installation
     __version__ = "0+unknown"
 
-# Threads of OpenBLAS sleep after 2^20 cycles, because the default of 2^26 cycles keeps cores busy for 20 ms.
+# Threads of OpenBLAS sleep after 2^20 cycles; the default of 2^26 cycles keeps cores busy for 20 ms.
 # OpenBLAS reads this variable when numpy is first imported.
 os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "20")
 
@@ -59,7 +59,7 @@ _HOME = {
     }.items()
     for name in names.split()
 }
-"""Module of each public name; dsfab imports the module at the first use of the name."""
+"""Module of each public name."""
 
 __all__ = sorted(_HOME)
 

@@ -1,4 +1,4 @@
-"""`python -m dsfab` runs the command line, also if the script `dsfab` is not on the path."""
+"""Run the command line with `python -m dsfab`."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Results of the stages of a design, as frozen values (see `dsfab.design.Design`), and the log of a run."""
+"""Results of the stages of a design, and the log of a run."""
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -22,9 +22,8 @@ from dsfab.surface.fields import CornerField, DividedField
 class CaseResult:
     """Load, equilibrium and stress of a load case or a combination.
     sigma   : (m, 3, 3) stress, Pa, of the middle surface; of the lower side for a flat sheet that only bends.
-    answers : further results of the sheet, which may come from other finite elements.
     factors : factors of the cases in a combination; None for a case.
-    layered : (m, 3, 3) stress of all layers (`layer_stress`), Pa; None if stripes follow `sigma` instead."""
+    layered : (m, 3, 3) stress of all layers, Pa; None if stripes follow `sigma`."""
 
     load: LoadCase
     equilibrium: Equilibrium
@@ -41,9 +40,9 @@ class CaseResult:
 
 @dataclass(frozen=True, eq=False)
 class StaticsResult:
-    """Results of stage 2 on the uncut surface; `load`, `equilibrium`, `sigma` and `answers` are for all cases together.
+    """Results of stage 2 on the uncut surface, for all cases together.
     sigma      : (m, 3, 3) stress, Pa.    cases : load cases by name, then the combinations.
-    objections : reasons against building, in sentences, the most serious first (`dsfab.design.buildability`)."""
+    objections : reasons against building, in sentences, the most serious first."""
 
     load: LoadCase
     equilibrium: Equilibrium
@@ -59,7 +58,7 @@ class StaticsResult:
 
 @dataclass(frozen=True, eq=False)
 class DiffusionResult:
-    """Stage 3: the diffusion tensors, and the modes of the major and of the minor stripes."""
+    """Results of stage 3: diffusion tensors, and modes of the major and of the minor stripes."""
 
     tensors: DiffusionTensors
     major: Modes
@@ -68,11 +67,11 @@ class DiffusionResult:
 
 @dataclass(frozen=True, eq=False)
 class StripeSteering:
-    """Changes of the stripes' directions by the preset's guide curves or symmetry.
+    """Changes of the stripes' directions by guide curves or symmetry.
     along  : (m,) squared cosine of the angle between the major stripes and the first principal stress.
-    guided : (m,) weight of guide curves. Weight 1 equals the weight of a principal direction with confidence 1.
+    guided : (m,) weight of guide curves.
     over   : (m,) True if major stripes follow the second principal stress.
-    told   : sentence for the user on these directions, or ''."""
+    told   : sentence for the user, or ''."""
 
     along: Floats
     guided: Floats
@@ -82,15 +81,12 @@ class StripeSteering:
 
 @dataclass(frozen=True, eq=False)
 class EvenStripes:
-    """Lines of evenly spaced stripes, major (family 0) and minor (family 1). An unused family has no phase.
-    Halving removes every second line of a family where its lines lie too close together, once or more.
+    """Lines of evenly spaced stripes, major (family 0) and minor (family 1).
     phases  : for each family, a phase that is a whole number on every line before halving.
     wanted  : wanted[i][k], (m,), is the share of each face where lines of family i are halved at most k times.
     slope   : (n, 2) lines per metre before halving.    density : (n, 2) lines per metre after halving.
     first   : the family, 0 or 1, that is halved first.
-    chart   : surface divided at ends of lines, with both phases, for pictures and measures.
-    symmetry : reflections and rotations that leave the stripes unchanged, or None.
-    steered  : changes of the stripes' directions by guides or symmetry, or None.
+    chart   : surface divided at ends of lines.
     forces   : (m, 2) principal stresses that the stripes follow, Pa; None for stresses of the uncut sheet."""
 
     phases: tuple[CornerPhase, CornerPhase]
@@ -106,11 +102,10 @@ class EvenStripes:
 
 class Candidate(NamedTuple):
     """A trial for preset values that are `auto`: modes and phases of the major and of the minor stripes.
-    compliance : joules, on the mesh of the trial's cut sheet; infinite for a refused trial.
-    over_uncut : compliance divided by that of the uncut sheet.
-    kept       : share of the surface that is material, loose pieces included.
+    compliance : joules; infinite for a refused trial.    over_uncut : compliance / that of the uncut sheet.
+    kept       : share of the surface that is material.
     whole      : share of the material in the largest supported piece.
-    pieces     : number of pieces of material.    refused : reason to refuse the trial, or ''."""
+    refused    : reason to refuse the trial, or ''."""
 
     mode: tuple[int, int]
     phase: tuple[float, float]
@@ -124,7 +119,7 @@ class Candidate(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The candidates for modes and phases that the preset leaves to dsfab (`auto`), best first. The first is used."""
+    """The candidates for modes and phases that the preset leaves to dsfab, best first."""
 
     candidates: tuple[Candidate, ...]
 
@@ -139,7 +134,7 @@ class Choice:
 
 @dataclass(frozen=True, eq=False)
 class StressedSurface:
-    """Input for a pattern: a surface, its statics, and the diffusion modes that are computed from its stresses."""
+    """A surface, its statics, and its diffusion modes."""
 
     surface: Surface
     statics: StaticsResult
@@ -153,13 +148,10 @@ class StressedSurface:
 
 class Attempt(NamedTuple):
     """A trial for the pattern method `auto`: a method and a width rule.
-    name       : names of the method and the rule, in plain words.
-    compliance : joules, on the mesh of the trial's cut sheet; infinite for a refused trial.
-    over_uncut : compliance divided by that of the uncut sheet.
-    kept       : share of the surface that is material, loose pieces included.
+    compliance : joules; infinite for a refused trial.    over_uncut : compliance / that of the uncut sheet.
+    kept       : share of the surface that is material.
     dead_ends  : number of members with a free end.    slits : number of narrow openings.
-    refused    : reason to refuse the trial, or ''.
-    plate      : number of filled openings that form a plate; 0 without pattern.crowding = "avoid"."""
+    refused    : reason to refuse the trial, or ''.    plate : number of filled openings."""
 
     name: str
     compliance: float = float("inf")
@@ -172,29 +164,25 @@ class Attempt(NamedTuple):
 
     @property
     def rank(self) -> tuple[bool, bool, bool, bool, float]:
-        """Sort key; the least is best: flags for refused, dead ends, plates (filled openings), slits; then softness.
-        Softness is compliance times share of material, rounded so that mirror images are equal."""
+        """Sort key; the least is best."""
         soft = float("inf") if self.refused else float(f"{self.compliance * self.kept:.3g}")
         return bool(self.refused), self.dead_ends > 0, self.plate > 0, self.slits > 0, soft
 
 
 @dataclass(frozen=True, eq=False)
 class PatternResult:
-    """Stage 4: named fields, linear on faces, and the values at which each field is cut (`dsfab.slicing.cutting.cut`).
-
+    """Results of stage 4: named fields, linear on faces, and the values at which each field is cut.
     fields      : (n,) values at vertices, or (n, 2) for stripes of varying width; a `CornerField` for evenly spaced
-                  stripes; a `DividedField` for kept regions. Of a family's fields, widely spaced lines come first.
+                  stripes; a `DividedField` for kept regions.
     levels      : values at which to cut each field. A point is material if an odd number of levels lie below its value.
-    half_widths : (n,) half-width of the stripes of each field, as a fraction of the distance between their middle
-                  lines; infinite for a field that is not a family of stripes.
-    factor      : factor on the widths, chosen to reach pattern.width.solid_fraction; 1 without this key.
-    frequency   : frequencies of the major and of the minor stripes, from `spacing` if the preset has it.
-    mode, phase : modes and phases of both families; for `auto` the results.
-    even        : lines of evenly spaced stripes; None for stripes that follow diffusion modes.
+    half_widths : (n,) half-width of the stripes of each field, in distances between middle lines; infinite for other
+                  fields.
+    factor      : factor on the widths.
+    frequency, mode, phase : of the major and of the minor stripes.
+    even        : evenly spaced stripes; None for stripes that follow diffusion modes.
     asked       : the preset's section [pattern] with results in place of `auto`; None if no value is `auto`.
-    choice      : trials for `auto`, or None.    tidy : rules by which finishing removes stripes, or None.
-    attempts    : trials for the method `auto`, best first; empty for another method.
-    trial       : last cut that the search for widths made, which slicing continues; not pickled."""
+    choice, attempts : trials for `auto`, best first.    tidy : rules for the removal of stripes, or None.
+    trial       : last cut of the search for widths."""
 
     names: tuple[str, ...]
     fields: tuple[Floats | CornerField | DividedField, ...]
@@ -216,11 +204,11 @@ class PatternResult:
 
     @property
     def cut_inputs(self) -> tuple[tuple[Floats | CornerField | DividedField, ...], tuple[Floats, ...], Tidy | None]:
-        """Inputs of the cut: fields, levels, and rules for the removal of stripes."""
+        """Fields, levels, and rules for the removal of stripes."""
         return self.fields, self.levels, self.tidy
 
     def with_trial(self, trial: TrialCut | None) -> "PatternResult":
-        """Return this pattern with `trial`; this pattern unchanged if `trial` is no cut of its `cut_inputs`."""
+        """Return this pattern with `trial`; this pattern unchanged if the trial does not fit."""
         return replace(self, trial=trial) if trial and trial.is_cut_of(self.cut_inputs) else self
 
     def half_width(self, family: str) -> Floats:
@@ -234,7 +222,7 @@ class PatternResult:
 
 
 class Piece(NamedTuple):
-    """A connected part of the sheet: its area, m2, whether it has a support, and whether it has a concentrated load."""
+    """A connected part of the sheet: area, m2; True if supported; True under a concentrated load."""
 
     area: float
     held: bool
@@ -249,7 +237,7 @@ class FilledOpenings(NamedTuple):
 
     @property
     def message(self) -> str:
-        """A sentence on neighbouring filled openings, which form a plate (an area without openings)."""
+        """Sentence on neighbouring filled openings."""
         x, y, z = (np.round(self.place, 2) + 0.0).tolist()
         return (
             f"{self.openings} filled openings lie side by side around ({x:g}, {y:g}, {z:g}) m, where stripes come "
@@ -259,8 +247,8 @@ class FilledOpenings(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SlicingResult:
-    """Stage 5: all cells, the remaining sheet, its pieces (largest first), and the number of mended point contacts.
-    plate : filled openings that form a plate with a ragged edge, or None."""
+    """Results of stage 5: all cells, the remaining sheet, and its pieces (largest first).
+    pinches : number of mended contacts.    plate : filled openings that form a plate, or None."""
 
     cells: Sheet
     sheet: Sheet
@@ -294,7 +282,7 @@ def silent(_stage: str, _doing: str) -> None: ...
 
 @dataclass
 class Log:
-    """Progress, seconds and notes of a run. file : record of the surface file. clock : returns the time in seconds."""
+    """Progress, seconds and notes of a run. file : record of the surface file."""
 
     progress: Progress | None
     seconds: dict[str, float] = field(default_factory=dict)
@@ -316,7 +304,7 @@ class Log:
 
     @contextmanager
     def row(self, name: str) -> Iterator[None]:
-        """Add the seconds that the code in the `with` block takes to the entry `name` of `seconds`."""
+        """Add the seconds of the `with` block to the entry `name` of `seconds`."""
         start = self.clock()
         yield
         self.seconds[name] = self.seconds.get(name, 0.0) + self.clock() - start
@@ -325,18 +313,17 @@ class Log:
         self.notes.append(Note(stage, text))
 
     def add_stage(self, earlier: "Log", stage: str) -> None:
-        """Add the seconds and notes of a stage from the log of another design."""
+        """Add the seconds and notes of a stage from another log."""
         rows = (*ROWS[stage], *PARTS.get(stage, ()))
         self.seconds.update({row: earlier.seconds[row] for row in rows if row in earlier.seconds})
         self.notes.extend(note for note in earlier.notes if note.stage == stage)
 
     def of_stages(self, stages: Sequence[str], progress: Progress | None) -> "Log":
-        """Return a log with the seconds and notes of given stages, for a new design that reuses their results."""
+        """Return a log with the seconds and notes of given stages."""
         log = Log(progress, file=self.file if "surface" in stages else None)
         for stage in stages:
             log.add_stage(self, stage)
         return log
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out the progress callback, which cannot be pickled."""
         return {**vars(self), "progress": None}

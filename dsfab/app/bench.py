@@ -1,4 +1,4 @@
-"""The command `dsfab bench`: seconds and peak memory of presets. Each run has its own process."""
+"""The command `dsfab bench`: seconds and peak memory of presets."""
 
 import json
 import statistics
@@ -23,21 +23,20 @@ TIMING_COLUMNS = (
     *("membrane", "bending", "statics", "stress", "diffusion", "modes"),
     *("stripes", "slicing", "thickening", "export", "total"),
 )
-"""Columns of the table, in seconds: first the stages in the paper's Table 2, then further stages of dsfab.
-`stripes` is the time for the directions, densities and phases of evenly spaced stripes."""
+"""Columns of the table, in seconds; the first are those of the paper's Table 2."""
 
 SCALING = (10_000, 40_000, 100_000)  # Vertex counts of the meshes for `--scaling`.
 SCALING_STATICS = (*SCALING, 250_000, 500_000)  # Vertex counts for `--scaling` with `--stages statics`.
 
 STATICS_COLUMNS = ("assembly", "factor", "solve", "stress", "total", "cpu")
-"""Columns of `--stages statics`, in seconds. `solve` excludes the factorisation.
-`cpu` is the processor time of `total`, for comparisons on a busy machine."""
+"""Columns of `--stages statics`, in seconds. `solve` excludes the factorisation. `cpu` is the processor time of
+`total`."""
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Workload:
-    """Options of a benchmark: stages to time, and vertex counts of the meshes."""
+    """Options of a benchmark."""
 
     scaling: Annotated[
         bool,
@@ -52,7 +51,8 @@ class Workload:
     ] = "all"
 
     def sizes(self) -> tuple[int, ...]:
-        """Return the vertex counts to time; empty for the preset's own mesh. Raises DsfabError for an invalid list."""
+        """Return the vertex counts to time; empty for the preset's own mesh.
+        Raises DsfabError for an invalid list."""
         if self.vertices is None:
             return (SCALING_STATICS if self.stages == "statics" else SCALING) if self.scaling else ()
         try:
@@ -77,9 +77,7 @@ def bench(
     step: Annotated[bool, Switch(help="Include STEP in the export column.")] = False,
     json_: Annotated[bool, Switch(name="--json", help="Print a JSON list instead of a table.")] = False,
 ) -> int:
-    """Time presets stage by stage, with peak memory, as in Table 2 of the paper Diffusion Structures (2020).
-
-    Export writes and reads back the preset's formats, without STEP unless --step is set."""
+    """Time presets stage by stage, with peak memory, as in Table 2 of the paper Diffusion Structures (2020)."""
     if preview:
         return _bench_preview(presets, json_)
     sizes = work.sizes()
@@ -125,8 +123,7 @@ def _edge_overrides(name: str, source: Source, vertex_counts: tuple[int, ...]) -
 
 
 def measure(name: str, source: Source, step: bool) -> dict[str, Any]:
-    """Run all stages of a preset in this process; return seconds per stage, peak memory (MiB), and mesh sizes.
-    step : False to leave out a STEP file, even if the preset has this format. `export` is the time to write files."""
+    """Return the seconds of each stage of a preset, with peak memory (MiB) and mesh sizes."""
     from dsfab.design import run
     from dsfab.design.output.files import deliverable
     from dsfab.export import write
@@ -157,7 +154,7 @@ def measure(name: str, source: Source, step: bool) -> dict[str, Any]:
 
 
 def measure_statics(name: str, source: Source) -> dict[str, Any]:
-    """Run only the statics of a preset in this process; return seconds per part, peak memory (MiB), and mesh sizes."""
+    """Return the seconds of each part of the statics, with peak memory (MiB) and mesh sizes."""
     from dsfab.design import Log, statics_step, surface_step
 
     preset, log = source.read_preset(name), Log(None)

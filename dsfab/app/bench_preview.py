@@ -1,4 +1,4 @@
-"""The command `dsfab bench --preview`: drawn frames per second, on the graphics card and by the processor."""
+"""The command `dsfab bench --preview`, which measures drawn frames per second."""
 
 import json
 import os
@@ -27,11 +27,11 @@ SECONDS = 4.0  # Shortest duration of a measurement.
 KINDS = ("plain", "shader", "graded", "walls")  # Kinds of pictures, see `measure`.
 
 SOFTWARE = re.compile(r"llvmpipe|softpipe|swrast|swiftshader|software|gdi generic|basic render", re.IGNORECASE)
-"""Names of renderers that use the processor instead of a graphics card."""
+"""Names of renderers that use no graphics card."""
 
 
 def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
-    """Return a wavy torus of about this many triangles: V (n, 3), F (m, 3), and fields (n, 6) for a `StripeShader`."""
+    """Return a wavy torus of about this many triangles: V (n, 3), F (m, 3), and fields (n, 6) of stripes."""
     rows = max(round((triangles / 6) ** 0.5), 3)
     columns = 3 * rows
     i, j = np.meshgrid(np.arange(columns), np.arange(rows), indexing="ij")
@@ -47,10 +47,8 @@ def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
 
 
 def measure(triangles: int) -> dict[str, Any]:
-    """Draw a mesh of about this many triangles in this process; return frames per second and further values.
-    plain  : the mesh alone.
-    shader : the mesh with stripes whose settings change before each frame.
-    graded : stripes of varying width.    walls : stripes with the walls of the sheet.
+    """Draw a mesh of about this many triangles; return frames per second and further values.
+    plain : the mesh alone.    shader : with stripes.    graded : with stripes of varying width.    walls : with walls.
     over_clock, over_cpu : real time and processor time of a `shader` frame, divided by the time of a `plain` frame.
     change_ms : milliseconds to change the settings.    peak_mb : peak memory in MiB."""
     from dsfab.render.opengl import require_rendering
@@ -121,8 +119,7 @@ def _change_settings(stripes: "StripeShader", number: int, kind: str, eye: Float
 
 
 def frame_rates(sizes: tuple[int, ...] = SIZES) -> list[dict[str, Any]]:
-    """Return the results of `measure` for each triangle count in `sizes`, each from a process of its own.
-    On Linux with a graphics card, further results follow: the same meshes, drawn by the processor."""
+    """Return the results of `measure` for each triangle count in `sizes`."""
     rows = [_in_own_process(triangles, {}) for triangles in sizes]
     if rows and sys.platform.startswith("linux") and not SOFTWARE.search(rows[0]["renderer"]):
         rows += [_in_own_process(triangles, {"LIBGL_ALWAYS_SOFTWARE": "1"}) for triangles in sizes]
@@ -139,7 +136,7 @@ def _in_own_process(triangles: int, variables: dict[str, str]) -> dict[str, Any]
 
 
 def rates_table(rows: list[dict[str, Any]]) -> str:
-    """Return results of `measure` as a text table: a row for each result, with the renderer's name."""
+    """Return results of `measure` as a text table."""
     frames = tuple(f"{kind} fps" for kind in KINDS)
     head = ("triangles", *frames, "shader/plain", "by CPU", "change ms", "peak MiB", "drawn by")
     return table(

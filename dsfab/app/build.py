@@ -61,7 +61,7 @@ class PictureFlags:
             probe_ahead()
 
     def drawable(self, reporter: Reporter) -> "PictureFlags":
-        """Return these flags. If this machine cannot draw, print the reason and return flags without pictures."""
+        """Return these flags, without pictures if this machine cannot draw."""
         from dsfab.render.opengl import why_no_pictures
 
         why = why_no_pictures() if self.picture or self.marked else ""

@@ -1,4 +1,4 @@
-"""The printed page of `dsfab build`: the verdict first, then what to do, what to know, and what dsfab did."""
+"""The printed page of `dsfab build`."""
 
 import sys
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,14 +20,13 @@ if TYPE_CHECKING:
 LINES = 25  # Number of lines that a build prints by default, for a small terminal.
 
 USER_STAGES = ("surface", "statics")
-"""Stages whose notes a user should know: how dsfab understood the surface and the loads. Notes of later stages tell
-how dsfab made the structure buildable."""
+"""Stages whose notes a user should know."""
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Output:
-    """Options for the length of the printed output."""
+    """Options for the printed output."""
 
     quiet: Quiet = False
     verbose: Annotated[
@@ -46,14 +45,14 @@ class BuildPage:
         self._know: list[str] = []
 
     def print_lines(self, lines: Iterable[str]) -> None:
-        """Print lines on standard output, unless the build is quiet."""
+        """Print lines, unless the build is quiet."""
         for line in lines:
             if not self.output.quiet:
                 print_result(line)
             self._count += 1 + line.count("\n")
 
     def announcements(self, design: "Design", reporter: Reporter, picture: bool) -> "Announcements":
-        """Return functions that a build calls early: the first prints the verdict, the second the picture's path.
+        """Return functions that print the verdict and the path of the picture.
         picture : False if the build draws no picture."""
         from dsfab.report.design.save import Announcements
 
@@ -84,8 +83,7 @@ class BuildPage:
         sys.stdout.flush()
 
     def print_rest(self, design: "Design", folder: Path, saved: "SavedDesign", refused: Sequence[str]) -> None:
-        """Print reactions, notes and files, after the verdict; by default the whole page has at most `LINES` lines.
-        refused : a sentence for each file that is missing."""
+        """Print reactions, notes and files. refused : a sentence for each missing file."""
         from dsfab.render.design_picture import caption
         from dsfab.report.design.carrying import reaction_lines
         from dsfab.study import sizing_result

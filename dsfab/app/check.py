@@ -1,4 +1,4 @@
-"""The command `dsfab check`: read an exported file again and judge it."""
+"""The command `dsfab check`: check an exported file."""
 
 import json
 from collections.abc import Iterator
@@ -41,12 +41,12 @@ class Expected:
     set_: Set = ()
 
     def preset_name(self, file: Path) -> str | None:
-        """Return the preset's name on the command line, else the path of preset.toml beside `file`, else None."""
+        """Return the preset of the command line, else the path of preset.toml beside `file`, else None."""
         neighbour = file.parent / "preset.toml"
         return self.preset if self.preset is not None else str(neighbour) if neighbour.is_file() else None
 
     def read_preset(self, name: str) -> "Preset":
-        """Read a preset. name : shipped preset, path of a preset file, or folder that `dsfab build` wrote."""
+        """Read a preset. name : shipped preset, path of a preset file, or folder of a build."""
         folder = built_folder(name)
         return Source(self.set_).read_preset(str(folder / "preset.toml") if folder else name)
 
@@ -61,7 +61,7 @@ class Reading:
     density: Annotated[float, Parameter(help="Density for the mass, kg/m3 [the density in the preset].")] = 0.0
 
     def contents(self, file: Path, deflection: float) -> "FileContents":
-        """Read the solid in a file. deflection : largest distance (m) of triangles from curved faces of a STEP file."""
+        """Return the solid in a file. deflection : largest distance (m) of triangles from curved faces."""
         from dsfab.study.file_check import read_shipped
         from dsfab.surface import DEFAULT_TRIANGLES
 
@@ -119,7 +119,7 @@ def _read_file(
 
 
 def check_facts(checked: "FileCheck", preset: str | None = None) -> dict[str, Any]:
-    """Return results of a file check for JSON, in SI units; unmeasured values are None. preset : expected preset."""
+    """Return the results of a file check for JSON, in SI units; None for unknown values."""
     soundness, clearances = checked.soundness, checked.clearances
     return {
         "file": str(checked.path),
@@ -181,7 +181,7 @@ def _clearance_facts(clearance: "Clearance | None") -> dict[str, Any] | None:
 
 
 def check_lines(checked: "FileCheck", preset: str | None = None) -> Iterator[str]:
-    """Yield the results of a file check as lines of text, verdicts first. preset : name of the expected preset."""
+    """Yield the results of a file check as lines of text."""
     rows = [(QUESTIONS[f.name], f.verdict, _reason(f, checked)) for f in checked.findings]
     width = max(len(question) for question, _, _ in rows)
     yield f"{checked.path}, read by {checked.found.reader}" + (f", against {preset}" if preset else "")

@@ -1,4 +1,4 @@
-"""The command `dsfab check DESIGN --nonlinear`: CalculiX finds the load limit, with large displacements."""
+"""The command `dsfab check DESIGN --nonlinear`, which finds the load limit of a design by CalculiX."""
 
 import json
 from collections.abc import Iterator
@@ -49,14 +49,13 @@ LINEAR_FILE_CHECK = Nonlinear()  # Default options, with which `dsfab check` mak
 
 
 def check_nonlinear(name: str, source: Source, options: Nonlinear, as_json: bool, quiet: bool) -> int:
-    """Find the load limit of the design `name` and print the result.
-    Return the exit code: 5 if the design gives way under less than its loads, else 0."""
+    """Find the load limit of the design `name`, print the result, and return the exit code."""
     from dsfab.design import Design
     from dsfab.study import nonlinear_check, require_ccx
 
     require_ccx()
     preset, _ = preset_and_folder(name, source)
-    with Reporter(quiet or as_json) as reporter, signals_as_interrupts():  # a signal must also stop CalculiX
+    with Reporter(quiet or as_json) as reporter, signals_as_interrupts():
         design = built_design(name, preset) or Design.from_preset(preset, progress=reporter).until("slicing")
         result = nonlinear_check(
             design, options.case, options.imperfection, options.minutes, reporter, options.check_edge

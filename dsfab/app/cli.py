@@ -1,6 +1,4 @@
-"""The command line. Only this module prints errors and exits.
-
-Exit codes: see `dsfab.app.terminal.ExitCode`."""
+"""The command line: runs commands, prints errors, and returns exit codes."""
 
 import errno
 import gc
@@ -64,7 +62,7 @@ app.command("dsfab.app.bench:bench", name="bench", help="Time each stage of pres
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command that `arguments` give (default: sys.argv), print any error, and return the exit code."""
+    """Run the command in `arguments` (default: sys.argv), print any error, and return the exit code."""
     words = sys.argv[1:] if arguments is None else list(arguments)
     if arguments is None:  # fewer garbage collections, so that imports take a tenth less time
         gc.set_threshold(100_000, *gc.get_threshold()[1:])

@@ -39,7 +39,7 @@ HEAD = (
 
 
 def comparison_text(share: float | None, result: "Comparison") -> str:
-    """Return a table of the compared structures that carry the loads, with remarks below the table.
+    """Return a table of the compared structures as text.
     share : share of material (0 to 1), as a headline; None for no headline."""
     losing_words = losing_line(result.alternatives)
     lines = [sentence(losing_words)] if losing_words else []
@@ -118,7 +118,7 @@ ComparisonAtShare = tuple[float | None, "Comparison"]  # Share of material, None
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Questions:
-    """Options of a comparison: competitors, shares of material, and checks."""
+    """Options of a comparison."""
 
     against: Annotated[
         str | None,
@@ -151,7 +151,7 @@ class Questions:
 
     @property
     def area_shares(self) -> list[float]:
-        """Shares of material (0 to 1) to compare; '0.2:0.8:7' gives 7 shares. Raises DsfabError for another form."""
+        """Shares of material (0 to 1). Raises DsfabError if `volumes` is not LOW:HIGH:COUNT."""
         if self.volumes is None:
             return []
         try:
@@ -178,7 +178,7 @@ class Questions:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Results:
-    """Options for the results of a comparison: folder and files."""
+    """Options for the results of a comparison."""
 
     output: Annotated[
         Path | None,
@@ -190,21 +190,20 @@ class Results:
 
 @dataclass(frozen=True)
 class CompareTask:
-    """Options of a comparison: changes of the preset, questions, and whether to write a report."""
+    """Options of a comparison, and changes of the preset."""
 
     source: Source
     questions: Questions
     report: bool
 
     def command(self, preset: str) -> str:
-        """Return the command line that repeats the comparison, without the folder of the results."""
+        """Return the command line that repeats the comparison."""
         words = [*self.source.command_words(preset), *self.questions.words()]
         return shlex.join(["dsfab", "compare", *words, *([] if self.report else ["--no-report"])])
 
 
 def compare_one(preset: "Preset", task: CompareTask, folder: Path, name: str, quiet: bool, as_json: bool) -> int:
-    """Compare the design of a preset, write all files into `folder`, and print the result.
-    name : preset on the command line. If `name` is a built folder of this preset, the built design is used.
+    """Compare the design of a preset, and write all files into `folder`. name : preset on the command line.
     Return the exit code: 5 if the design does not carry its loads, else 0."""
     from dsfab.design import draft
 
@@ -301,21 +300,19 @@ def _print_results(comparisons: list[ComparisonAtShare], findings: "Findings | N
 FILES = ("summary.html", "summary.csv")
 
 SummaryRow = dict[str, Any]
-"""Row of the summary: `name`, `folder` and `error`. Without an error also results of the design, None if unknown:
-`verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `bound`, `ratio_to_full`, `seconds`.
-`NAME_ratio` is the compliance of a competitor, divided by the design's."""
+"""Row of the summary of comparisons: `name`, `folder`, `error`, and values of the design (None if unknown).
+`NAME_ratio` is the compliance of competitor NAME / that of the design."""
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Comparisons of several presets.
-    output : folder of the summary and of a subfolder per preset; None: outputs/compare and outputs/NAME/compliance."""
+    """Comparisons of several presets. output : folder of all results, or None."""
 
     task: CompareTask
     output: Path | None
 
     def run(self, presets: Sequence[str], resume: bool, quiet: bool, as_json: bool) -> int:
-        """Compare all presets and write the summary. An invalid preset does not stop the others.
+        """Compare all presets and write the summary.
         Return the exit code: 4 if a preset is invalid, else 5 if a design does not carry its loads, else 0."""
         reporter = Reporter(quiet or as_json)
         rows: list[SummaryRow] = []

@@ -1,4 +1,4 @@
-"""The command `dsfab explore`: pictures of many variants of a design, on a contact sheet or in a film."""
+"""The command `dsfab explore`: pictures of many variants of a design."""
 
 import shlex
 import time
@@ -39,8 +39,7 @@ UNCONFIRMED_VARIANTS = 200  # Largest number of variants without --yes.
 
 
 class Variants:
-    """Variants of a preset, with all combinations of `values`.
-    base : words of the command line that builds the unchanged preset.    pixels : width and height of a picture."""
+    """Variants of a preset, with all combinations of `values`."""
 
     def __init__(
         self, preset: Preset, values: Values, base: list[str], view: str, show: str, pixels: tuple[int, int]
@@ -50,8 +49,8 @@ class Variants:
         self.short = short_names(list(values))
 
     def tiles(self, reporter: Reporter, yes: bool) -> list[ContactTile]:
-        """Draw each variant; return the pictures (tiles) in the order of the variants.
-        yes : True to draw more than 200 variants. Raises DsfabError if no variant can be drawn, or for too many."""
+        """Draw each variant; return the pictures in the order of the variants.
+        Raises DsfabError if no variant can be drawn, or for too many variants without `yes`."""
         total = count(self.values)
         if total > UNCONFIRMED_VARIANTS and not yes:
             self._refuse_many(total, reporter)
@@ -95,7 +94,7 @@ class Variants:
             rows = previewers.design.seconds if previewers.design else {}
         stages = {stage: sum(rows.get(row, 0.0) for row in ROWS[stage]) for stage in ROWS}
         expected = expected_seconds(self.values, stages, picture)
-        files = byte_size(total * 0.5 * self.pixels[0] * self.pixels[1])  # a pixel takes half a byte in a PNG file
+        files = byte_size(total * 0.5 * self.pixels[0] * self.pixels[1])  # half a byte for each pixel
         raise DsfabError(
             f"{total:,} variants would take about {_duration_words(expected)} and {files} of pictures; "
             f"add --yes to draw them all, or vary less (up to {UNCONFIRMED_VARIANTS} are drawn without asking)"
@@ -122,7 +121,7 @@ class TileOptions:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class FilmOptions:
-    """Options of a film. Its pictures show the values of the single key that is varied."""
+    """Options of a film."""
 
     animate: Annotated[
         Literal["gif", "webp"] | None, Parameter(help="Also make a film over the one key that is varied: gif or webp.")
@@ -155,7 +154,7 @@ def explore(
     loaded = preset_with_mode(source.read_preset(preset, thickness="guessed"), tile.show)
     pixels, values = picture_size(tile.size_), parse_variations(vary)
     for key, listed in values.items():
-        for value in listed:  # an invalid value raises its error before the work begins
+        for value in listed:
             with_overrides(loaded, {key: value})
     if film.animate:
         sheets.check_film(values, film.fps)

@@ -40,7 +40,7 @@ GROUPS = {
     "member_forces": "forces of members",
     "utilisation": "forces of members",
 }
-"""Titles of groups of file formats, by the content of the files. Other contents are their own title."""
+"""Titles of groups of file formats, by the content of the files."""
 
 TO_HELP = (
     "The solid: stl, 3mf, step, stpz (compressed), brep, obj, ply, off, glb; ifc with its material and mass; 3dm with "
@@ -58,8 +58,8 @@ SheetName = Literal["uncut", "cut"]
 
 @dataclass(frozen=True)
 class ExportRequest:
-    """A request to write a file. suffix : suffix of its format.    sheet : sheet to write in place of the solid.
-    If `sheet` is None, a mesh file holds the solid, and a file for CalculiX holds the uncut sheet."""
+    """A request to write a file.
+    suffix : suffix of the format.    sheet : sheet to write in place of the solid, or None."""
 
     suffix: str
     path: Path
@@ -107,7 +107,7 @@ def export(
 
 def write_file(preset: "Preset", built: "Design | None", request: ExportRequest, progress: Progress) -> list[str]:
     """Write the requested file; return lines of text about the file. Raises DsfabError.
-    built : design to write; None to compute the design of `preset`."""
+    built : design to write, or None."""
     if request.suffix == ".member_utilisation.csv":
         preset.statics.require_strength()
     if request.suffix == CALCULIX_SUFFIX:
@@ -116,7 +116,7 @@ def write_file(preset: "Preset", built: "Design | None", request: ExportRequest,
 
 
 def offered_formats() -> list[dict[str, str]]:
-    """Return a record for each file format: suffix, group, and the reason why this machine cannot write it, or ''."""
+    """Return a record for each file format: suffix, group, and why this machine cannot write the format, or ''."""
     from dsfab.export.formats import FORMATS, MeshFormat
 
     offered = []
@@ -134,7 +134,7 @@ def offered_formats() -> list[dict[str, str]]:
 
 
 def preset_and_folder(name: str, source: Source) -> tuple["Preset", Path]:
-    """Return the preset of a name, file or built folder, and the folder for its files (by default outputs/NAME)."""
+    """Return the preset of a name, file or built folder, and the folder for its files."""
     if folder := built_folder(name):
         return source.read_preset(str(folder / "preset.toml")), folder
     loaded_preset = source.read_preset(name)
@@ -142,7 +142,7 @@ def preset_and_folder(name: str, source: Source) -> tuple["Preset", Path]:
 
 
 def built_design(name: str, preset: "Preset") -> "Design | None":
-    """Return the design in the built folder `name` if its preset equals `preset`; otherwise None."""
+    """Return the design in the built folder `name` if its preset equals `preset`; else None."""
     from dsfab.design.output.archive import read_archive
 
     folder = built_folder(name)

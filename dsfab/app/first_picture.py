@@ -1,5 +1,4 @@
-"""A process that draws a sketch during the computation of widths, then the finished structure.
-This module imports no drawing library. The drawing process loads these libraries while the main process computes."""
+"""A process that draws a sketch, then the finished structure."""
 
 import pickle
 import subprocess
@@ -17,14 +16,14 @@ PROGRAM = (
     "import gc, sys; gc.disable(); sys.path.append(sys.argv[1]); from dsfab.render.sketch_program import main; "
     "main('sketches' in sys.argv)"
 )
-"""Program of the drawing process. Without garbage collection its imports take a tenth less time."""
+"""Program of the drawing process."""
 
-SKETCH_SECONDS = 60.0  # Longest time to wait for the drawing process to finish its sketch.
+SKETCH_SECONDS = 60.0  # Longest wait for a sketch.
 
 
 class FirstPicture:
-    """The drawing process; use as `with FirstPicture(on_sketch) as first`, and draw inside `first.restore_on_error()`.
-    on_sketch : function that is called, in another thread, when the sketch is drawn; None to draw no sketch."""
+    """The drawing process; use as `with FirstPicture(on_sketch) as first`.
+    on_sketch : function that is called, in another thread, when the sketch is drawn; None for no sketch."""
 
     def __init__(self, on_sketch: Callable[[], None] | None) -> None:
         self._told = on_sketch
@@ -42,7 +41,7 @@ class FirstPicture:
 
     @property
     def draws_sketches(self) -> bool:
-        """True if the drawing process also draws a sketch (because `on_sketch` was given)."""
+        """True if the drawing process draws a sketch."""
         return self._told is not None
 
     def __enter__(self) -> Self:
@@ -55,7 +54,7 @@ class FirstPicture:
 
     @contextmanager
     def restore_on_error(self) -> Iterator[None]:
-        """Run the `with` block, which overwrites the picture; after an error restore the earlier file."""
+        """Run the `with` block; after an error restore the earlier picture."""
         try:
             yield
         except BaseException:
@@ -66,7 +65,7 @@ class FirstPicture:
 
     def draw(self, sketch: "Design", path: Path, pixels: tuple[int, int], options: dict[str, Any]) -> None:
         """Start to draw a sketch (a design with an approximate pattern) into the file `path`. Later calls do nothing.
-        pixels : width and height.    options : as for `Previewer`. Nothing is drawn if an old file is unreadable."""
+        pixels : width and height.    options : as for `Previewer`."""
         if self._sketched:
             return
         self._path = path
@@ -79,14 +78,14 @@ class FirstPicture:
         self._start_request(pickle.dumps((sketch, path, pixels, options), protocol=5), self._told)
 
     def finish(self) -> str | None:
-        """Wait for the sketch; return the kind of window in which the process draws, or None if it cannot draw."""
+        """Wait for the sketch; return the kind of the window, or None if the process cannot draw."""
         if not self._talking:
             self._start_request(None, None)
         self._wait(SKETCH_SECONDS)
         return self._window
 
     def draw_structure(self, structure_picture: object, path: Path) -> bool:
-        """Draw a `StructurePicture` into a file, and wait for the file. Return False if the process failed."""
+        """Draw a `StructurePicture` into a file. Return False if the process failed."""
         successes: list[bool] = []
         if self.finish() is not None:
             self._start_request(pickle.dumps((structure_picture, path), protocol=5), lambda: successes.append(True))

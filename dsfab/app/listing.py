@@ -137,7 +137,7 @@ def _show_mesh(path: Path, source: Source) -> bool:
 
 
 def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str, str | None]:
-    """Return (True if `dsfab build` takes a mesh, text with reasons or repairs, unit of the file's numbers)."""
+    """Return (True if `dsfab build` takes a mesh, text, unit)."""
     from dsfab.core.arrays import polygon_perimeter
     from dsfab.preset.proposal import propose
     from dsfab.surface import unit_guess

@@ -22,7 +22,7 @@ class PresetFile:
     force: Annotated[bool, Switch(help="Overwrite an existing file.")] = False
 
 
-PRESET_FILE = PresetFile()  # The default file of a preset.
+PRESET_FILE = PresetFile()
 
 
 def new(
@@ -62,7 +62,7 @@ def new(
 
 
 def require_new_preset_file(target: Path, force: bool) -> None:
-    """Raise PresetError for a file that does not end in .toml, or that exists and shall not be overwritten."""
+    """Raise PresetError for a name that does not end in .toml, and for an existing file unless `force` is True."""
     if target.suffix != ".toml":
         raise PresetError(f"-o {target} does not end in .toml; write for instance -o {target.stem}.toml")
     if target.exists() and not force:

@@ -1,4 +1,4 @@
-"""Options that several commands share, and the table of sizes and times that `--estimate` prints for STEP files."""
+"""Options that several commands share."""
 
 import json
 from collections.abc import Iterator
@@ -47,7 +47,7 @@ Show = Annotated[
 
 
 def picture_size(text: str) -> tuple[int, int]:
-    """Return '1600x1200' as (1600, 1200). Raises DsfabError for a text in another form."""
+    """Return width and height (pixels) from a text such as '1600x1200'. Raises DsfabError for an invalid text."""
     words = text.lower().split("x")
     if len(words) == 2 and all(word.isdigit() for word in words):
         width, height = int(words[0]), int(words[1])
@@ -59,8 +59,8 @@ def picture_size(text: str) -> tuple[int, int]:
 
 
 def built_folder(name: str) -> Path | None:
-    """Return the path of the folder `name` that `dsfab build` wrote; None if `name` is a preset or a file.
-    The name of a shipped preset never means a folder. Raises PresetError for a folder that dsfab did not build."""
+    """Return the path of a folder that `dsfab build` wrote; None for a preset or a file.
+    Raises PresetError for any other folder."""
     from dsfab.core.toml_files import shipped_presets
 
     folder = Path(name)
@@ -115,7 +115,7 @@ class MeshFlags:
 
     @property
     def wishes(self) -> "MeshWishes":
-        """Options as the input of a proposal: the user's choice of parts, supports and loads of a mesh."""
+        """The user's choice of parts, supports and loads of a mesh."""
         from dsfab.preset.proposal import MeshWishes
 
         return MeshWishes(self.stand or "", self.built_in, self.load, self.only)
@@ -127,7 +127,7 @@ NO_MESH_FLAGS = MeshFlags()  # dsfab chooses supports and loads.
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Source(MeshFlags):
-    """Options of the command line that change a preset, such as --set and --mesh."""
+    """Options of the command line that change a preset."""
 
     set_: Set = ()
     mesh: Mesh = None
@@ -138,10 +138,10 @@ class Source(MeshFlags):
     def read_preset(
         self, name: str, proposal: "Proposal | None" = None, thickness: Literal["sized", "guessed", "open"] = "sized"
     ) -> "Preset":
-        """Return the preset of a name or file, or the proposed preset of a mesh file, changed by these options.
-        proposal  : result of `self.proposal(name)`; default: it is computed.
-        thickness : what replaces a thickness `auto`: "sized" a computed value, "guessed" a first guess, "open" nothing.
-        Raises PresetError for an unknown or invalid preset, and for a preset without its mesh."""
+        """Return the preset of a name or file, changed by these options.
+        proposal  : proposed preset, if the caller has it.
+        thickness : for thickness `auto`: "sized" computes a thickness, "guessed" guesses it, "open" keeps `auto`.
+        Raises PresetError for an unknown or invalid preset."""
         from dsfab.preset.file import load_preset, require_mesh, with_overrides
 
         proposal = proposal or self.proposal(name)
@@ -160,7 +160,7 @@ class Source(MeshFlags):
         return _built_preset(preset) or sized_preset(preset)
 
     def proposal(self, name: str) -> "Proposal | None":
-        """Return the preset that dsfab proposes for the mesh file `name`; None if `name` is a preset."""
+        """Return the preset that dsfab proposes for a mesh file; None if `name` is a preset."""
         from dsfab.preset.proposal import OWN, propose
         from dsfab.surface import MESH_SUFFIXES
 
@@ -184,22 +184,22 @@ class Source(MeshFlags):
             )
 
     def overrides(self) -> dict[str, Any]:
-        """Return all changes of the preset as values by dotted keys. Raises PresetError if --set is not KEY=VALUE."""
+        """Return all changes of the preset, by dotted key. Raises PresetError for invalid options."""
         options = {"unit": self.unit, "up": self.up, "max_triangles": self.max_triangles, "only": [*self.only] or None}
         return self.set_values() | {f"surface.{key}": value for key, value in options.items() if value is not None}
 
     def set_values(self) -> dict[str, Any]:
-        """Return the values of --set by dotted keys. Raises PresetError for a text without the form KEY=VALUE."""
+        """Return the values of --set, by dotted key. Raises PresetError for a text without the form KEY=VALUE."""
         from dsfab.preset.file import parse_override
 
         return dict(parse_override(text) for text in self.set_)
 
     def with_overrides(self, *texts: str) -> "Source":
-        """Return a copy with further changes, each as a text KEY=VALUE. They override the earlier changes."""
+        """Return a copy with further changes, texts of the form KEY=VALUE."""
         return replace(self, set_=(*self.set_, *texts))
 
     def command_words(self, name: str) -> list[str]:
-        """Return the words of a command line: the preset `name`, then the options that the user gave."""
+        """Return the words of a command line: the preset `name` and these options."""
         words = [name, *(word for text in self.set_ for word in ("--set", text))]
         words += ["--mesh", str(self.mesh)] if self.mesh is not None else []
         words += ["--unit", self.unit] if self.unit is not None else []
@@ -251,7 +251,7 @@ class StepFlags:
     ] = False
 
     def overrides(self) -> tuple[str, ...]:
-        """Return these options as changes of the preset, each a text KEY=VALUE."""
+        """Return these options as texts KEY=VALUE."""
         options = {"step": self.step, "step_faces": self.max_faces, "step_mb": self.max_mb}
         return tuple(f"export.{key}={json.dumps(value)}" for key, value in options.items() if value is not None)
 

@@ -1,4 +1,4 @@
-"""The command `dsfab preview`: a picture of a design without its files; --watch repeats it after each save."""
+"""The command `dsfab preview`: a picture of a design."""
 
 import os
 import sys
@@ -34,20 +34,20 @@ SHOW_WORDS = {
         *("major_mode", "minor_mode", "displacement"),
     ),
 }
-"""Words of --show that are not the name of a single picture, with the pictures that they show."""
+"""Pictures for words of --show that name several pictures."""
 
 SHOWN_ON_REQUEST = {"utilisation": "strength", "buckling": "buckling", "frequency": "frequencies"}
-"""Pictures that `--show all` includes only if the preset sets a key of [statics]; this key by the picture's name."""
+"""Pictures that need a key of [statics], and this key."""
 
 
 def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
-    """Return the pictures that a text such as 'all' or 'structure,stress' names. Raises DsfabError for other names."""
+    """Return the pictures that a text such as 'structure,stress' names. Raises DsfabError for other names."""
     from dsfab.render.colouring import MODE_FIELDS, check_show
 
     names: list[str] = []
     for word in (part.strip() for part in text.split(",")):
         if word == "all":
-            modes = preset.pattern.method != "stripes"  # evenly spaced stripes have no modes
+            modes = preset.pattern.method != "stripes"
             names += [name for name in SHOW_WORDS[word] if modes or name not in MODE_FIELDS]
             names += [name for name, key in SHOWN_ON_REQUEST.items() if getattr(preset.statics, key)]
         else:
@@ -59,7 +59,7 @@ def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class PreviewPage:
-    """A picture file. names : pictures in the file, side by side.    pixels : width and height of each picture.
+    """A picture file. names : pictures, side by side.    pixels : width and height of each picture.
     options : options of `Previewer`, except `show`."""
 
     names: tuple[str, ...]
@@ -90,7 +90,7 @@ class PictureOptions:
 
     def page(self, preset: "Preset", folder: Path = Path()) -> PreviewPage:
         """Return the picture file that these options request. Raises DsfabError for a wrong option.
-        folder : folder of the file, if the options name no file."""
+        folder : folder of the file by default."""
         from dsfab.render.drawing import check_ground
 
         names = (self.show.strip(),) if self.show.strip() in FINISHED_PICTURES else picture_names(self.show, preset)
@@ -139,7 +139,7 @@ def preview(
 def _first_picture(picture: PictureOptions, reporter: Reporter) -> "Iterator[FirstPicture | None]":
     single = "," not in picture.show and picture.show.strip() not in (*SHOW_WORDS, *FINISHED_PICTURES)
     sketched = single and reporter.is_watched
-    # a second process saves time only if this process has not loaded VTK yet
+    # a second process saves time only before VTK is loaded
     needs_structure = picture.show.strip() == "structure" and "vtkmodules" not in sys.modules
     if not (sketched or needs_structure) or (os.cpu_count() or 1) == 1:
         from dsfab.render.opengl import probe_ahead
@@ -241,7 +241,6 @@ def _draw_structure(
     reporter: Reporter,
     first_picture: FirstPicture | None,
 ) -> bool:
-    """Draw the thickened sheet; return False if the stripes are not evenly spaced, or if cutting fails."""
     from dsfab.render.design_picture import structure_drawing
     from dsfab.render.opengl import require_rendering
     from dsfab.render.picture import write_png
@@ -305,7 +304,7 @@ def _watch(file: Path, draw: Callable[[], None], reporter: Reporter) -> int:
     try:
         while True:
             current_stamp = _file_stamp(file)
-            # the time stamp is None while a text editor replaces the file
+            # None while a text editor replaces the file
             if current_stamp is not None and current_stamp != seen_stamp:
                 seen_stamp = current_stamp
                 try:

@@ -1,4 +1,4 @@
-"""The command `dsfab report`: utilisation of each member by the Eurocode of its material, for the engineer."""
+"""The command `dsfab report`: utilisation of each member by a Eurocode."""
 
 import shlex
 from pathlib import Path
@@ -47,8 +47,8 @@ def report(
 
 
 def write_members(design: "Design", command: str, folder: Path, progress: "Progress") -> tuple[list[str], list[str]]:
-    """Write the report on the members of a design, and its tables, into `folder`: all files or none.
-    command : command line that repeats the report. Return the names of the files, and a summary in lines."""
+    """Write the report on the members and its tables into `folder`. command : command line for the report.
+    Return the names of the files, and a summary in lines."""
     from dsfab.export import atomic_folder
     from dsfab.report.members import write_member_report
 

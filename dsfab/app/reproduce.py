@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from dsfab.reproduction.published import PaperFigure
 
 FOLDER = Path("outputs/paper")  # Default folder of the page about the figures.
-COARSEST = 8.0  # Limit of --coarser: a coarser mesh has too few vertices for the modes.
+COARSEST = 8.0  # Largest value of --coarser.
 
 
 def reproduce(
@@ -74,7 +74,7 @@ def reproduce(
 
 
 def figures_by_name(names: tuple[str, ...]) -> "list[PaperFigure]":
-    """Return figures of these presets (default: all), in the paper's order. Raises DsfabError for an unknown name."""
+    """Return the figures of these presets, by default all figures. Raises DsfabError for an unknown name."""
     from dsfab.reproduction.published import FIGURES
 
     presets = [figure.preset for figure in FIGURES]

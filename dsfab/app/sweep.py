@@ -1,4 +1,4 @@
-"""The command `dsfab sweep`: thousands of designs of one preset in one folder; a sweep can stop and continue."""
+"""The command `dsfab sweep`: many designs of one preset in one folder."""
 
 import shlex
 from collections.abc import Collection, Mapping
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class PlanOptions:
-    """Options of a sweep, which override the keys of its file."""
+    """Options of a sweep."""
 
     sample: Annotated[str | None, Parameter(help="grid, sobol:N, lhs:N or csv:FILE [grid].")] = None
     seed: Annotated[int | None, Parameter(help="Seed of the sampling [0].")] = None
@@ -44,8 +44,8 @@ class PlanOptions:
     view: Annotated[str | None, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")] = None
 
     def tables(self, file_tables: Mapping[str, Any]) -> dict[str, Any]:
-        """Return these options as keys of a sweep file. An unset option gives None or an empty list.
-        file_tables : keys of the user's sweep file, which the options add to."""
+        """Return these options as keys of a sweep file; None or an empty list for unset options.
+        file_tables : keys of the user's sweep file."""
         from dsfab.app.sweep_options import listed_words
 
         keep_words = listed_words(self.keep)
@@ -70,7 +70,7 @@ class PlanOptions:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Work:
-    """Options of a sweep: its folder, its processes, and the earlier runs that it repeats."""
+    """Options of a sweep: folder, processes, and runs to repeat."""
 
     output: Annotated[Path | None, OutputName(help="The sweep's folder [outputs/NAME-sweep].")] = None
     workers: Annotated[int | None, Parameter(help="Number of processes [all cores, if memory suffices].")] = None
@@ -83,12 +83,12 @@ class Work:
 
     @property
     def retried_states(self) -> "tuple[State, ...]":
-        """States of the earlier runs that a continued sweep repeats."""
+        """States of the earlier runs to repeat."""
         return ("killed", "failed") if self.retry == "all" else (self.retry,)
 
     def folder(self, what: str, varied: bool) -> Path | None:
-        """Return the folder of the sweep: `what` if it is an existing sweep's folder, else --output, which may be None.
-        varied : True if the command varies a preset. Raises DsfabError if `what` and --output are different folders."""
+        """Return the folder of the sweep, or None.
+        Raises DsfabError if `what` and --output are different folders."""
         if _is_sweep_folder(what, varied):
             if self.output is not None and self.output.resolve() != Path(what).resolve():
                 raise DsfabError(f"{what} is a sweep's folder, and the sweep continues in it; leave out -o")
@@ -99,7 +99,7 @@ class Work:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class RunChoice:
-    """Options for an existing sweep: runs to list or to build."""
+    """Runs of a sweep to list or to build."""
 
     best: Annotated[int | None, Parameter(help="List the best N runs of a sweep's folder.")] = None
     by: Annotated[str | None, Parameter(help="Metric of --best [compliance].")] = None

@@ -1,4 +1,4 @@
-"""Options of `dsfab sweep` as tables of a sweep file, so that the same code checks options and files."""
+"""Options of `dsfab sweep` as tables of a sweep file."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -70,8 +70,7 @@ def listed_words(texts: Sequence[str]) -> list[str]:
 def with_options(
     values: Tables, source: Source = UNCHANGED, vary: Sequence[str] = (), plan_table: Tables | None = None
 ) -> Tables:
-    """Return the tables of a sweep file, changed by options of the command line.
-    values : tables of the file.    vary : texts of --vary.    plan_table : further keys, which override `values`."""
+    """Return the tables of a sweep file, changed by options of the command line. vary : texts of --vary."""
     result = dict(values)
     vary_table, linked = vary_tables(vary)
     if vary_table:

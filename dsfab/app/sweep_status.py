@@ -1,4 +1,4 @@
-"""Live progress line of a sweep, list of its best runs, and full build of a single run."""
+"""Progress line of a sweep, list of the best runs, and full build of a run."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -22,8 +22,8 @@ from dsfab.study.variations import short_names, spelled_value
 
 
 class SweepProgress:
-    """Printer of the progress of a sweep on standard error, with the best value of a metric so far.
-    limits : conditions that a run must meet to count as the best."""
+    """Printer of the progress of a sweep on standard error.
+    limits : conditions that the best run must meet."""
 
     def __init__(self, quiet: bool, metric: str, limits: Sequence[Constraint] = ()) -> None:
         self._console = Console(stderr=True, highlight=False, soft_wrap=True, quiet=quiet)
@@ -33,7 +33,8 @@ class SweepProgress:
         self._told = 0.0
 
     def add_run(self, number: int, metrics: Mapping[str, float]) -> None:
-        """Note a finished run, which may be the best. number : number of the run.    metrics : its values by name."""
+        """Note a finished run.
+        metrics : values of the run by name."""
         value = metrics.get(self._metric, float("nan"))
         if not isfinite(value) or not all(limit.holds(metrics) for limit in self._limits):
             return
@@ -42,7 +43,7 @@ class SweepProgress:
             self._best = (value, number)
 
     def __call__(self, progress: Progress) -> None:
-        """Print the progress of the sweep, and the error of the last run if it failed."""
+        """Print the progress of the sweep, and the error of a failed run."""
         outcome = progress.last
         if outcome is not None and outcome.error:
             limit = 110  # characters of the reason that are shown; the log has the whole reason
@@ -84,8 +85,9 @@ class SweepProgress:
 
 
 def list_or_build_run(path: Path, best_count: int | None, by: str | None, number: int | None, quiet: bool) -> int:
-    """Build run `number` of a sweep in full; if `number` is None, print the best runs. Return the exit code.
-    by : metric that orders the runs; default: the sweep's first. Raises DsfabError for a missing sweep or run."""
+    """Build run `number` of a sweep; if `number` is None, print the best runs. Return the exit code.
+    by : metric that orders the runs.
+    Raises DsfabError for a missing sweep or run."""
     sweep = SweepFolder.from_folder(path)
     if number is None:
         print_result(_best_runs_table(sweep, best_count or 0, by))

@@ -1,4 +1,4 @@
-"""Progress and results as text: a live line for each stage on a terminal, plain lines in a pipe or a log."""
+"""Progress and results of commands as text."""
 
 import signal
 import sys
@@ -14,20 +14,20 @@ from rich.status import Status
 
 
 class ExitCode(IntEnum):
-    """Exit codes of every command; docs/messages.md has the same table."""
+    """Exit codes of all commands."""
 
     DONE = 0
-    REFUSED = 1  # the input is refused, or a check of it fails
+    REFUSED = 1  # input is refused, or a check fails
     WRONG_USAGE = 2
-    UNFINISHED = 3  # runs of a sweep are missing; the same command tries them again
+    UNFINISHED = 3  # runs of a sweep are missing
     NOT_MADE = 4  # a requested file or figure was not made
-    DOES_NOT_CARRY = 5  # the files are written, but the structure does not carry its loads
+    DOES_NOT_CARRY = 5  # the structure does not carry its loads
     BUG = 70
     INTERRUPTED = 130  # Ctrl-C
 
 
 class Reporter:
-    """Printer of a command's stages, with seconds, on standard error. The end of a `with` block ends the last stage.
+    """Printer of a command's stages on standard error.
     quiet : True to print nothing.    steps : False to show a stage only while it runs."""
 
     def __init__(self, quiet: bool = False, steps: bool = True) -> None:
@@ -44,11 +44,11 @@ class Reporter:
 
     @property
     def is_watched(self) -> bool:
-        """True if the output goes to a terminal, where a person may wait for it."""
+        """True if the output goes to a terminal and is not quiet."""
         return self._console.is_terminal and not self.quiet
 
     def __call__(self, stage: str, doing: str) -> None:
-        """End the last stage and begin `stage`. doing : what the stage does, for the printed line."""
+        """End the last stage and begin `stage`. doing : text for the printed line."""
         self.done()
         self._stage = (stage, doing, time.perf_counter())
         if self._console.is_terminal:
@@ -65,7 +65,7 @@ class Reporter:
             self._stage = None
 
     def stop(self) -> None:
-        """Remove the line that shows the current stage, without printing its seconds."""
+        """Remove the line of the current stage."""
         if self._status:
             self._status.stop()
             self._status = None
@@ -86,7 +86,7 @@ def print_lines(lines: Iterable[str]) -> None:
 
 @contextmanager
 def signals_as_interrupts() -> Iterator[None]:
-    """Treat SIGTERM and a closed terminal as Ctrl-C in the `with` block, so that the block can clean up."""
+    """Treat SIGTERM and a closed terminal as Ctrl-C in the `with` block."""
     numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
     if threading.current_thread() is not threading.main_thread():
         numbers = []

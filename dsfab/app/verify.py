@@ -1,4 +1,4 @@
-"""The command `dsfab verify`: solves structures with known answers, and tests the error bounds of `dsfab compare`."""
+"""The command `dsfab verify`: solves structures with known answers."""
 
 import json
 from collections import Counter
@@ -25,8 +25,8 @@ CALIBRATION_HEAD = (
 
 
 def calibrate(folder: Path, as_json: bool) -> int:
-    """Compute the compliance of random designs with error bounds; print how many bounds hold, and write
-    calibration.json and calibration.csv. Return the exit code: 1 if less than 95 % of the bounds hold, else 0."""
+    """Test the error bounds of `dsfab compare` on random designs; write calibration.json and calibration.csv.
+    Return the exit code."""
     from dsfab.study.verdict.calibration import calibrate as measured
     from dsfab.study.verdict.calibration import summary, table_text
 
@@ -47,7 +47,7 @@ def calibrate(folder: Path, as_json: bool) -> int:
 
 
 def summary_text(rows: "Sequence[TrialRow]") -> str:
-    """Return a sentence that sums up a calibration: how many error bounds hold, and how large errors are."""
+    """Return a sentence that sums up the trials."""
     from dsfab.study.verdict.calibration import summary
 
     result = summary(rows)
@@ -84,7 +84,7 @@ TEST_HEAD = (
     *("test", "mesh", "elements", "cells", "unknowns", "value", "reference"),
     *("ratio", "of limit", "rate", "target", "verdict"),
 )
-"""Column names. `of limit`: the value divided by the limit for thin sheets; empty if `reference` is that limit."""
+"""Column names. `of limit`: the value divided by the limit for thin sheets."""
 
 PAGE = Path("outputs/verification")  # Default folder of the page.
 

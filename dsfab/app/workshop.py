@@ -1,4 +1,4 @@
-"""The command `dsfab workshop`: the members of a design as flat parts, nested on sheets of stock."""
+"""The command `dsfab workshop`: the members of a design as flat parts on sheets of stock."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -38,7 +38,7 @@ class WorkshopFlags:
     )
 
 
-PRESET_FLAGS = WorkshopFlags()  # No option is set, so the preset's own values apply.
+PRESET_FLAGS = WorkshopFlags()
 
 
 def workshop(
@@ -92,7 +92,7 @@ def _documents(plan: "WorkshopPlan", design: "Design", ifc: bool) -> dict[str, b
     return documents | ({MEMBERS: members_ifc(plan, design)} if ifc else {})
 
 
-MEMBERS = "members.ifc"  # Name of the file of members for a building model (BIM).
+MEMBERS = "members.ifc"  # Name of the IFC file of members.
 
 
 def _check_ifc(preset: "Preset") -> None:
@@ -106,8 +106,8 @@ def _check_ifc(preset: "Preset") -> None:
 
 
 def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
-    """Return the bytes of an IFC file of the members as built from flat parts, with drawings of the parts.
-    Raises PatternError for a flat design, which dsfab cuts as one sheet."""
+    """Return the bytes of an IFC file of the members as flat parts.
+    Raises PatternError for a flat design."""
     from dsfab.design.output import body_details
     from dsfab.export import temporary_folder, write
     from dsfab.thickening import SHIFT
@@ -122,7 +122,7 @@ def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
     details = replace(
         details,
         shapes=built_shapes(plan, details.shapes, SHIFT[design.preset.thickening.side]),
-        whole_members=True,  # members lie in layers, so nodes do not divide them
+        whole_members=True,
         drawings=drawing_files(plan),
         measures={**details.measures, "thickness": plan.thickness},
     )
@@ -145,7 +145,7 @@ def _print_files(plan: "WorkshopPlan", folder: Path, documents: Mapping[str, byt
 
 
 CARD_MODEL = {"stock": "[0.42, 0.297]", "prices": "[]", "thickness": "0.001", "bolt": "0.0006", "gap": "0.001"}
-"""Values of [workshop] for card: A3 sheets of 1 mm, holes for pins, and the laser's kerf; metres."""
+"""Values of [workshop] for card, metres."""
 PAPER_SIZES = {
     "A4": (0.297, 0.21),
     "A3": (0.42, 0.297),
@@ -157,8 +157,7 @@ PAPER_SIZES = {
 
 
 def options_source(source: Source, model: str | None, stock: str | None, thickness: str | None) -> Source:
-    """Return `source` with changes of the preset for --model, --stock and --thickness; None stands for an unset option.
-    Raises PresetError for an invalid value."""
+    """Return the source with changes for --model, --stock and --thickness. Raises PresetError for an invalid value."""
     texts = []
     if model is not None:
         set_values = source.set_values()

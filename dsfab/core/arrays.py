@@ -1,4 +1,4 @@
-"""Array types, read-only copies for frozen values, and operations on many vectors, groups or keys at once."""
+"""Array types, and operations on many vectors, groups or keys at once."""
 
 from collections.abc import Sequence
 from functools import reduce
@@ -14,7 +14,7 @@ Bools = NDArray[np.bool_]
 
 
 def read_only_copy(values: ArrayLike, dtype: Any, shape: tuple[int | None, ...]) -> NDArray[Any]:
-    """Return a read-only copy (...) of `values` with type `dtype`; `None` in `shape` stands for any length.
+    """Return a read-only copy (...) of `values`; `None` in `shape` stands for any length.
     Raises ValueError for another shape."""
     array = np.array(values, dtype=dtype, order="C")
     fits = array.ndim == len(shape) and all(s is None or s == a for s, a in zip(shape, array.shape, strict=False))
@@ -25,29 +25,29 @@ def read_only_copy(values: ArrayLike, dtype: Any, shape: tuple[int | None, ...])
 
 
 def lock(owner: object, name: str, dtype: Any, shape: tuple[int | None, ...]) -> None:
-    """Replace the field `name` of the frozen dataclass `owner` by a read-only copy; call it in `__post_init__`."""
+    """Make a field of a frozen dataclass a read-only array; call this in `__post_init__`."""
     object.__setattr__(owner, name, read_only_copy(getattr(owner, name), dtype, shape))
 
 
 def lock_floats(owner: object, **shapes: tuple[int | None, ...]) -> None:
-    """Replace fields of the frozen dataclass `owner` by read-only float arrays. shapes : shape by field, see `lock`."""
+    """Make fields of a frozen dataclass read-only float arrays. shapes : shape of each field."""
     for name, shape in shapes.items():
         lock(owner, name, np.float64, shape)
 
 
 def cross(a: Floats, b: Floats) -> Floats:
-    """Return the cross products (k, 3) of a and b (k, 3); faster than `np.cross`."""
+    """Return the cross products (k, 3) of a and b (k, 3)."""
     (x, y, z), (u, v, w) = a.T, b.T
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
 
 
 def plane_cross(a: Floats, b: Floats) -> Floats:
-    """Return the cross products (...) of vectors a and b (..., 2) in a plane: signed areas of their parallelograms."""
+    """Return the cross products (...) of vectors a and b (..., 2) in a plane."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def lengths(vectors: Floats) -> Floats:
-    """Return the lengths (...) of vectors (..., 3), in a third of the time of `np.linalg.norm`."""
+    """Return the lengths (...) of vectors (..., 3)."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     return np.asarray(np.sqrt(x * x + y * y + z * z))
 
@@ -59,24 +59,23 @@ def point_tuple(point: Floats) -> tuple[float, float, float]:
 
 
 def row_max(rows: NDArray[Any]) -> NDArray[Any]:
-    """Return the maximum (k,) of each row of an array (k, c) with few columns, in a fifth of numpy's time."""
+    """Return the maximum (k,) of each row of an array (k, c)."""
     return np.asarray(reduce(np.maximum, rows.T))
 
 
 def row_min(rows: NDArray[Any]) -> NDArray[Any]:
-    """Return the minimum (k,) of each row of an array (k, c) with few columns, in a fifth of numpy's time."""
+    """Return the minimum (k,) of each row of an array (k, c)."""
     return np.asarray(reduce(np.minimum, rows.T))
 
 
 def group_sums(group: Ints, values: Floats, count: int = 0) -> Floats:
-    """Return the sum of the rows of `values` (k, d) in each group, (g, d). group : (k,) number of each row's group.
-    count : smallest number g of groups in the result; a group without rows gets 0."""
+    """Return the sums (g, d) of the rows of `values` (k, d) in groups. group : (k,) group number of each row.
+    count : smallest number g of groups."""
     return np.stack([np.bincount(group, column, count) for column in values.T], axis=1).astype(np.float64)
 
 
 def weighted_quantiles(values: Floats, weight: Floats, shares: Sequence[float]) -> Floats:
-    """Return the quantiles (q,) of values (k,) with weights (k,), at fractions `shares` (q,) of the total weight.
-    Each quantile is one of the values."""
+    """Return quantiles (q,) of values (k,) with weights (k,), at fractions `shares` (q,) of the total weight."""
     order = np.argsort(values, kind="stable")
     upto = np.cumsum(weight[order])
     positions = np.searchsorted(upto, np.asarray(shares) * upto[-1] * (1 - 1e-12))
@@ -84,28 +83,28 @@ def weighted_quantiles(values: Floats, weight: Floats, shares: Sequence[float]) 
 
 
 def weighted_quantile(values: Floats, weight: Floats, share: float) -> float:
-    """Return the quantile of values (k,) with weights (k,), at the fraction `share` of the total weight."""
+    """Return the quantile of values (k,) with weights (k,), at a fraction of the total weight."""
     return float(weighted_quantiles(values, weight, (share,))[0])
 
 
 def edge_lengths(V: Floats, ends: Ints) -> Floats:
-    """Return the lengths (e,) of edges (e, 2) between vertices V (n, 3), metres."""
+    """Return the lengths (e,) of edges (e, 2) between vertices V (n, 3)."""
     return lengths(V[ends[:, 1]] - V[ends[:, 0]])
 
 
 def polygon_perimeter(P: Floats) -> float:
-    """Return the perimeter of the polygon with corners P (k, d), in the unit of P."""
+    """Return the perimeter of the polygon with corners P (k, d)."""
     return float(np.linalg.norm(P - np.roll(P, -1, axis=0), axis=1).sum())
 
 
 def area_vectors(V: Floats, F: Ints) -> Floats:
-    """Return twice the areas of faces F (m, 3) on V (n, 3), as vectors (m, 3) along the normals, square metres."""
+    """Return the areas of faces F (m, 3) times two, as vectors (m, 3) along the normals."""
     a, b, c = V[F[:, 0]], V[F[:, 1]], V[F[:, 2]]
     return cross(b - a, c - a)
 
 
 def concatenated_mesh(parts: Sequence[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
-    """Return several meshes as one mesh, vertices (n, 3) and faces (m, 3); equal vertices are not joined."""
+    """Return several meshes as a single mesh: vertices (n, 3) and faces (m, 3)."""
     starts = np.cumsum([0, *(len(V) for V, _ in parts)])[:-1].tolist()
     V = np.concatenate([np.empty((0, 3)), *(V for V, _ in parts)])
     faces = [F + start for (_, F), start in zip(parts, starts, strict=True)]
@@ -113,7 +112,7 @@ def concatenated_mesh(parts: Sequence[tuple[Floats, Ints]]) -> tuple[Floats, Int
 
 
 def unit_vectors(x: Floats) -> Floats:
-    """Scale vectors x (..., 3) to length 1 and return them; zero vectors stay zero."""
+    """Return vectors x (..., 3), scaled to length 1; zero vectors stay zero."""
     return np.asarray(x / np.maximum(np.linalg.norm(x, axis=-1, keepdims=True), np.finfo(float).tiny))
 
 
@@ -130,15 +129,14 @@ def distances_from_segments(points: Floats, a: Floats, b: Floats) -> Floats:
 
 
 def positions_on_segments(points: Floats, a: Floats, b: Floats) -> Floats:
-    """Project points (..., 3) on segments from a to b (..., 3); return positions (...), 0 at a and 1 at b."""
+    """Return positions (...) of points (..., 3) on segments, 0 at a and 1 at b."""
     along, to = b - a, points - a
     squared = np.maximum(np.einsum("...i,...i->...", along, along), np.finfo(float).tiny)
     return np.asarray(np.clip(np.einsum("...i,...i->...", to, along) / squared, 0, 1))
 
 
 def transported_vectors(onto: Floats, normal: Floats, x: Floats) -> Floats:
-    """Rotate vectors x (k, 3) by the smallest rotation from unit normals `normal` to `onto` (k, 3) [Rodrigues 1840].
-    Between two faces, tangents continue straight across the common edge."""
+    """Rotate vectors x (k, 3) as unit normals `normal` rotate to unit normals `onto` (k, 3) [Rodrigues 1840]."""
     across = np.cross(normal, onto)
     cosine = np.einsum("ki,ki->k", normal, onto)[:, None]
     along = np.einsum("ki,ki->k", across, x)[:, None]
@@ -151,8 +149,8 @@ def sorted_order(keys: Ints) -> Ints:
 
 
 def equal_key_groups(keys: Ints) -> tuple[Ints, Ints, Ints]:
-    """Sort integers (k,). Return the sorted order (k,), the place in this order where each group of equal integers
-    starts, and the group (k,) of each integer."""
+    """Sort integers (k,) and group equal integers.
+    Return the order (k,), the start of each group in this order, and the group (k,) of each integer."""
     order, ascending = _stable_sort(keys)
     is_start = np.concatenate([[True], ascending[1:] != ascending[:-1]]) if len(keys) else np.empty(0, dtype=bool)
     group = np.empty(len(keys), dtype=np.int64)
@@ -161,13 +159,13 @@ def equal_key_groups(keys: Ints) -> tuple[Ints, Ints, Ints]:
 
 
 def distinct(keys: NDArray[np.integer[Any]]) -> Ints:
-    """Return the distinct integers (k,), ascending, of an array (...), ten times as fast as `np.unique` (numpy 2.4)."""
+    """Return the distinct integers (k,), ascending, of an array (...)."""
     ascending = np.sort(keys, axis=None)
     return np.asarray(ascending[np.diff(ascending, prepend=ascending[:1] - 1) != 0])
 
 
 def complement(indices: Ints, count: int) -> Ints:
-    """Return the integers (count - k,) from 0 to count - 1 that are not in `indices` (k,), ascending."""
+    """Return the integers from 0 to count - 1 that are not in `indices` (k,), ascending."""
     is_absent = np.ones(count, dtype=bool)
     is_absent[indices] = False
     return np.flatnonzero(is_absent)
@@ -186,17 +184,17 @@ def _stable_sort(keys: Ints) -> tuple[Ints, Ints]:
 
 
 def first_few(indices: Ints, count: int = 5) -> str:
-    """Return the first `count` of indices (k,) as text for error messages: '3, 17, 20, ...'."""
+    """Return the first `count` of indices (k,) as text: '3, 17, 20, ...'."""
     shown = ", ".join(str(int(i)) for i in indices[:count])
     return shown + (", ..." if len(indices) > count else "")
 
 
-ALIKE = 0.05  # Relative difference below which widths of openings or bars count as equal, because of the mesh.
+ALIKE = 0.05  # Relative difference below which widths of openings or bars count as equal.
 
 
 def split_value(values: Floats, threshold: float, tolerance: float = ALIKE) -> float:
-    """Return a limit between small and large values (k,): the middle of the widest gap between values near `threshold`.
-    tolerance : values at a smaller distance from the threshold may be on either side of the limit."""
+    """Return a limit between small and large values (k,), near `threshold`.
+    tolerance : values this close to the threshold may be on either side of the limit."""
     close_values = values[np.abs(values - threshold) < tolerance]
     if not len(close_values):
         return threshold

@@ -1,6 +1,4 @@
-"""Results that are computed from a single immutable object, and stored in this object.
-
-Methods of the object's class use `cached_property`; functions of other modules use `derived`."""
+"""Results that are computed from an immutable object and stored in this object."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -11,20 +9,20 @@ R = TypeVar("R")
 
 
 class DerivedResults(dict[Any, Any]):
-    """Results derived from a value, by key. Pickle omits the results, because another process can compute them."""
+    """Results of an object, by key. Pickle omits the results."""
 
     def __reduce__(self) -> tuple[type["DerivedResults"], tuple[()]]:
         return DerivedResults, ()
 
 
 def derived_results(value: object) -> DerivedResults:
-    """Return the results that `derived` functions have stored in an object. The object must have a `__dict__`."""
+    """Return the stored results of an object. The object must have a `__dict__`."""
     results: DerivedResults = vars(value).setdefault("_derived_results", DerivedResults())
     return results
 
 
 def derived(function: Callable[[V], R]) -> Callable[[V], R]:
-    """Decorate a function of one immutable object, so that the object stores the result for later calls."""
+    """Decorate a function of an immutable object, so that the object stores the result."""
 
     @wraps(function)
     def held(value: V) -> R:

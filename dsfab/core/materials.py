@@ -1,9 +1,8 @@
-"""Materials by name: stiffness, density, design strength and thermal expansion, each with its source.
+"""Materials by name, with sources.
 
 The design strength is the characteristic strength divided by the partial factor of the material. For timber it is also
-multiplied by k_mod = 0.8 (medium load duration, indoors or under a roof). dsfab compares the design strength with the
-von Mises stress of an isotropic sheet. For timber, plywood, GFRP and concrete this is only a first estimate. Their
-strength depends on the direction or the sign of the stress."""
+multiplied by k_mod = 0.8 (medium load duration, indoors or under a roof). For timber, plywood, GFRP and concrete, this
+strength is only a first estimate."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -14,9 +13,8 @@ from dsfab.core.errors import PresetError, did_you_mean
 @dataclass(frozen=True)
 class NamedMaterial:
     """A material that a preset may name.
-    young : mean Young's modulus, Pa.    poisson : ratio of an isotropic sheet.    density : mean, kg/m3.
-    strength : design strength, Pa.    says : the kind of the strength, and its derivation.
-    expansion : thermal expansion, 1/K; no stage uses it yet.    source : reference for all values."""
+    young : Pa.    density : kg/m3.    strength : design strength, Pa.    expansion : thermal expansion, 1/K.
+    says : kind and derivation of the strength.    source : reference for all values."""
 
     name: str
     young: float
@@ -29,7 +27,7 @@ class NamedMaterial:
 
     @property
     def values(self) -> dict[str, float]:
-        """Young's modulus (Pa), Poisson's ratio, density (kg/m3) and strength (Pa), for the keys of [statics]."""
+        """Values by key of [statics]: Young's modulus (Pa), Poisson's ratio, density (kg/m3), strength (Pa)."""
         return {key: getattr(self, key) for key in KEYS}
 
 
@@ -97,7 +95,7 @@ MATERIALS = {material.name: material for material in _ALL}  # Materials by name.
 
 
 class Stock(NamedTuple):
-    """Thicknesses (mm) in which a material is sold or made, ascending, and their source."""
+    """Thicknesses (mm) in which a material is sold, ascending, and their source."""
 
     millimetres: tuple[float, ...]
     source: str
@@ -140,8 +138,7 @@ NO_STRENGTH = (
 
 
 def material_named(name: str) -> NamedMaterial:
-    """Return the material of that name; capitals do not matter.
-    Raises PresetError for an unknown name, and suggests the nearest name."""
+    """Return the material of that name, in capitals or small letters. Raises PresetError for an unknown name."""
     key = " ".join(name.split()).lower()
     by_lower_name = {label.lower(): material for label, material in MATERIALS.items()}
     if key in by_lower_name:

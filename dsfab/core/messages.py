@@ -1,10 +1,10 @@
-"""Numbers with units, lists and tables, as text for messages and reports."""
+"""Numbers with units, lists and tables as text."""
 
 from collections.abc import Iterable, Sequence
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table in plain text; the first column is aligned to the left, all others to the right."""
+    """Return a table in plain text; only the first column is aligned to the left."""
     lines = [list(head), *(list(row) for row in rows)]
     widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
     return "\n".join(
@@ -16,12 +16,12 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def names_and_count(names: Sequence[str], shown: int = 5) -> str:
-    """Return the first names, and the number of further names: 'A01, A02, A03, A04, A05 and 7 more'."""
+    """Return the first names, and the number of further names, as text."""
     return ", ".join(names[:shown]) + (f" and {len(names) - shown} more" if len(names) > shown else "")
 
 
 def count_phrase(number: int, thing: str, verb: str = "") -> str:
-    """Return a count with its noun and verb: '2 vertices', '1 edge has'. verb : the plural form, such as 'have'."""
+    """Return a count with its noun and verb, such as '1 edge has'. verb : plural form."""
     if number == 1:
         return f"1 {thing} {'has' if verb == 'have' else verb + 's'}" if verb else f"1 {thing}"
     plural = {"vertex": "vertices"}.get(thing, thing + ("es" if thing.endswith("sh") else "s"))
@@ -29,12 +29,12 @@ def count_phrase(number: int, thing: str, verb: str = "") -> str:
 
 
 def coordinates(point: Sequence[float]) -> str:
-    """Return the coordinates of a point, with spaces between thousands: '(452 341, 5 567 120, 0)'."""
+    """Return the coordinates of a point as text: '(452 341, 5 567 120, 0)'."""
     return f"({', '.join(f'{x:,.10g}'.replace(',', ' ') for x in point)})"
 
 
 def point_words(point: Iterable[float]) -> str:
-    """Return a point (metres) with three significant digits: '(1.5, 0, 0.333) m'."""
+    """Return a point (metres) as text: '(1.5, 0, 0.333) m'."""
     return f"({', '.join(f'{x + 0.0:.3g}' for x in point)}) m"
 
 
@@ -66,7 +66,7 @@ def length(metres: float) -> str:
     return f"{1000 * metres:.3g} mm" if abs(metres) < 1 else f"{metres:.3g} m"
 
 
-MEANINGFUL_FACTOR = 1000.0  # Largest load factor that reports show; larger ones come from rounding or tiny compression.
+MEANINGFUL_FACTOR = 1000.0  # Largest load factor that reports show.
 
 
 def load_factor(factor: float) -> str:
@@ -90,8 +90,7 @@ def force(newtons: float) -> str:
 
 
 def value_with_bound(value: float, bound: float | None, unit: str = "") -> str:
-    """Return a value with its relative error bound: '2.34 ± 1.8 %', with as many digits as the bound justifies.
-    Without a bound: '2.27 (one mesh, bound unknown)'."""
+    """Return a value with its relative error bound: '2.34 ± 1.8 %'. bound : None if unknown."""
     unit = f" {unit}" if unit else ""
     if bound is None:
         return f"{value:.3g}{unit} (one mesh, bound unknown)"
@@ -100,11 +99,11 @@ def value_with_bound(value: float, bound: float | None, unit: str = "") -> str:
 
 
 def direction_phrase(direction: Sequence[float]) -> str:
-    """Return the direction of a nonzero vector: 'down', '+x' (within a degree of the axis), or '(0.6, 0, -0.8)'."""
+    """Return the direction of a nonzero vector as text: 'down', '+x' or '(0.6, 0, -0.8)'."""
     norm = sum(x * x for x in direction) ** 0.5
     unit = [x / norm for x in direction]
     largest = max(range(3), key=lambda k: abs(unit[k]))
-    if abs(unit[largest]) < 0.99985:  # over one degree from every axis
+    if abs(unit[largest]) < 0.99985:
         return f"({', '.join(f'{round(x, 2) + 0.0:.2g}' for x in unit)})"
     up = unit[largest] > 0
     return ("up" if up else "down") if largest == 2 else f"{'+' if up else '-'}{'xyz'[largest]}"

@@ -1,6 +1,6 @@
 """TOML files as tables, and the presets that come with dsfab.
 
-This module imports neither numpy nor pydantic, so that `dsfab presets` starts fast."""
+This module imports neither numpy nor pydantic: `dsfab presets` must start fast."""
 
 import tomllib
 from pathlib import Path
@@ -9,8 +9,7 @@ from typing import Any
 from dsfab.core.errors import PresetError
 
 PRESETS = tuple(folder / "presets" / kind for folder in Path(__file__).resolve().parents[1:3] for kind in ("", "paper"))
-"""Folders of the presets that come with dsfab: inside the package in a wheel, at the top level in a checkout.
-Presets for the figures of the paper "Diffusion Structures" (2020) have their own folder."""
+"""Folders of the presets that come with dsfab."""
 
 
 def shipped_presets() -> dict[str, Path]:
@@ -20,7 +19,7 @@ def shipped_presets() -> dict[str, Path]:
 
 
 def preset_headline(path: Path) -> str:
-    """Return the first line of a preset's description, without checking the preset."""
+    """Return the first line of a preset's description."""
     return str(read_toml(path).get("description", "")).strip().split("\n")[0]
 
 
@@ -29,9 +28,7 @@ class TomlError(ValueError):
 
 
 def toml_table(text: str) -> dict[str, Any]:
-    """Return the tables of a TOML text; a byte order mark is ignored.
-    Raises TomlError for invalid text, for tables nested deeper than 50 levels, and for text that stops Python's reader
-    (thousands of brackets, endless numbers)."""
+    """Return the tables of a TOML text. Raises TomlError."""
     try:
         values = tomllib.loads(text.removeprefix("\ufeff"))
         if _depth_is_over(values, 50):
@@ -54,7 +51,7 @@ def _depth_is_over(values: dict[str, Any], limit: int) -> bool:
 
 
 def read_toml(path: Path, kind: str = "preset") -> dict[str, Any]:
-    """Return the unchecked tables of a TOML file. Raises PresetError; its message calls the file a `kind`."""
+    """Return the tables of a TOML file. Raises PresetError. kind : name of the file's kind in the message."""
     try:
         return toml_table(path.read_text(encoding="utf-8"))
     except TomlError as error:

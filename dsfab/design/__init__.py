@@ -1,4 +1,4 @@
-"""Stages of a design: `run` computes a preset; `revise` computes a design again from its first changed section."""
+"""Stages of a design: `run` computes a preset; `revise` computes a design again after changes."""
 
 from dsfab.design.buildability import refusal
 from dsfab.design.design import Design, draft, revise, run
@@ -22,4 +22,4 @@ __all__ = [
 ]  # fmt: skip
 
 TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slicing", "thickening")
-"""Rows of the table of computing times: first the rows of the paper's Table 2, then further stages."""
+"""Rows of the table of computing times; the first rows are those of the paper's Table 2."""

@@ -1,4 +1,4 @@
-"""Objections to a design, such as a support at a single vertex. The statics find them before the surface is cut."""
+"""Objections to a design, such as a support at a single vertex."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -25,14 +25,16 @@ NEVERTHELESS = "(statics.check = false switches this check off)"
 
 
 class Objection(NamedTuple):
-    """A fault of a design: sentence with fault, place and remedy. refuses : True if the design must not be built."""
+    """A fault of a design.
+    refuses : True if the design must not be built."""
 
     text: str
     refuses: bool = True
 
 
 def objections(preset: Preset, surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
-    """Yield the faults of a solved uncut sheet, the most serious first. cases : results by name of the load case."""
+    """Yield the faults of a solved uncut sheet, the most serious first.
+    cases : results by name of the load case."""
     acting, weight = acting_on(preset, surface), preset.statics.area_weight
     yield from _moving(surface, cases)
     if point := _on_one_vertex(surface, acting, cases):
@@ -45,18 +47,18 @@ def objections(preset: Preset, surface: Surface, cases: Mapping[str, CaseResult]
 
 
 def require_buildable(preset: Preset, statics: StaticsResult) -> None:
-    """Raise StaticsError with the most serious fault of a sheet, unless the preset has statics.check = false."""
+    """Raise StaticsError with the most serious fault, unless statics.check is false."""
     if why := refusal(preset, statics):
         raise StaticsError(why)
 
 
 def refusal(preset: Preset, statics: StaticsResult) -> str:
-    """Return the most serious fault of a sheet as a text; '' if there is no fault, or if `statics.check` is false."""
+    """Return the most serious fault of a sheet as a text; '' without a fault, or if `statics.check` is false."""
     return f"{statics.objections[0]} {NEVERTHELESS}" if preset.statics.check and statics.objections else ""
 
 
 def off_surface(preset: Preset, surface: Surface) -> tuple[str, ...]:
-    """Return a sentence for each support or load at a point that is too far from the nearest vertex.
+    """Return a sentence for each support or load at a point too far from the nearest vertex.
     Raises SurfaceError with the first sentence, unless `statics.check` is false."""
     section, messages, surface = preset.surface, [], whole_surface(preset, surface)
     names = [*support_names(section.support), *load_names(section.load)]

@@ -1,4 +1,4 @@
-"""Stage 3: diffusion tensors and modes; and changes of the stripe directions that the user asks for."""
+"""Stage 3: diffusion tensors and modes, and changes of the stripe directions."""
 
 from dataclasses import dataclass, replace
 
@@ -28,7 +28,7 @@ from dsfab.surface.orientation import one_sided_pieces
 
 
 def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
-    """Return the stress (m, 3, 3), Pa, that the pattern follows on each face: of one case, or combined from several."""
+    """Return the stress (m, 3, 3), Pa, that the pattern follows on each face."""
     sigma = {name: statics.cases[name].followed_stress for name in preset.followed_weights}
     if not preset.combines:
         return next(iter(sigma.values()))
@@ -36,7 +36,7 @@ def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) ->
 
 
 def load_axes(surface: Surface, load: LoadCase) -> Floats:
-    """Return three axes of a loaded surface, rows (3, 3). They fix signs of modes, and bases of equal eigenvalues."""
+    """Return three axes of a loaded surface, in rows (3, 3)."""
     sizes = np.linalg.norm(load.force, axis=1)
     density = sizes / np.where(surface.vertex_areas > 0, surface.vertex_areas, np.inf)
     resultant = load.force.sum(axis=0)
@@ -45,7 +45,7 @@ def load_axes(surface: Surface, load: LoadCase) -> Floats:
 
 
 def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log: Log) -> DiffusionResult:
-    """Return the result of stage 3: diffusion tensors and modes of the major and of the minor stripes."""
+    """Return diffusion tensors, and modes of the major and of the minor stripes."""
     options = preset.diffusion
     log.report("diffusion", f"computing {options.modes} modes of major and minor stripes")
     with log.row("diffusion"):
@@ -84,7 +84,7 @@ def _tensors(preset: Preset, surface: Surface, statics: StaticsResult) -> tuple[
 
 
 def without_modes(preset: Preset, surface: Surface, statics: StaticsResult) -> DiffusionResult:
-    """Return a result of stage 3 with diffusion tensors but no modes, for evenly spaced stripes."""
+    """Return diffusion tensors without modes, for evenly spaced stripes."""
     none = Modes(np.zeros(0), np.zeros((surface.n, 0)))
     return DiffusionResult(_tensors(preset, surface, statics)[1], none, none)
 
@@ -103,8 +103,7 @@ def _unclear_direction_message(share: float, labelling: Labelling) -> str:
 class Steering:
     """Changes of stripe directions by the user.
     turn     : angle from the stress to the stripes, radians.   guidance : guides (curves that steer stripes).
-    symmetry : symmetry of the changed directions.              told     : a note for the user, or ''.
-    loops    : small supported loops of the boundary; `with_loops` puts a guide around each loop."""
+    symmetry : of the changed directions.    told : a note for the user, or ''.    loops : supported boundary loops."""
 
     turn: float
     guidance: tuple[Guidance, ...]
@@ -113,21 +112,20 @@ class Steering:
     loops: tuple[LoopSurroundings, ...] = ()
 
     def with_loops(self, frames: Frames, stress: StressDirections) -> "Steering":
-        """Return a copy with a guide (curve that steers stripes) around each boundary loop in `loops`."""
+        """Return a copy with a guide (curve that steers stripes) around each boundary loop."""
         around = (loop.guidance(frames, stress, self.turn) for loop in self.loops)
         return replace(self, guidance=(*self.guidance, *around), loops=())
 
     def confidence(self, surface: Surface, stress: Floats) -> Floats:
-        """Return how clear the stripe direction is on each face (m,), 0 to 1. stress : (m,) the same without guides."""
+        """Return the clarity (m,) of stripe directions on the faces, 0 to 1. stress : (m,) clarity without guides."""
         return np.minimum(stress + self.guide_weights(surface), 1.0) if self.guidance else stress
 
     def guide_weights(self, surface: Surface) -> Floats:
         return np.asarray(sum((guide.weight for guide in self.guidance), np.zeros(surface.n))[surface.F].mean(axis=1))
 
     def outcome(self, surface: Surface, along: Floats, directions: StressDirections, over: Bools) -> StripeSteering:
-        """Return a record of the changes of stripe directions.
-        along : (n, 3) final directions of the major stripes.
-        over  : (n,) mask of vertices where major stripes follow the second principal stress (`family_crossings`)."""
+        """Return a record of the changes of stripe directions. along : (n, 3) directions of the major stripes.
+        over  : (n,) mask of vertices where major stripes follow the second principal stress."""
         cosines = (np.einsum("mcx,mx->mc", along[surface.F], directions.direction[:, k]) for k in (0, 1))
         first_share, second_share = ((cosine**2).sum(axis=1) for cosine in cosines)
         crossed = over[surface.F].mean(axis=1) > 0.5
@@ -143,7 +141,7 @@ class Steering:
 
 def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacing: float) -> Steering:
     """Return the changes that a [pattern] section makes to stripe directions.
-    symmetry : symmetry of surface, supports and loads.    spacing : default distance up to which guides act, metres.
+    symmetry : symmetry of surface, supports and loads.    spacing : default reach of guides, metres.
     Raises PatternError for an oblique `rotate` on a one-sided surface, and for a guide without effect."""
     oblique = options.rotate % 90 != 0
     if oblique and one_sided_pieces(frames.surface.F, frames.surface.edges).any():
@@ -168,7 +166,7 @@ def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacin
 
 
 def keeps_orientation(surface: Surface, symmetry: Symmetry) -> Bools:
-    """Return a mask (g,) of mirrors and rotations: True if clockwise angles stay clockwise on over 90 % of the area."""
+    """Return a mask (g,) of the mirrors and rotations that keep clockwise angles clockwise."""
     normal = surface.normals
     agree = [
         np.linalg.det(R) * np.einsum("mi,mi->m", normal @ R.T, normal[face]) > 0
@@ -178,7 +176,7 @@ def keeps_orientation(surface: Surface, symmetry: Symmetry) -> Bools:
 
 
 def keeps_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, ...]) -> Bools:
-    """Return a mask (g,) of the mirrors and rotations of a symmetry: True if the guides are mapped to themselves."""
+    """Return a mask (g,) of the mirrors and rotations that map the guides to themselves."""
     area, n = frames.surface.vertex_areas, frames.surface.n
     tensors = [guide.tensors(frames) for guide in guidance]
     total = np.asarray(sum(tensors))

@@ -1,4 +1,4 @@
-"""Evenly spaced stripes: their directions, densities and phases. Lines that come too close together end."""
+"""Directions, densities and phases of evenly spaced stripes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -39,16 +39,16 @@ from dsfab.slicing import LineHalving, chart_of, halve_lines
 from dsfab.statics import varying_thickness
 from dsfab.surface import Surface, link_components
 
-SLOPES = (0.6, 1.6)  # Limits of the actual number of stripes per metre, divided by the wanted number.
+SLOPES = (0.6, 1.6)  # Limits of the actual number of stripes per metre / the wanted number.
 
 
 @dataclass(frozen=True, eq=False)
 class FamilyLines:
-    """The centre lines of one family of stripes, where its phase is a whole number. A halving ends every second line.
-    most  : largest number of halvings.    wish : (m,) wanted number of halvings on each face, 0 to `most`.
-    free  : (m,) wanted number of halvings on each face, without limits.
+    """The centre lines of a family of stripes. A halving ends every second line.
+    most  : largest number of halvings.    wish : (m,) wanted halvings on each face, 0 to `most`.
+    free  : (m,) wanted halvings, without limits.
     slope : (n,) lines per metre at each vertex, before halving.
-    grown : mean number of lines per metre before halving, divided by the mean wanted number."""
+    grown : mean number of lines per metre before halving / the wanted number."""
 
     phase: CornerPhase
     most: int
@@ -60,12 +60,11 @@ class FamilyLines:
 
 @dataclass(frozen=True, eq=False)
 class StripeDirections:
-    """Directions of the major and of the minor stripes, and further data to compute the stripes' phases.
-    given      : directions of the principal stresses.    along : (n, 3) directions of major stripes at vertices.
-    images     : symmetric images of the vertices.    steered : how directions differ from the stress, or None.
+    """Directions of the major and of the minor stripes.
+    along      : (n, 3) directions of major stripes at vertices.
+    steered    : how directions differ from the stress, or None.
     confidence : (m,) clearness of the direction on each face, 0 to 1.
-    moved      : (n,) displacement of each vertex under the loads whose stress the pattern follows, in any unit.
-    members    : guide curves that become members."""
+    moved      : (n,) displacement of each vertex, in any unit."""
 
     frames: Frames
     given: StressDirections
@@ -79,7 +78,7 @@ class StripeDirections:
 
     @classmethod
     def from_statics(cls, preset: Preset, surface: Surface, statics: StaticsResult, spacings: list[float]) -> Self:
-        """Return the stripe directions of a preset. spacings : metres, one for each family that [pattern] requests."""
+        """Return the stripe directions of a preset. spacings : metres, for each family."""
         symmetry = _symmetry(preset, surface, statics)
         sigma = followed_stress(preset, surface, statics)
         stress = StressDirections(*principal_stresses(surface, symmetry.mean_stress(sigma) if symmetry else sigma))
@@ -88,7 +87,7 @@ class StripeDirections:
         steer = replace(steering(preset.pattern, frames, symmetry, min(spacings)), loops=loops)
         symmetry = steer.symmetry
         images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.identity(surface.n)
-        length = max(float(np.mean(spacings)), surface.mean_edge)  # a member needs this length to change direction
+        length = max(float(np.mean(spacings)), surface.mean_edge)
         along, over = stripe_directions(preset.pattern, frames, stress, steer, images, length)
         steer = steer.with_loops(frames, stress)
         confidence = steer.confidence(surface, stress.confidence(surface.areas))
@@ -101,11 +100,11 @@ class StripeDirections:
 
     @cached_property
     def gradients(self) -> tuple[Floats, Floats]:
-        """Directions (n, 3) of the gradients of the major and of the minor phase, perpendicular to the stripes."""
+        """Directions (n, 3) of the gradients of the major and of the minor phase."""
         return cross(self.frames.normal, self.along), self.along
 
     def steered_with_members(self, families: Sequence[FamilyLines]) -> StripeSteering | None:
-        """Return `steered`, the changes of stripe directions, with a note on each guide curve that becomes a member."""
+        """Return the changes of stripe directions, with notes on guide curves that become members."""
         if self.steered is None or not self.members:
             return self.steered
         surface, messages = self.frames.surface, [self.steered.told] * bool(self.steered.told)
@@ -122,7 +121,7 @@ def _member_message(line: GuideLine, share: float, across: bool) -> str:
     other_family = FAMILIES[1 - FAMILIES.index(line.family)]
     hint = f"; the {other_family} family already runs along this curve: family = '{other_family}' bends members less"
     hint = hint if across else ""
-    if share >= 0.995:  # a few points of the curve may lie outside the member
+    if share >= 0.995:
         return f"a {line.family} member follows the whole curve of {key}{hint}"
     return (
         f"a {line.family} member follows only {share:.0%} of the curve of {key}, because of another guide, an edge "
@@ -133,9 +132,8 @@ def _member_message(line: GuideLine, share: float, across: bool) -> str:
 def stripe_directions(
     options: Pattern, frames: Frames, stress: StressDirections, steer: Steering, images: Images, length: float
 ) -> tuple[Floats, Bools]:
-    """Return directions (n, 3) of the major stripes, smoothed over `length` (m), and a mask (n,) of vertices where
-    major stripes follow the minor principal stress. At these vertices the direction of the larger stress has changed by
-    90 degrees, and members keep their directions. steer : changes by the user.    images : symmetric images."""
+    """Return directions (n, 3) of the major stripes, and a mask (n,).
+    The mask is True where major stripes follow the minor principal stress. length : smoothing length, metres."""
 
     def smooth(stress: StressDirections, length: float) -> Floats:
         guidance = steer.with_loops(frames, stress).guidance
@@ -143,9 +141,7 @@ def stripe_directions(
 
     crossed = np.zeros(frames.surface.n, dtype=bool)
     if not options.is_steered:
-        # smoothing over the full mean edge length would join separate regions
         crossed = _crossed_over(options, frames, smooth(stress, 0.6 * frames.surface.mean_edge), images)
-        # a smaller region has no space for two members
         crossed = crossed & (_region_areas(frames, crossed) > (2.0 * length) ** 2)
         stress = _exchanged_on(stress, crossed[frames.surface.F].mean(axis=1) > 0.5)
     along = smooth(stress, length)
@@ -167,8 +163,6 @@ def _exchanged_on(directions: StressDirections, faces: Bools) -> StressDirection
 
 
 def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
-    """Return a mask (n,) of vertices at which the major and minor families swap their names.
-    The mask is False everywhere with guides or `rotate`, or if the swaps are not symmetric."""
     crossed = family_crossings(frames, along)
     symmetric = np.abs(images.mean(crossed.astype(float)) - crossed).max() < 0.5
     return crossed if symmetric and not options.is_steered else np.zeros_like(crossed)
@@ -176,9 +170,9 @@ def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Image
 
 @dataclass(frozen=True, eq=False)
 class FamilyCourse:
-    """Directions and density of one family of stripes, from which `lines` computes centre lines for any spacing.
-    g      : (n, 3) direction of the phase gradient, across stripes.    u : (n,) logarithm of the relative line density.
-    halved : halvings (removals of every second line).    members : guide curves that become members.
+    """Directions and density of a family of stripes.
+    g      : (n, 3) direction of the phase gradient.    u : (n,) logarithm of the relative line density.
+    halved : removals of every second line.    members : guide curves that become members.
     start  : (n,) weight of each vertex when the phase is chosen."""
 
     follow: StripeDirections
@@ -190,7 +184,7 @@ class FamilyCourse:
 
     @classmethod
     def for_family(cls, directions: StripeDirections, name: str, halve: bool) -> Self:
-        """Return directions and density of the family `name`. halve : True if every second line may end."""
+        """Return directions and density of a family. halve : True if every second line may end."""
         g = directions.gradients[FAMILIES.index(name)]
         surface = directions.frames.surface
         size = vertex_means(surface, np.abs(directions.given.stress).max(axis=1))
@@ -200,15 +194,15 @@ class FamilyCourse:
 
     @property
     def without_halving(self) -> Self:
-        """The same family without halving: no line ends early on a crossing member."""
+        """The same family, without lines that end early."""
         return replace(self, halved=halving(self.u, self.follow.frames.surface.vertex_areas, allowed=False))
 
     def lines(self, spacing: float) -> FamilyLines:
-        """Return the centre lines of the family. spacing : mean distance from one line to the next, metres."""
+        """Return the centre lines of the family. spacing : mean distance of lines, metres."""
         frames, images, halvings = self.follow.frames, self.follow.images, self.halved.most
         surface = frames.surface
         finest = density(surface, self.u, spacing, self.halved)
-        coarse = Flow(frames, self.g, finest / 2**halvings)  # only the lines that remain after all halvings
+        coarse = Flow(frames, self.g, finest / 2**halvings)
         locked_to_guides, aim = guide_phases(self.members, frames, self.g, coarse.density)
         lock = locked_to_guides | boundary_lines(surface, self.g, spacing)
         conditions = self.start, lock, images.projection(surface.V, self.g, coarse.density), aim
@@ -233,7 +227,7 @@ def _movement(preset: Preset, surface: Surface, statics: StaticsResult) -> Float
 
 
 def no_lines(surface: Surface, spacing: float) -> FamilyLines:
-    """Return `FamilyLines` without lines for a family that is not drawn. spacing : metres; `slope` is 1 / `spacing`."""
+    """Return `FamilyLines` without lines. spacing : metres."""
     sides = (surface.m, 3)
     phase = CornerPhase(np.zeros(surface.n), np.ones(sides), np.zeros(sides), np.ones(surface.m, dtype=bool))
     return FamilyLines(phase, 0, np.zeros(surface.m), np.zeros(surface.m), np.full(surface.n, 1 / spacing), 1.0)
@@ -247,8 +241,6 @@ def _symmetry(preset: Preset, surface: Surface, statics: StaticsResult) -> Symme
 
 
 def _slope(surface: Surface, size: Floats, singular: Bools, wanted_density: Floats) -> Floats:
-    """Return mean lines per metre (n,) at the vertices, within `SLOPES` times `wanted_density` (n,).
-    size : (m,) lines per metre on each face.    singular : (m,) mask of faces that do not count."""
     regular = (~singular).astype(float)
     mean, regular_share = vertex_means(surface, np.stack([size * regular, regular], axis=1)).T
     slope = np.divide(mean, regular_share, out=wanted_density.copy(), where=regular_share > 0)
@@ -256,14 +248,14 @@ def _slope(surface: Surface, size: Floats, singular: Bools, wanted_density: Floa
 
 
 def follows_membrane(preset: Preset, surface: Surface, statics: StaticsResult) -> bool:
-    """Return True if the pattern follows the membrane stress, without bending; `forces = "optimal"` requires this."""
+    """Return True if the pattern follows the membrane stress, without bending."""
     cases = [statics.cases[name] for name in preset.followed_weights]
     return all(case.layered is None for case in cases) and not is_slab(surface, [case.answers for case in cases])
 
 
 def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) -> StaticsResult:
-    """Return statics of the stiffest sheet of varying thickness; stress is its force divided by the preset's thickness.
-    A pattern from these statics follows these stresses. Raises PatternError if the sheet bends."""
+    """Return statics of the stiffest sheet of varying thickness. Raises PatternError if the sheet bends.
+    Stress is the force in this sheet divided by the preset's thickness."""
     if not follows_membrane(preset, surface, statics):
         raise PatternError(
             'pattern.forces = "optimal" needs membrane forces, but this pattern follows bending; set '
@@ -281,8 +273,7 @@ FINEST = 0.5  # Smallest spacing of stripes, divided by the mean edge length.
 
 
 def same_stripes(earlier: Pattern, current: Pattern) -> bool:
-    """Return True if two [pattern] sections give the same centre lines. The sections may differ in widths, kept regions
-    and keys for modes. If `current.rounds` > 0, the cut sheet's weight changes stripes, so all keys must be equal."""
+    """Return True if two [pattern] sections give the same centre lines."""
     if current.rounds:
         return earlier == current
 
@@ -296,7 +287,7 @@ def same_stripes(earlier: Pattern, current: Pattern) -> bool:
 
 
 def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> EvenStripes:
-    """Return the evenly spaced stripes of a preset's [pattern] section.
+    """Return the evenly spaced stripes of a preset.
     Raises PatternError if the stress is zero, or if a spacing does not suit the mesh."""
     options = preset.pattern
     if options.forces == "optimal":
@@ -320,7 +311,6 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
 def _redrawn_lines(
     directions: StripeDirections, courses: dict[int, FamilyCourse], families: list[FamilyLines], spacings: list[float]
 ) -> "_DividedFamilies":
-    """Draw a family again if its mean spacing is over 5 % wrong; without halving if it is still over 30 % wrong."""
     surface, result = directions.frames.surface, _DividedFamilies.from_lines(directions, *families)
     tries = [result]
     for limit, halve in ((0.05, True), (0.3, False)):
@@ -328,7 +318,7 @@ def _redrawn_lines(
         redo = [k for k, lines in enumerate(families) if lines.most > 0 and abs(deviations[k]) > limit]
         if not redo:
             break
-        for k in redo:  # halving ends some lines early, which changes the mean spacing
+        for k in redo:
             wider = spacings[k] * float(np.exp(deviations[k]))
             families[k] = courses[k].lines(wider) if halve else courses[k].without_halving.lines(spacings[k])
         tries.append(_DividedFamilies.from_lines(directions, *families))
@@ -372,9 +362,6 @@ def _digits(length: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _DividedFamilies:
-    """Major and minor lines after halving (removal of every second line).
-    density : (n, 2) remaining lines per metre at each vertex."""
-
     both: tuple[FamilyLines, FamilyLines]
     halved: LineHalving
     density: Floats

@@ -25,11 +25,11 @@ LOAD_DURATIONS: dict[str, "Duration"] = {
     "imposed H": "short",
     "wind": "short",
 }
-"""Duration class of loads by action [EN 1995-1-1, table 2.2]. Snow and actions that are not listed are medium-term."""
+"""Duration class of loads by action [EN 1995-1-1, table 2.2]."""
 
 
 def member_utilisation(preset: Preset, graph: "MemberGraph", forces: Mapping[str, "MemberForces"]) -> "Utilisation":
-    """Return forces in members divided by their resistance, in cases and combinations of the ultimate limit state.
+    """Return the forces in members divided by their resistance.
     Raises StaticsError if there is neither a material nor a strength."""
     from dsfab.members.eurocode import MemberBays, utilisation
 
@@ -39,7 +39,7 @@ def member_utilisation(preset: Preset, graph: "MemberGraph", forces: Mapping[str
 
 
 def eurocode_rules(preset: Preset, cases: tuple[str, ...]) -> "Rules":
-    """Return the Eurocode rules of a preset. cases : names of cases and combinations."""
+    """Return the Eurocode rules of a preset."""
     from dsfab.members.eurocode import Rules, SteelFactors, TimberFactors
 
     section, options = preset.statics, preset.eurocode
@@ -78,8 +78,7 @@ def _case_duration(preset: Preset, case: str) -> "Duration":
 
 
 class ActionCase(NamedTuple):
-    """Loads of one case that belong to one kind of action, on the uncut surface.
-    case : name of the case in the preset.    action : permanent, snow, wind or variable."""
+    """Loads of a case that belong to a single kind of action: permanent, snow, wind or variable."""
 
     case: str
     action: str
@@ -87,9 +86,7 @@ class ActionCase(NamedTuple):
 
 
 def action_cases(preset: Preset, surface: Surface, statics: StaticsResult) -> dict[str, ActionCase]:
-    """Return the load cases of a preset by name, each with a single kind of action.
-    A case with several kinds is split, because frame programs multiply a case by the factor of its kind. A case whose
-    kind is named in `surface.actions` is not split."""
+    """Return the load cases of a preset by name, each with a single kind of action."""
     section, action_by_name = preset.surface, dict[str, ActionCase]()
     for case in (name for name, entry in statics.cases.items() if entry.factors is None):
         load, kinds = statics.cases[case].load, dict[str, list[Load]]()
@@ -122,8 +119,8 @@ def beam_model(
     cases: Mapping[str, ActionCase],
     loads: Mapping[str, LoadCase],
 ) -> "Frame":
-    """Return the beam model of a cut sheet with its members, with combinations of load cases.
-    cases : loads by kind of action, from `action_cases`.    loads : the same loads on the cut sheet, by the same names.
+    """Return the beam model of a cut sheet with its members.
+    cases : loads by kind of action.    loads : the same loads on the cut sheet, by the same names.
     Raises StaticsError if no member has an axis."""
     from dsfab.members.frame import BeamMaterial, frame_of
 
@@ -142,7 +139,7 @@ def beam_model(
 def beam_agreement(
     preset: Preset, sheet: Surface, graph: "MemberGraph", frame: "Frame", loads: Mapping[str, LoadCase]
 ) -> list["FrameAgreement"]:
-    """Compare the beam model with the cut sheet under each of the loads. The ribs of this cut sheet twist like beams.
+    """Compare the beam model with the cut sheet under each of the loads.
     Raises StaticsError if the supports do not hold the beams or the sheet."""
     from dsfab.members.frame import agreement, solve_frame
 
@@ -161,8 +158,7 @@ def beam_agreement(
 def _sheet_and_bar_answers(
     model: SheetModel, loads: Mapping[str, LoadCase]
 ) -> tuple[Mapping[str, Equilibrium], Mapping[str, Equilibrium]]:
-    """Return results by load, first of ribs that twist like sheets, then of ribs that twist like bars.
-    The results are the same without bending, or if the equations of ribs that twist like bars have no solution."""
+    """Return results by load, of ribs that twist like sheets, then like bars."""
     try:
         as_bars = solve_for(model, loads, "displacement", bars=True)
     except StaticsError:

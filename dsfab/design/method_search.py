@@ -1,4 +1,4 @@
-"""Search for the best pattern method: modes or even stripes, with different width rules, forces and spacings."""
+"""Search for the best pattern method."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -28,18 +28,17 @@ from dsfab.results import (
 from dsfab.slicing import Sheet
 from dsfab.surface import Surface
 
-EXCHANGEABLE_RULES = ("constant", "graded")  # Width rules that the search may replace, if a solid fraction is set.
-SPACINGS = (0.75, 1.25)  # Factors on the default spacings of stripes; the search also tries these spacings.
+EXCHANGEABLE_RULES = ("constant", "graded")  # Width rules that the search may replace.
+SPACINGS = (0.75, 1.25)  # Factors on the spacings of stripes that the search tries.
 
 
 @dataclass(frozen=True, eq=False)
 class MethodCandidate:
-    """A pattern method as a candidate of the search, with the results of its trial.
+    """A pattern method as a candidate of the search.
     preset  : preset with chosen values for `auto`.    attempt : name and measured values of the trial.
-    choice  : tried modes and phases, best first, or None. even : evenly spaced stripes; None for stripes on modes.
+    choice  : tried modes and phases, best first, or None. even : evenly spaced stripes, or None.
     sheet   : cut sheet; None before the trial, or if the trial failed.
-    grading : (n, f) relative half-width of f families at n vertices; None without the rule `stressed`.
-    notes   : notes for the user.    drawn : finished stripes, as a build draws them, or None."""
+    grading : (n, f) relative half-width of f families at n vertices, or None."""
 
     preset: Preset
     attempt: Attempt
@@ -59,8 +58,7 @@ def _stiffest(candidates: list[MethodCandidate]) -> MethodCandidate | None:
 def stressed_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the best evenly spaced stripes and the best stripes from modes, with widths by the rule `stressed`.
-    This rule sets widths by the energy of the cut sheet. Yield nothing if the preset's width rule must stay."""
+    """Yield the best evenly spaced stripes and the best stripes from modes, with the width rule `stressed`."""
     if not _exchangeable(preset.pattern.width):
         return
     for method in ("stripes", "modes"):
@@ -82,8 +80,7 @@ def stressed_candidates(
 def optimal_force_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the stiffest evenly spaced candidate, redrawn along the forces in the stiffest sheet of varying thickness.
-    Yield nothing if the width rule must not change, if the user sets directions, or if the pattern follows bending."""
+    """Yield the stiffest evenly spaced candidate, drawn again along optimal forces."""
     options = preset.pattern
     stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
     if not stiffest or not _exchangeable(options.width) or options.is_steered:
@@ -105,8 +102,7 @@ def optimal_force_candidates(
 def respaced_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the best evenly spaced stripes with larger and smaller spacings, with and without `pattern.halve`.
-    Yield nothing without pattern.width.solid_fraction, or if the preset sets the spacings."""
+    """Yield the best evenly spaced stripes with larger and smaller spacings."""
     stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
     if not stiffest or not preset.pattern.width.solid_fraction:
         return
@@ -122,7 +118,7 @@ def respaced_candidates(
             except DsfabError as error:
                 yield MethodCandidate(variant_preset, Attempt(words, refused=str(error)))
                 continue
-            if any(even.wanted) or not halve:  # if no stripe ends early, `halve` changes nothing
+            if any(even.wanted) or not halve:
                 variant = MethodCandidate(variant_preset, Attempt(words), None, even)
                 yield _with_worth(variant, analysis, replace(log, notes=[]))
 
@@ -139,7 +135,7 @@ def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple
 
 
 def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) -> MethodCandidate:
-    """Cut a candidate as in a build with default [slicing], solve the cut sheet; return the candidate with results."""
+    """Return a candidate with the results of cutting and solving."""
     preset = candidate.preset.model_copy(update={"slicing": Slicing()})
     trial, log = Trial(preset, analysis, candidate.even), Log(None)
     try:
@@ -159,8 +155,7 @@ def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) ->
 def uncrowded_candidate(
     candidate: MethodCandidate, analysis: StressedSurface, draw: Callable[[Preset], MethodCandidate], progress: Progress
 ) -> MethodCandidate:
-    """Return `candidate` if its filled openings form no plate (an area without openings). Otherwise try the changes of
-    the preset from `uncrowded_changes`, and return the best candidate.
+    """Return `candidate`, or a better candidate if filled openings form a plate (an area without openings).
     draw : function that returns the stripes of a preset, without widths."""
     surface, options, pattern = analysis.surface, candidate.preset.pattern, candidate.drawn
     trial = pattern and (pattern.trial or trial_cut(candidate.preset, surface, pattern))
@@ -188,8 +183,7 @@ def uncrowded_candidate(
 
 
 def uncrowded_changes(design: DesignDraft, plate: FilledOpenings) -> Iterator[dict[str, object]]:
-    """Yield up to four changes of [pattern] that may prevent a plate (a group of filled openings): a larger `keep`, a
-    larger spacing, other families, and a rotation."""
+    """Yield up to four changes of [pattern] that may prevent a plate (an area without openings)."""
     options, surface, load = design.preset.pattern, design.surface, design.statics.load
     spacings = {name: getattr(options, name).distance(surface.area, surface.mean_edge) for name in options.family_names}
     distance = np.linalg.norm(surface.V[load.supported | load.loaded] - plate.place, axis=1).min(initial=np.inf)
@@ -214,8 +208,8 @@ def methods(preset: Preset) -> list[tuple[str, bool]]:
 def method_candidates(
     preset: Preset, analysis: StressedSurface, log: Log, method: str, halve: bool
 ) -> Iterator[MethodCandidate]:
-    """Yield a candidate for each width rule with this method ("stripes" or "modes"), after cutting and solving.
-    halve : True if every second stripe may end where stripes are dense."""
+    """Yield a candidate for each width rule with a pattern method, "stripes" or "modes".
+    halve : True if every second stripe may end."""
     title = {"modes": "modes", "stripes": "halved stripes" if halve else "stripes"}[method]
     variant_preset = preset.with_pattern(method=method, halve=halve, weight_rounds=0)
     if method == "modes":
@@ -257,7 +251,6 @@ def _with_quality(
     cells: Sheet,
     sheet: Sheet,
 ) -> MethodCandidate:
-    """Return a copy with sheet and flaws. worth : compliance (J), compliance / uncut compliance, material share."""
     drafted = DesignDraft(candidate.preset, analysis.surface, analysis.statics, analysis.diffusion, pattern)
     quality = measured_pattern(drafted, symmetry=False, cells=cells, sheet=sheet)
     attempt = Attempt(candidate.attempt.name, *worth, quality.dead_ends, quality.slits)
@@ -276,12 +269,12 @@ def _width_variants(width: Width) -> dict[str, Width]:
     return {"constant": constant, "graded": graded, f"graded q {gentle:g}": graded.model_copy(update={"q": gentle})}
 
 
-NEAR_BEST = 0.1  # Candidates with a compliance up to 10 % above the smallest are built, and solved again accurately.
+NEAR_BEST = 0.1  # Candidates with a compliance up to 10 % above the smallest are nearly the best.
 
 
 def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[MethodCandidate, tuple[Attempt, ...]]:
-    """Return the best candidate for the pattern method, and all attempts, best first (see `Attempt.rank`).
-    Accurate elements decide between nearly equal candidates. Raises PatternError if no candidate carries its loads."""
+    """Return the best candidate for the pattern method, and all attempts, best first.
+    Raises PatternError if no candidate carries its loads."""
     candidates: list[MethodCandidate] = []
     for method, halve in methods(preset):
         with log.row("method"):
@@ -305,8 +298,6 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
 
 
 def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return all candidates. If at least two are nearly the best, up to four of these are cut and solved as in a build.
-    The best is cut last, so that slicing can continue from its cut."""
     *flaws, soft = min(candidate.attempt.rank for candidate in candidates)
     limit = (*flaws, (1 + NEAR_BEST) * soft)
     shares = [other for other in candidates if other.sheet and other.preset.pattern.width.solid_fraction]

@@ -1,4 +1,4 @@
-"""Search for modes, phases and widths: designs are cut, solved and compared."""
+"""Search for modes, phases and widths."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -33,8 +33,7 @@ SHARE_TOLERANCE = 2e-3  # Largest error of the solid fraction when the search cu
 
 
 class CarryingSheet(NamedTuple):
-    """A cut sheet that carries its loads. cells : all cells of the cut.    sheet : material that reaches a support.
-    tidy : options to remove loose ends, or None.    Other fields: see `Candidate`."""
+    """A cut sheet that carries its loads. cells : all cells of the cut.    sheet : material that reaches a support."""
 
     cells: Sheet
     sheet: Sheet
@@ -45,7 +44,7 @@ class CarryingSheet(NamedTuple):
 
 
 class TrialResult(NamedTuple):
-    """Result of a trial: candidate with compliance, pattern, sheet that carries the loads, and all cells of the cut."""
+    """Result of a trial: candidate, pattern, sheet that carries the loads, and all cells of the cut."""
 
     candidate: Candidate
     pattern: PatternResult
@@ -54,7 +53,7 @@ class TrialResult(NamedTuple):
 
 
 class Trial:
-    """Trials that cut and solve patterns on one surface. even : evenly spaced stripes; None for stripes from modes."""
+    """Trials of patterns on one surface. even : evenly spaced stripes; None for stripes from modes."""
 
     def __init__(self, preset: Preset, analysis: StressedSurface, even: EvenStripes | None = None) -> None:
         self.preset, self.given, self.surface, self.even = preset, analysis, analysis.surface, even
@@ -69,15 +68,15 @@ class Trial:
         return self.compliance(self.surface, self.loads)
 
     def candidate(self, mode: tuple[int, int], phase: tuple[float, float]) -> Candidate:
-        """Cut and solve the pattern with these modes and phases (major, minor). A failure is recorded in `refused`."""
+        """Return the result for these modes and phases (major, minor). A failure is recorded in `refused`."""
         try:
             return self.result(self.preset.with_modes(mode, phase)).candidate
         except DsfabError as error:
             return Candidate(mode, phase, refused=str(error))
 
     def result(self, preset: Preset, grading: Floats | None = None) -> TrialResult:
-        """Cut and solve the pattern of a preset. Raises DsfabError if the sheet does not carry the loads.
-        grading : (n, f) relative half-widths of f families at n vertices, see `drawable_families`."""
+        """Return the result for the pattern of a preset. Raises DsfabError if the sheet does not carry the loads.
+        grading : (n, f) relative half-widths of f families at n vertices."""
         options = preset.pattern
         families, layers = self._layers(preset, grading)
         carrying = self.carrying(layers)
@@ -89,7 +88,7 @@ class Trial:
         return TrialResult(candidate, pattern, carrying.sheet, carrying.cells)
 
     def carrying(self, layers: Sequence[Layer]) -> "CarryingSheet":
-        """Cut along the outlines of `layers`; return the cut sheet. Raises DsfabError if the loads are not carried."""
+        """Return the sheet after a cut along `layers`. Raises DsfabError if the loads are not carried."""
         surface = self.surface
         tidy = tidy_of(self.preset, self.given, layers)
         fields, levels = [layer.field for layer in layers], [layer.levels for layer in layers]
@@ -111,7 +110,7 @@ class Trial:
         return CarryingSheet(cells, sheet, *shares, count, tidy)
 
     def loads_on(self, sheet: Sheet) -> dict[str, LoadCase]:
-        """Return the loads whose stress the pattern follows, on a cut sheet, by name."""
+        """Return the loads on a cut sheet, by name."""
         return loads_on(self.surface, sheet, self.loads)
 
     def stiffness(self, surface: Surface, loads: dict[str, LoadCase]) -> FaceStiffness:
@@ -127,7 +126,7 @@ class Trial:
         return families, layers
 
     def compliance(self, surface: Surface, loads: dict[str, LoadCase], use: Quantity | Aid = "ranking") -> float:
-        """Return the weighted sum of the compliances under `loads`, joules. use : purpose; it selects the elements."""
+        """Return the weighted sum of the compliances under `loads`, joules."""
         answers = solve_for(self.preset.statics.sheet().model_for(surface), loads, use)
         return sum(weight * answers[name].compliance for name, weight in self.preset.followed_weights.items())
 
@@ -137,7 +136,7 @@ LEAST_HALF_WIDTH, MOST_HALF_WIDTH = 0.01, 0.55  # Limits of the half-widths of s
 
 class WidthStep(NamedTuple):
     """Trial of the width rule `stressed`. worth : compliance (J) times share of material; small is good.
-    grading : relative half-widths of this trial.    after : relative half-widths for the next trial."""
+    grading, after : relative half-widths of this trial, and for the next trial."""
 
     worth: float
     grading: Floats
@@ -147,8 +146,7 @@ class WidthStep(NamedTuple):
 def stressed_step(
     preset: Preset, analysis: StressedSurface, log: Log, even: EvenStripes | None = None
 ) -> Floats | None:
-    """Return the relative half-widths (n, 2) of major and minor stripes with the smallest product of compliance and
-    material, out of pattern.width.steps trials. Return None if the first trial does not carry its loads."""
+    """Return the best relative half-widths (n, 2) of major and minor stripes; None if the first trial fails."""
     steps = _steps(StressedTrial(preset, analysis, even), log)
     if not steps:
         return None
@@ -162,8 +160,7 @@ def stressed_step(
 
 
 def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice: Choice) -> Choice:
-    """Return the choice with a new first candidate: the stiffest modes and phases with the width rule `stressed`.
-    Only the three best pairs of modes, and the pair with the lowest mode numbers, are tried with `stressed`."""
+    """Return the choice with a new first candidate, the best one with the width rule `stressed`."""
     leading: dict[tuple[int, int], Candidate] = {}
     for candidate in choice.candidates:
         leading.setdefault(candidate.mode, candidate)
@@ -203,7 +200,7 @@ def _steps(trial: "StressedTrial", log: Log) -> list[WidthStep]:
 
 
 class StressedTrial(Trial):
-    """Trials of widths of members, for stripes whose modes and phases do not change."""
+    """Trials of widths of members."""
 
     def __init__(self, preset: Preset, analysis: StressedSurface, even: EvenStripes | None = None) -> None:
         super().__init__(preset, analysis, even)
@@ -215,7 +212,7 @@ class StressedTrial(Trial):
         self.factor = self.added = 0.0
 
     def step(self, grading: Floats) -> WidthStep:
-        """Cut and solve with relative half-widths `grading` (n, f) of f families; compute the next half-widths.
+        """Return the result for relative half-widths `grading` (n, f) of f families, and the next half-widths.
         Raises DsfabError if the sheet does not carry the loads."""
         families = [family.with_stress(g) for family, g in zip(self.families, grading.T, strict=True)]
         search = WidthSearch(self._share, SHARE_TOLERANCE, self.factor, added=self.added)
@@ -249,10 +246,9 @@ class StressedTrial(Trial):
 
 
 START = (0.25, 0.0, 0.5, 0.75)
-"""Phases that the search tries first if it chooses the modes of both families. Both families get the same phase.
-Pairs with mode 1 are tried with all four phases, other pairs only with the first phase."""
+"""Phases that the search tries first if it chooses the modes of both families."""
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
-"""Phases that the search tries first, in all combinations: GRID[k] if the search chooses the modes of k families."""
+"""Phases that the search tries first: GRID[k] if the search chooses the modes of k families."""
 TOGETHER = ((1, 1), (-1, -1))  # Equal changes of both phases, in units of the step in `ROUNDS`.
 AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Changes of major and minor phase, in the same unit.
 ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))
@@ -262,9 +258,8 @@ ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]  # Modes and phases
 
 
 def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
-    """Search for the modes and phases that are `auto`; return all tried candidates, at most 57. The best comes first:
-    it has the smallest product of compliance and material. With the width rule `stressed`, trials use graded widths;
-    then `stressed_choice` moves the best candidate to the front. Raises PatternError if none carries the loads."""
+    """Return all tried candidates for the modes and phases that are `auto`, the best first.
+    Raises PatternError if no candidate carries the loads."""
     candidates: dict[ModesAndPhases, Candidate] = {}
     with log.row("choice"):
         trial = Trial(preset, analysis)
@@ -298,7 +293,6 @@ def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
 
 
 def _rank(candidate: Candidate) -> tuple[bool, bool, float, ModesAndPhases]:
-    """Return the sort key. Mirrored patterns have equal rounded compliances: then lower modes and phases come first."""
     soft = float(f"{candidate.compliance * candidate.kept:.3g}")
     return bool(candidate.refused), candidate.whole < CONNECTED_SHARE, soft, (candidate.mode, candidate.phase)
 

@@ -1,4 +1,4 @@
-"""Measures for the quality of a pattern, before or after the cut: stripes, directions, symmetry, filled openings."""
+"""Measures for the quality of a pattern."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -24,11 +24,11 @@ from dsfab.surface import Surface, centroid, link_components, nearest_places, we
 from dsfab.surface.fields import CornerField, DividedField
 
 R2 = np.array([0.7548776662466927, 0.5698402909980532])
-"""Steps of a sequence that fills the unit square evenly: 1 / g and 1 / g^2, with g^3 = g + 1 [Roberts 2018]."""
+"""Steps of a sequence that fills the unit square evenly [Roberts 2018]."""
 
 
 class PatternedDesign(Protocol):
-    """A design, or only its results up to the pattern (`DesignDraft`)."""
+    """A design, or its results up to the pattern."""
 
     @property
     def preset(self) -> Preset: ...
@@ -55,8 +55,8 @@ class DesignDraft(NamedTuple):
 def measured_pattern(
     design: PatternedDesign, symmetry: bool = True, cells: Sheet | None = None, sheet: Sheet | None = None
 ) -> PatternQuality:
-    """Return the quality of a pattern, measured on its stripes before the cut, and on its cells after the cut.
-    symmetry : True to measure the symmetry error, too, which takes longest.
+    """Return the quality of a pattern.
+    symmetry : True to measure the symmetry error, which takes longest.
     cells    : all cells of the cut; None before the cut.
     sheet    : the sheet after slicing; default: all material of `cells`."""
     chart = pattern_chart(design)
@@ -64,11 +64,11 @@ def measured_pattern(
     followed = followed_directions(design)
     try:
         confidence = followed.confidence(design.surface.areas)
-    except PatternError:  # the stress is zero everywhere
+    except PatternError:  # zero stress
         confidence = np.zeros(design.surface.m)
     parent = chart.parent
     steered = design.pattern.even.steered if design.pattern.even else None
-    guided = steered.guided[parent] > 0.1 if steered else None  # below 0.1, a face does not count as guided
+    guided = steered.guided[parent] > 0.1 if steered else None
     columns = followed.stress[parent], followed.direction[parent], confidence[parent]
     quality = pattern_quality(stripes, *columns, guided=guided)
     major, minor = (role.title for role in roles_of_families(design))
@@ -95,8 +95,6 @@ def _sheet_quality(
 
 
 def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
-    """Keep only the dead ends of a family that exist on the cut sheet: ends within `reach` (m) of the sheet where no
-    other member continues.    half_width : (n,) half-width of the family's stripes, in periods."""
     width = 2 * float(np.median(half_width)) * family.spacing[1]
 
     def remaining(places: Floats, dead: Callable[[Arms, float], bool]) -> Floats:
@@ -117,12 +115,12 @@ def pattern_chart(design: PatternedDesign) -> Chart:
 
 
 def stripes_on_chart(design: PatternedDesign) -> StripeChart:
-    """Return the stripes of a design before the cut, with its kept regions (regions that are all material)."""
+    """Return the stripes of a design before the cut."""
     return pattern_on_chart(design.surface, pattern_chart(design), design.pattern)
 
 
 def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternResult) -> Chart:
-    """Return the surface with the phases (n, 2) of stripes from modes: mode value times frequency, plus phase."""
+    """Return the surface with the phases (n, 2) of stripes from modes."""
     modes = zip((diffusion.major, diffusion.minor), pattern.mode, strict=True)
     x = np.stack([family.mode(number) for family, number in modes], axis=1)
     z = x * np.array(pattern.frequency) + np.array(pattern.phase)
@@ -130,7 +128,7 @@ def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternRe
 
 
 def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> StripeChart:
-    """Return the stripes of a pattern, with its kept regions (all material). chart : phases of the stripes."""
+    """Return the stripes of a pattern. chart : phases of the stripes."""
     d = np.stack([pattern.half_width(name) for name in FAMILIES], axis=1)
     kept_height = np.full(surface.n, -1.0)
     for name, x, levels in zip(pattern.names, pattern.fields, pattern.levels, strict=True):
@@ -142,8 +140,7 @@ def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> 
 
 
 def followed_directions(design: PatternedDesign) -> StressDirections:
-    """Return the directions that the two families of stripes follow on each face, and the stress along each direction.
-    With `pattern.rotate`, the stress is a mean of the absolute principal stresses."""
+    """Return the directions that stripes follow on each face, and the stress along these directions."""
     preset = design.preset
     stress, direction = principal_stresses(design.surface, followed_stress(preset, design.surface, design.statics))
     if design.pattern.even is None and preset.diffusion.labelling == "magnitude":
@@ -161,15 +158,14 @@ def followed_directions(design: PatternedDesign) -> StressDirections:
 
 
 def roles_of_families(design: PatternedDesign) -> tuple[FamilyRole, FamilyRole]:
-    """Return the roles of the major and the minor family, such as arches or hoops.
-    The roles are unknown if `rotate` turns the stripes, or if the pattern follows several load cases."""
+    """Return the roles of the major and the minor family, such as arches or hoops."""
     if design.preset.pattern.rotate or design.preset.combines:
         return FamilyRole("major"), FamilyRole("minor")
     return family_roles(design.surface, followed_directions(design))
 
 
 def one_family_message(roles: tuple[FamilyRole, FamilyRole], families: str) -> str:
-    """Return a warning if the pattern lacks the arches that carry the loads; else ''. families : `pattern.families`."""
+    """Return a warning if the pattern lacks the arches that carry the loads; else ''."""
     drawn_role, omitted_role = sorted(roles, key=lambda role: role.key != families)
     if families == "both" or omitted_role.shape != "arches":
         return ""
@@ -189,12 +185,12 @@ def used_symmetry(design: PatternedDesign) -> Symmetry | None:
 
 
 def symmetry_error(surface: Surface, stripes: StripeChart, symmetry: Symmetry) -> float:
-    """Return the share of the uncut surface where stripes differ from their symmetric image, for the worst image."""
+    """Return the share of the uncut surface where stripes differ from their symmetric image."""
     return _asymmetric_share(surface, stripes.surface, symmetry, partial(_is_material, stripes))
 
 
 def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
-    """Return the share of area where material after the cut differs from its symmetric image, for the worst image."""
+    """Return the share of the area where the material of a cut sheet differs from its symmetric image."""
     V, F = cells.surface.V, cells.surface.F
     return _asymmetric_share(
         surface, cells.surface, symmetry, lambda points: cells.material[nearest_places(points, V, F).simplex]
@@ -204,8 +200,6 @@ def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
 def _asymmetric_share(
     surface: Surface, faces: Surface, symmetry: Symmetry, material: Callable[[Floats], Bools], samples: int = 120_000
 ) -> float:
-    """Return the share of the area where material differs from its symmetric image, for the worst image.
-    material : function of points (p, 3); returns True (p,) if the nearest place on the faces is material."""
     centre = centroid(surface)
     cumulated_area = np.cumsum(faces.areas)
     number = np.arange(samples // symmetry.order)
@@ -227,8 +221,9 @@ def _is_material(stripes: StripeChart, points: Floats) -> Bools:
 
 
 def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3) -> FilledOpenings | None:
-    """Return the largest group of openings that finishing filled, with at most `apart` metres between neighbours.
-    None if none is filled. before, after : cells before and after finishing. samples : places to check per opening."""
+    """Return the largest group of openings that finishing filled, or None.
+    apart  : largest distance of neighbours, metres.
+    before, after : cells before and after finishing.    samples : places to check per opening."""
     openings = openings_of(before)
     if openings is None:
         return None
@@ -249,10 +244,9 @@ def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3)
 
 
 def merged_members(options: Pattern, surface: Surface, pattern: PatternResult) -> FilledOpenings | None:
-    """Return the largest area where neighbouring members touch, outside kept regions, for a pattern of one family.
-    The area counts as area / spacing^2 filled openings. None if no members touch, or for two families."""
+    """Return the largest area where neighbouring members touch, for a pattern of a single family, or None."""
     if options.families == "both":
-        return None  # `largest_filling` counts filled openings between two families
+        return None
     touch = pattern.half_width(options.families) >= SOLID
     layers = map(Layer, pattern.names, pattern.fields, pattern.levels, pattern.half_widths)
     kept_layers = [layer for layer in layers if layer.name not in FAMILIES]

@@ -1,4 +1,4 @@
-"""Stage 4: the pattern of a preset. The stress can be computed again with the smaller weight of the cut sheet."""
+"""Stage 4: the pattern of a preset."""
 
 from dataclasses import replace
 from functools import partial
@@ -25,8 +25,7 @@ from dsfab.surface import LoadParts, Surface
 
 
 def stripes_under_own_weight(preset: Preset, analysis: StressedSurface, log: Log) -> EvenStripes:
-    """Return evenly spaced stripes along the stress, redrawn `pattern.rounds` times for the stress under the weight of
-    the stripes. Raises PatternError like `even_stripes`."""
+    """Return evenly spaced stripes along the stress under the weight of the stripes."""
     log.report("pattern", "finding evenly spaced stripes along the stress")
     surface, statics = analysis.surface, analysis.statics
     even = even_stripes(preset.with_pattern(weight_rounds=0), surface, statics)
@@ -62,8 +61,7 @@ def _follows_own_weight(preset: Preset, statics: StaticsResult) -> bool:
 
 
 def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) -> Floats:
-    """Return the share of each face (m,) that is material. For a symmetric pattern, the share is a mean over symmetric
-    faces. Widths of stripes are approximate. Corners are not rounded, and openings are not filled."""
+    """Return the approximate share of each face (m,) that is material."""
     surface, sketch = analysis.surface, sketched_step(preset, analysis, even=even)
     polygons = tidied_polygons(surface, sketch.fields, sketch.levels, SHARE_SNAP, sketch.tidy)
     area = polygons.cells.areas(polygons.X)[0] * ~polygons.void
@@ -72,9 +70,9 @@ def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) ->
 
 
 def statics_with_weight_share(preset: Preset, surface: Surface, statics: StaticsResult, share: Floats) -> StaticsResult:
-    """Solve the cases that the pattern follows again, with a share (m,) of each face's weight; return new statics."""
+    """Solve again with a share (m,) of each face's weight; return new statics."""
     layered = any(case.layered is not None for case in statics.cases.values())
-    follow = "layers" if layered else "membrane"  # the pattern follows the same kind of stress as in `statics`
+    follow = "layers" if layered else "membrane"
     section = preset.statics.model_copy(update={"frequencies": 0, "buckling": 0, "stress": follow})
     acting = [_lighter_loading(loading, surface, share) for loading in loadings(preset, surface)]
     lighter_cases = statics_step(preset.model_copy(update={"statics": section}), surface, Log(None), acting).cases
@@ -92,15 +90,13 @@ def _lighter_loading(loading: Loading, surface: Surface, share: Floats) -> Loadi
 
 def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[float, float]:
     """Return the mean and the 95 % quantile of the angle (degrees) between the principal directions of two stresses.
-    before, after : (m, 3, 3). The mean has weights: a face's area times the difference of its principal stresses in
-    `before`. The quantile has areas as weights, and counts only faces whose principal stresses clearly differ."""
+    before, after : (m, 3, 3)."""
     (stress, directions), (_, directions_after) = (principal_stresses(surface, sigma) for sigma in (before, after))
     axis_before, axis_after = directions[:, 0], directions_after[:, 0]
     across = np.linalg.norm(np.cross(axis_before, axis_after), axis=1)
     angle = np.degrees(np.arctan2(across, np.abs(np.einsum("mi,mi->m", axis_before, axis_after))))
     half_difference = (stress[:, 0] - stress[:, 1]) / 2
     size = surface.areas * half_difference
-    # clear directions: the principal stresses differ enough
     clear = np.flatnonzero(half_difference > 0.1 * np.linalg.norm(before, axis=(1, 2)))
     clear_by_angle = clear[np.argsort(angle[clear])]
     cumulated_area = np.cumsum(surface.areas[clear_by_angle])
@@ -111,7 +107,7 @@ def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[f
 
 
 class EarlierStripes(NamedTuple):
-    """Evenly spaced stripes of an earlier design with equal surface and stress. asked : its [pattern] options."""
+    """Evenly spaced stripes of an earlier design. asked : the [pattern] options of that design."""
 
     asked: Pattern
     even: EvenStripes
@@ -119,7 +115,7 @@ class EarlierStripes(NamedTuple):
 
 
 class ChosenMethod(NamedTuple):
-    """Chosen method of the pattern, with its stripes (`way`). attempts : trials of a search for it, best first."""
+    """Chosen method of the pattern, with stripes (`way`). attempts : trials of a search, best first."""
 
     way: MethodCandidate
     attempts: tuple[Attempt, ...] = ()
@@ -128,8 +124,7 @@ class ChosenMethod(NamedTuple):
 def chosen_method(
     preset: Preset, analysis: StressedSurface, log: Log, earlier: EarlierStripes | None = None
 ) -> ChosenMethod:
-    """Choose the method of the pattern, and where the stripes run. `pattern_stage` adds the widths of the stripes.
-    earlier : stripes of an earlier design, for reuse if they do not change."""
+    """Choose the method of the pattern, and where the stripes run."""
     attempts = tuple[Attempt, ...]()
     if preset.pattern.weight_rounds and not preset.pattern.rounds:
         log.note("pattern", f"weight_rounds has no effect on method = '{preset.pattern.method}', only on 'stripes'")
@@ -162,13 +157,13 @@ def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: C
     if message := one_family_message(roles_of_families(draft), candidate.preset.pattern.families):
         log.note("pattern", message)
     resolved_options = None if candidate.preset is preset else candidate.preset.pattern
-    release_freed_memory(4e3 * analysis.surface.m)  # expected number of freed bytes
+    release_freed_memory(4e3 * analysis.surface.m)
     return replace(pattern, asked=resolved_options, attempts=chosen.attempts)
 
 
 def sketched_pattern(analysis: StressedSurface, chosen: ChosenMethod) -> PatternResult:
-    """Return stripes with approximate widths, for a first picture; this takes a tenth of the usual time.
-    Corners are not rounded, and openings not filled. Raises PatternError if no width gives the requested share."""
+    """Return stripes with approximate widths, for a first picture.
+    Raises PatternError if no width gives the requested share."""
     candidate = chosen.way
     return sketched_step(candidate.preset, analysis, candidate.choice, candidate.grading, candidate.even)
 

@@ -1,4 +1,4 @@
-"""The surface, cut along the outlines of regions; loads and supports on the surface and on the cut sheet."""
+"""The surface cut along regions; loads and supports on the uncut and the cut surface."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -37,12 +37,12 @@ from dsfab.surface import (
 )
 
 IMAGE_DIFFERENCE = 0.3
-"""Largest difference of a region or guide from its symmetric image, as a fraction of the region's or guide's area."""
+"""Largest difference of a region or guide from its symmetric image, as a fraction of the area."""
 
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
     """Return the surface without voids, cut along the outlines of the preset's regions.
-    Raises SurfaceError for a region outside of the surface, for a support or load inside voids, and for voids that
+    Raises SurfaceError for a region outside of the surface, and for voids that contain a support or load, or that
     separate a piece of the surface from all supports."""
     regions, voids = preset.pattern.region, preset.pattern.voids
     cut = with_regions(surface, regions)
@@ -55,7 +55,7 @@ def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
 
 
 class Acting(NamedTuple):
-    """Supports and loads. Their pickers (`at`) select vertices of one surface."""
+    """Supports and loads on a surface."""
 
     support: tuple[Support, ...]
     load: tuple[Load, ...]
@@ -63,8 +63,7 @@ class Acting(NamedTuple):
 
 def acting_on(preset: Preset, surface: Surface) -> Acting:
     """Return the supports and the loads of a preset on its surface.
-    Pickers select vertices before voids are cut out, so they do not count the edge of a void as a boundary.
-    Raises SurfaceError if all vertices of a picker are inside voids."""
+    Raises SurfaceError if all vertices of a support or load are inside voids."""
     section = preset.surface
     if not preset.pattern.voids:
         return Acting(section.support, section.load)
@@ -86,10 +85,9 @@ def whole_surface(preset: Preset, surface: Surface) -> Surface:
 
 
 def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
-    """Return the surface before its voids were cut out, and the numbers (n,) of the remaining vertices on it."""
     results = derived_results(surface)
     if _before_voids not in results:
-        from dsfab.design.surface_and_statics import base_surface  # at the top, this import would be circular
+        from dsfab.design.surface_and_statics import base_surface
 
         cut = with_regions(base_surface(preset), preset.pattern.region)
         results[_before_voids] = cut.whole, cut.vertices
@@ -114,13 +112,13 @@ def _remaining_entry(key: str, entry: Any, uncut: Surface, vertices: Ints, edges
 
 
 def one_sided_message(surface: Surface, regions: Sequence[PatternRegion], symmetry: Symmetry | None) -> str:
-    """Return a sentence about regions with less symmetry than the stripes of the pattern; '' if there are none."""
+    """Return a sentence about regions with less symmetry than the stripes; '' if there are none."""
     if symmetry is None:
         return ""
     exceptions = []
     for k, region in enumerate(regions):
         if region.do == "void":
-            continue  # voids are cut out of the surface, so `symmetry` already considers them
+            continue
         inside = region.faces(surface)
         differing_areas = [float(surface.areas @ (inside[images] != inside)) for images in symmetry.faces]
         matching = int((np.array(differing_areas) <= IMAGE_DIFFERENCE * float(surface.areas @ inside)).sum())
@@ -155,9 +153,9 @@ def _check_pieces(preset: Preset, before: Surface, after: Surface) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Loading:
-    """A load case or a combination for which results are computed.
-    name    : name of the case or the combination; '' for the sum of all cases.
-    load    : supports, and forces on vertices.    spread : loads that are constant on each face or edge.
+    """A load case or a combination.
+    name    : '' for the sum of all cases.
+    load    : supports, and forces on vertices.    spread : constant loads on faces and edges.
     factors : factors of the cases in a combination; None for a case."""
 
     name: str
@@ -167,7 +165,7 @@ class Loading:
 
 
 def loadings(preset: Preset, surface: Surface) -> list[Loading]:
-    """Return the cases of a preset, then its combinations, then the sum of all cases if there are several.
+    """Return the cases of a preset, then its combinations, then the sum if there are several cases.
     Raises SurfaceError for a support or a load without vertices."""
     section, weight = preset.surface, preset.statics.area_weight
     acting = acting_on(preset, surface)
@@ -186,9 +184,9 @@ def loadings(preset: Preset, surface: Surface) -> list[Loading]:
 @dataclass(frozen=True, eq=False)
 class CoveringLoads:
     """Material of a cut sheet that carries the loads on a covering, such as glass. The uncut surface has m faces.
-    to      : (m,) for each face, number of the face whose material carries the load on this face; -1 if none does.
+    to      : (m,) face whose material carries the load on each face; -1 for none.
     area    : (m,) area of material in each face, m2.    place : (m, 3) centre of this material, metres.
-    opening : (m,) number of the opening to which a face belongs; -1 for faces with material."""
+    opening : (m,) opening to which each face belongs; -1 for faces with material."""
 
     surface: Surface
     to: Ints
@@ -198,11 +196,11 @@ class CoveringLoads:
 
     @classmethod
     def for_sheet(cls, surface: Surface, sheet: Sheet) -> Self:
-        """Find, for each face of the surface, the material of the cut sheet that carries a covering's loads."""
+        """Find the material of the cut sheet that carries a covering's loads."""
         cells, m = sheet.surface, surface.m
         area: Floats = np.bincount(sheet.parent, cells.areas, m).astype(np.float64)
         area_moment = group_sums(sheet.parent, cells.areas[:, None] * cells.centroids, m)
-        carries = area > 0.02 * surface.areas  # faces with less material carry no load
+        carries = area > 0.02 * surface.areas
         carries = carries if carries.any() else area > 0
         place = np.where(carries[:, None], area_moment / np.where(area > 0, area, 1.0)[:, None], surface.centroids)
         f, g, _ = _face_steps(surface)
@@ -230,11 +228,8 @@ class CoveringLoads:
         return force
 
     def _by_opening(self, load: Floats) -> Floats:
-        """Return forces (m, 3), N, on the material in faces; loads (m, 3) on openings move to the nearest material.
-        The moment of these loads stays the same, unless this is impossible or needs forces larger than the loads."""
         loaded_faces = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
         force = group_sums(self.to[self.to >= 0], load[self.to >= 0], len(load))
-        # a face may take the load of several openings, so count pairs of opening and face
         pair, pair_index = np.unique(
             np.stack([self.opening[loaded_faces], self.to[loaded_faces]]), axis=1, return_inverse=True
         )
@@ -251,7 +246,7 @@ class CoveringLoads:
 
 
 def nearest_faces(surface: Surface, marked: Bools) -> Ints:
-    """Return the number (m,) of the marked face nearest to each face, along the surface; -1 if no path leads to one."""
+    """Return the number (m,) of the marked face nearest to each face; -1 without a path."""
     f, g, length = _face_steps(surface)
     steps = coo_array((length, (f, g)), shape=(surface.m, surface.m)).tocsr()
     predecessor = dijkstra(
@@ -261,7 +256,6 @@ def nearest_faces(surface: Surface, marked: Bools) -> Ints:
 
 
 def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
-    """Return pairs of neighbouring faces (k,), (k,), and the distances (k,), m, of their centres across the edge."""
     edges = surface.edges
     face, edge = edges.order // 3, edges.of.ravel()[edges.order]
     pairs = np.flatnonzero(edge[1:] == edge[:-1])
@@ -271,9 +265,7 @@ def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
 
 
 def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
-    """Return forces (k, 3), N, at places (k, 3), metres, in groups. weight : (k,) factor on each force.
-    The forces of a group sum to zero and have the group's `moment` (g, 3), N m. If all places of a group are on a line,
-    the forces have no moment about this line."""
+    """Return forces (k, 3), N, with zero sum and the moment `moment` (g, 3), N m, in groups."""
     count = len(moment)
     total = np.bincount(group, weight, count)
     middle = group_sums(group, weight[:, None] * place, count) / np.where(total > 0, total, 1.0)[:, None]
@@ -281,17 +273,16 @@ def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -
     inertia = np.zeros((count, 3, 3))
     point_inertia = (r * r).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
     np.add.at(inertia, group, weight[:, None, None] * point_inertia)
-    # places in a strip narrower than sqrt(1e-9) times its length count as a line
     theta = np.einsum("gij,gj->gi", np.linalg.pinv(inertia, rcond=1e-9, hermitian=True), moment)
     return np.asarray(weight[:, None] * np.cross(theta[group], r))
 
 
-LOST_LOAD_REMEDY = "set pattern.rim, raise pattern.keep, or change a phase or a mode"  # For messages on lost loads.
+LOST_LOAD_REMEDY = "set pattern.rim, raise pattern.keep, or change a phase or a mode"  # For messages.
 
 
 def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[LoadCase]) -> str:
-    """Return a clause about the first load with more than 1 % on loose pieces, which reach no support; '' if none.
-    material : all material, with loose pieces.    sheet : the material without loose pieces."""
+    """Return a clause about the first load with more than 1 % on loose pieces; '' if none.
+    material : all material, with loose pieces.    sheet : without loose pieces."""
     dropped = (material.same_vertex() >= 0) & (sheet.same_vertex() < 0)
     for load in loads:
         size = np.linalg.norm(load.point, axis=1) * load.loaded
@@ -302,8 +293,7 @@ def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[L
 
 
 def permanent_loads(preset: Preset, surface: Surface, load: LoadCase) -> dict[str, LoadCase]:
-    """Return loads whose mass vibrates with the sheet, besides its own mass: cladding, other permanent loads, and snow.
-    A permanent load counts once if several cases repeat it. Only the heaviest snow counts, times `statics.snow_mass`.
+    """Return loads whose mass vibrates with the sheet: cladding, other permanent loads, and snow.
     load : load case with the supports."""
     by_case, snow, permanent = dict[str, list[Load]](), dict[str, list[Load]](), list[Load]()
     for entry in acting_on(preset, surface).load:
@@ -329,15 +319,15 @@ def permanent_loads(preset: Preset, surface: Surface, load: LoadCase) -> dict[st
 
 
 def sheet_loads(surface: Surface, material: Sheet, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
-    """Return each load of the uncut surface on a cut sheet, by name. material : the sheet with its loose pieces.
-    Raises StaticsError if over 1 % of a load is on loose pieces (which reach no support), or as `sheet_load` does."""
+    """Return the loads of the uncut surface on a cut sheet, by name. material : the sheet with its loose pieces.
+    Raises StaticsError if over 1 % of a load is on loose pieces."""
     if lost := lost_load(surface, material, sheet, loads.values()):
         raise StaticsError(f"{lost}; {LOST_LOAD_REMEDY}")
     return loads_on(surface, sheet, loads)
 
 
 def loads_on(surface: Surface, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
-    """Return each load of the uncut surface on a sheet that was cut from it, by name (see `sheet_load`)."""
+    """Return the loads of the uncut surface on a cut sheet, by name."""
     covered = any(load.parts is not None and load.parts.covered.any() for load in loads.values())
     covering = CoveringLoads.for_sheet(surface, sheet) if covered else None
     return {name: sheet_load(surface, sheet, load, covering) for name, load in loads.items()}
@@ -345,11 +335,7 @@ def loads_on(surface: Surface, sheet: Sheet, loads: Mapping[str, LoadCase]) -> d
 
 def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: CoveringLoads | None = None) -> LoadCase:
     """Return the supports and loads of the uncut surface on a sheet that was cut from it.
-    covering : the `CoveringLoads` of this sheet, if the caller has it.
-
     A concentrated force on a removed vertex moves to the nearest vertex of the sheet; the moment of this force changes.
-    Weight and loads on material act on the remaining material. A load on a covering acts on the nearest material; the
-    resultant and the moment of this load do not change.
     Raises StaticsError if no supported vertex remains, and if no material is near a concentrated force."""
     supported = sheet_supports(surface, sheet, load)
     point = _moved_forces(surface, sheet, load.point)
@@ -365,8 +351,8 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: Coverin
 
 
 def sheet_supports(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
-    """Return the supports of the uncut surface on a sheet that was cut from it, without loads.
-    Springs at removed vertices are lost. Raises StaticsError if no supported vertex remains."""
+    """Return the supports of the uncut surface on a cut sheet, without loads.
+    Raises StaticsError if no supported vertex remains."""
     sheet_vertex = sheet.same_vertex()
     fixed = sheet.vertices_between(surface, load.fixed, _edges_or_none(load.fixed_edges))
     remaining = np.flatnonzero(sheet_vertex >= 0)
@@ -396,7 +382,7 @@ def _moved_forces(surface: Surface, sheet: Sheet, force: Floats) -> Floats:
 
 
 def held_vertices(surface: Surface, sheet: Sheet, load: LoadCase) -> Bools:
-    """Return a mask (n',) of vertices of a sheet that a support or spring of the uncut surface holds."""
+    """Return a mask (n',) of the supported vertices of a cut sheet."""
     edges = _edges_or_none(load.fixed_edges)
     return sheet.vertices_between(surface, load.supported, None if edges is None else np.asarray(edges.any(axis=1)))
 

@@ -1,4 +1,4 @@
-"""Stages 5 and 6: the sheet, which is cut along the stripes and finished, and the solid, which is thickened from it."""
+"""Stages 5 and 6: the cut sheet, and the solid."""
 
 from collections import Counter
 from dataclasses import replace
@@ -31,8 +31,7 @@ from dsfab.thickening import Base, OffsetLayer, Solid, offsets, proven_cells, th
 from dsfab.thickening.offset_vectors import Offsets
 
 SPECK = 0.15
-"""Smallest width of an opening between evenly spaced stripes, divided by their spacing. Smaller openings are filled;
-most of them lie at the edge of the surface."""
+"""Smallest width of an opening between evenly spaced stripes, divided by the spacing of the stripes."""
 
 
 def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) -> FinishingOptions:
@@ -45,15 +44,13 @@ def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) 
 
 
 def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
-    """Return which slits (narrow openings) are filled: see `merging_rule`; 'none' for a pattern without stripes, or
-    if `pattern.tidy` is None. Members beside a filled slit merge."""
+    """Return which slits (narrow openings) of a pattern are filled."""
     has_stripes = pattern.even is not None or pattern.preset_with_choices(preset).pattern.method == "modes"
     return merging_rule(preset) if pattern.tidy is not None and has_stripes else "none"
 
 
 def merging_rule(preset: Preset) -> Merging:
-    """Return which slits (narrow openings) are filled: 'slits' for all, or, for a solid fraction over one half,
-    'crowded' for slits between members that come too close together."""
+    """Return which slits (narrow openings) are filled: 'slits' for all, or 'crowded'."""
     return "crowded" if preset.pattern.width.solid_fraction > 0.5 else "slits"
 
 
@@ -61,8 +58,7 @@ def trial_cut(
     preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None
 ) -> TrialCut | None:
     """Return the cut of a pattern, finished up to the first rounding of corners; None if no material is left.
-    The cut uses the defaults of [slicing], because the pattern must not depend on the values in [slicing].
-    polygons : the surface cut along the pattern, if the caller has it."""
+    polygons : the surface cut along the pattern, if known."""
     preset = preset.model_copy(update={"slicing": Slicing()})
     options = finishing_options(preset, surface, pattern)
     cells = sheet_of(polygons or tidied_polygons(surface, pattern.fields, pattern.levels, options.snap, pattern.tidy))
@@ -70,8 +66,7 @@ def trial_cut(
 
 
 def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[TrialCut, float]:
-    """Return a trial cut with bridges, and the area that they add, divided by the surface's area. A bridge is material
-    across a narrow place of an opening. With `pattern.workshop` narrow members are widened, too."""
+    """Return a trial cut with bridges across narrow openings, and the added area / area of the surface."""
     trial = trial.with_bridges()
     if preset.pattern.for_workshop:
         trial = trial.with_least_widths(*_usual_widths(preset, surface))
@@ -79,21 +74,18 @@ def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[Tri
 
 
 def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
-    """Return two limits (m), 0 for no limit. Openings smaller than the first limit are filled. Material bridges places
-    in openings that are narrower than the second limit."""
+    """Return the smallest size of openings, and the width below which openings are bridged (m); 0 for no limit."""
     options, min_opening = preset.pattern, preset.slicing.min_opening
     if min_opening is not None or options.method != "stripes":
         return min_opening or 0.0, min_opening or 0.0
     spacing = min(family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
     thickness = preset.statics.thickness
-    # with `removes_loose_ends`, a smaller limit is enough, because `merging_rule` also fills larger openings
     opening = min(SPECK * spacing, thickness) if options.removes_loose_ends else SPECK * spacing
-    # factor 1.1: beside a bridge, round corners are polygons, so an opening is narrower than with exact arcs
     return opening, min(1.1 * thickness, 0.2 * spacing)
 
 
 REQUESTED_SHARE = 0.95
-"""The default least width of members is at most this fraction of the smallest width that the preset requests."""
+"""Largest default of the least width of members, divided by the smallest width that the preset requests."""
 
 
 class WorkshopWidths(NamedTuple):
@@ -104,9 +96,7 @@ class WorkshopWidths(NamedTuple):
 
 
 def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
-    """Return the least widths of openings and members, from [slicing] or by default; 0 without `pattern.workshop`.
-    The default for members is at most half of the thickness. `slicing.min_member` replaces the default only if it is
-    smaller. Slicing widens members later if `slicing.min_member` is larger."""
+    """Return the least widths of openings and members; 0 without `pattern.workshop`."""
     if not preset.pattern.for_workshop:
         return WorkshopWidths(0.0, 0.0)
     slicing, thickness = preset.slicing, preset.statics.thickness
@@ -118,13 +108,11 @@ def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
 
 
 def usual_gap(thickness: float, size: float) -> float:
-    """Return the default least width (m) of openings: a quarter of the thickness, but at least min(3 mm, `size` / 500).
-    size : diagonal of the surface's bounding box, metres."""
+    """Return the default least width (m) of openings. size : diagonal of the surface's box, metres."""
     return max(0.25 * thickness, min(3e-3, 1 / 500 * size))
 
 
 def _least_requested_member(options: Pattern, surface: Surface) -> float:
-    """Return the smallest member width (m) that the preset requests; infinite if it sets no width."""
     width = options.width
     member = width.member if width.rule == "constant" else 0.0
     widths_differ = options.method == "stripes" and width.rule in ("graded", "stressed") and not width.asked_least
@@ -133,8 +121,7 @@ def _least_requested_member(options: Pattern, surface: Surface) -> float:
 
 
 def least_member(options: Pattern, surface: Surface) -> float:
-    """Return the default smallest width (m) of members of varying width. It is half the width of members that have
-    equal widths and the same spacing. Without a solid fraction, half of the surface counts as material."""
+    """Return the default smallest width (m) of members of varying width."""
     density = sum(1 / family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
     return 0.5 * (options.width.solid_fraction or 0.5) / density
 
@@ -142,8 +129,7 @@ def least_member(options: Pattern, surface: Surface) -> float:
 def closed_share(
     preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None
 ) -> float:
-    """Return the area that is added where members or openings are too narrow, divided by the surface's area.
-    Options of [slicing] have their defaults.    polygons : the surface cut along the pattern, if the caller has it."""
+    """Return the area added at narrow members and openings, divided by the surface's area."""
     usual = pattern.preset_with_choices(preset.model_copy(update={"slicing": Slicing()}))
     options = finishing_options(usual, surface, pattern)
     polygons = polygons or tidied_polygons(surface, pattern.fields, pattern.levels, options.snap, pattern.tidy)
@@ -153,17 +139,16 @@ def closed_share(
 
 
 def least_drawn_member(preset: Preset, surface: Surface) -> float:
-    """Return the least width (m) of drawn members, so that few need widening later; 0 without `pattern.workshop`."""
+    """Return the least width (m) of drawn members; 0 without `pattern.workshop`."""
     return _usual_widths(preset, surface).member / REQUESTED_SHARE
 
 
 def _usual_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
-    """Return the least widths of openings and members for the default values of [slicing]."""
     return least_widths(preset.model_copy(update={"slicing": Slicing()}), surface)
 
 
 def least_widths_message(least: tuple[float, float], counts: Counter[str]) -> str:
-    """Return a note on members and openings that finishing changed because they were too narrow; '' without changes."""
+    """Return a note on members and openings that were too narrow; '' without changes."""
     gap, member = least
     parts = (
         ("closed", f"openings narrower than {length(gap)} were closed at {places_phrase(counts['closed'])}"),
@@ -185,7 +170,7 @@ FILLED_PLATE = 5  # Smallest number of neighbouring filled openings that form a 
 def slicing_step(
     preset: Preset, surface: Surface, statics: StaticsResult, pattern: PatternResult, log: Log
 ) -> SlicingResult:
-    """Cut the surface; return all cells and the sheet of material, the result of stage 5.
+    """Return all cells of the cut surface and the sheet of material: stage 5.
     Raises PatternError if no material is left."""
     options = preset.slicing
     with log.stage("slicing", f"cutting {surface.m:,} triangles"):
@@ -248,9 +233,8 @@ def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingO
 def filled_plate(
     options: Pattern, surface: Surface, load: LoadCase, pattern: PatternResult, cells: tuple[Sheet, Sheet]
 ) -> FilledOpenings | None:
-    """Return the largest group of neighbouring filled openings. Return None for fewer than `FILLED_PLATE` openings,
-    and for a group with its centre inside a small, supported boundary loop.
-    cells : two cut sheets: before and after openings were filled and corners rounded."""
+    """Return the largest group of neighbouring filled openings, or None if no group forms a plate.
+    cells : the cut sheet before and after openings were filled."""
     spacings = [family.distance(surface.area, surface.mean_edge) for family in options.drawn_families]
     fillings = merged_members(options, surface, pattern), largest_filling(*cells, max(spacings))
     filling = max(filter(None, fillings), key=lambda group: group.openings, default=None)
@@ -329,13 +313,12 @@ def _note_slicing(
 
 
 def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: StaticsResult, log: Log) -> None:
-    """Add notes to `log` about loads that differ between the cut sheet and the uncut sheet."""
     parts = [case.load.parts for case in statics.cases.values() if case.load.parts is not None]
     if any(part.weight.any() for part in parts):
         areas = surface.area, sheet.surface.area
         uncut_weight, sheet_weight = (force(preset.statics.area_weight * area) for area in areas)
         message = f"the cut sheet weighs {sheet_weight}; all results include this weight"
-        if not preset.pattern.rounds:  # with `rounds`, directions follow the weight of the cut sheet
+        if not preset.pattern.rounds:
             message += f"; the directions follow the weight of the uncut sheet, {uncut_weight}"
         log.note("slicing", message)
     if any(part.bare.any() for part in parts):
@@ -343,8 +326,7 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
 
 
 def checked_offsets(preset: Preset, surface: Surface) -> Offsets:
-    """Return the offsets of both skins from the uncut surface.
-    Raises SolidError if the surface bends too sharply for the thickness."""
+    """Return the offsets of both skins. Raises SolidError if the surface bends too sharply for the thickness."""
     options = preset.thickening
     offset = offsets(surface, preset.statics.thickness, options.side)
     if offset.smallest < options.thinnest:
@@ -358,7 +340,7 @@ def checked_offsets(preset: Preset, surface: Surface) -> Offsets:
 
 
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:
-    """Thicken the sheet along the normals of the uncut surface: stage 6.
+    """Return the thickened solid: stage 6.
     Raises SolidError if the surface bends too sharply for the thickness."""
     options = preset.thickening
     with log.stage("thickening", f"thickening {slicing.sheet.surface.m:,} triangles"):

@@ -1,4 +1,4 @@
-"""Stage 4: stripes and kept regions, and the search for widths that give the requested share of material."""
+"""Stage 4: stripes and kept regions."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -42,8 +42,7 @@ class _LatestLayers(NamedTuple):
 
 
 def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStripes | None = None) -> list[Layer]:
-    """Return the kept regions, which are material in every pattern. With symmetric stripes, the regions around supports
-    and loads are united with their symmetric images. The user's regions do not change."""
+    """Return the kept regions, which are material in every pattern."""
     layers, options = _cached_layers(preset, surface, load), preset.pattern
     symmetry = even.symmetry if even else None
     if symmetry is None:
@@ -65,7 +64,7 @@ def _cached_layers(preset: Preset, surface: Surface, load: LoadCase) -> list[Lay
 
 
 def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) -> Tidy | None:
-    """Return options to remove loose ends of members in a cut along `layers`; None if the preset keeps loose ends."""
+    """Return options to remove loose ends of members, or None."""
     if not preset.pattern.removes_loose_ends:
         return None
     names = [layer.name for layer in layers]
@@ -79,7 +78,6 @@ def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) 
 
 
 def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
-    """Return a mask (m,) of faces where stripes of a mode run in the other family's direction; None without a mode."""
     if layer.name not in FAMILIES or not isinstance(layer.field, np.ndarray):
         return None
     x: Floats = layer.field if layer.field.ndim == 1 else layer.field.mean(axis=1)
@@ -96,8 +94,7 @@ UNREPORTED = 2 * SHARE_TOLERANCE  # dsfab reports only larger errors of the soli
 
 
 class _ShareTrial(NamedTuple):
-    """Trial stripes (`result`), with shares of the surface. aim : wanted share of the stripes alone.
-    added : share that rounded corners, filled openings and bridges add.    total : share of stripes and additions."""
+    """Trial stripes, with shares of the surface."""
 
     aim: float
     added: float
@@ -113,10 +110,10 @@ def corrected_pattern(
     bridged_share: Callable[[], float],
 ) -> tuple[PatternResult, float]:
     """Return stripes that cover the requested share of the surface after finishing, and the covered share.
-    draw_pattern  : function that draws stripes. Its arguments: the share that finishing will add, a factor on widths.
-    nearest_share : function of a share. It returns the nearest share that was measured for the latest stripes.
-    added_share   : function that returns the share that finishing adds by rounded corners and filled openings.
-    bridged_share : slow function that returns the share of bridges, which finishing adds across narrow openings."""
+    draw_pattern  : function that draws stripes, from the share that finishing adds and a factor on widths.
+    nearest_share : function that returns the measured share nearest to a share.
+    added_share   : function that returns the share of rounded corners and filled openings.
+    bridged_share : function that returns the share of bridges."""
     requested, tolerance = width.solid_fraction, width.solid_fraction_tolerance
     trials = list[_ShareTrial]()
     bridges = 0.0
@@ -154,7 +151,6 @@ def corrected_pattern(
 
 
 def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
-    """Return the mean `aim` of the closest trials below and above `requested`; 0 if none, or if aims nearly agree."""
     pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in trials for b in trials if a.total < requested < b.total]
     gap, middle = min(pairs, default=(0.0, 0.0))
     return middle if gap > SHARE_TOLERANCE / 16 else 0.0
@@ -162,17 +158,16 @@ def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
 
 COUNTED = 2  # Sample points along each side of a face, for approximate shares.
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
-"""Factors on the approximate widths of members, in the order of trial. The scaled widths decide which openings between
-members are closed as too narrow. Smaller factors close fewer openings."""
+"""Factors on the widths of members, in the order of trial."""
 SHARE_SNAP = 0.05  # Default of slicing.snap, for cuts that only measure the share of the surface with material.
 
 
 class WidthSearch(NamedTuple):
-    """Options of the search for widths. The material must get the share pattern.width.solid_fraction of the surface.
-    share     : function that returns the share of the surface that layers (stripes and kept regions) cover.
-    tolerance : largest error of the share.    guess : factor on widths of a similar pattern, or 0.
-    counted   : faster, less accurate `share` for the beginning of the search, or None.
-    added     : share of the surface that rounded corners and filled openings will add after the search."""
+    """Options of the search for widths.
+    share     : function that returns the share of the surface that layers cover.
+    tolerance : largest error of the share.    guess : factor on widths, or 0.
+    counted   : faster, less accurate `share`, or None.
+    added     : share of the surface that finishing will add."""
 
     share: Callable[[Sequence[Layer]], float]
     tolerance: float
@@ -183,8 +178,7 @@ class WidthSearch(NamedTuple):
 
 @dataclass
 class _MeasuredShares:
-    """Function that cuts the surface along layers (stripes and kept regions), and returns the share with material.
-    reached : all returned shares.    layers, polygons : of the last call.    trial : last cut, corners rounded once."""
+    """Function that returns the share with material of layers."""
 
     preset: Preset
     given: StressedSurface
@@ -194,7 +188,7 @@ class _MeasuredShares:
     trial: TrialCut | None = None
 
     def __call__(self, layers: Sequence[Layer]) -> float:
-        self.forget()  # frees memory for the next cut
+        self.forget()
         surface = self.given.surface
         fields, levels = zip(*((layer.field, layer.levels) for layer in layers), strict=True)
         self.polygons = tidied_polygons(surface, fields, levels, SHARE_SNAP, tidy_of(self.preset, self.given, layers))
@@ -206,12 +200,10 @@ class _MeasuredShares:
         return min(self.reached, key=lambda one: abs(one - target))
 
     def added(self, pattern: PatternResult) -> float:
-        """Finish the latest cut as a trial. Return the area that this adds (mainly round corners) / surface area."""
         self.trial = trial_cut(self.preset, self.given.surface, pattern, self.polygons)
         return self.trial.added_area / self.given.surface.area if self.trial else 0.0
 
     def bridged(self) -> float:
-        """Add bridges to the latest trial, and widen members if the preset asks; return added area / surface area."""
         if self.trial is None:
             return 0.0
         self.trial, share = with_bridges(self.preset, self.given.surface, self.trial)
@@ -229,9 +221,9 @@ def pattern_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return the pattern: kept regions (always material), and stripes of the requested share of material.
-    preset  : preset with chosen modes and phases.    choice : modes and phases that were chosen for `auto`, or None.
-    grading : (n, f) relative half-widths of the stripes of f families.    even : evenly spaced stripes, if any."""
+    """Return the pattern: kept regions, and stripes of the requested share of material.
+    choice  : modes and phases that were chosen for `auto`, or None.
+    grading : (n, f) relative half-widths of f families.    even : evenly spaced stripes, if any."""
     options, surface = preset.pattern, analysis.surface
     with log.stage("pattern", "drawing stripes"):
         kept_layers = kept_regions(preset, surface, analysis.load, even)
@@ -276,7 +268,8 @@ def sketched_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return the pattern of `pattern_step` with approximate widths: sample points measure the share of material."""
+    """Return the pattern with approximate widths.
+    grading : (n, f) relative half-widths of f families."""
     surface = analysis.surface
     kept_layers = kept_regions(preset, surface, analysis.load, even)
     families = drawable_families(preset, analysis, member_widths(preset, surface).radius, grading, even)
@@ -287,15 +280,14 @@ def sketched_step(
 
 
 def member_widths(preset: Preset, surface: Surface) -> Widths:
-    """Return the rule of [pattern.width], with default limits of the widths if the preset sets none."""
+    """Return the rule of [pattern.width]."""
     options = preset.pattern
     bounded = options.method == "stripes" and options.width.rule in ("graded", "stressed")
     return options.width.widths(np.sqrt(surface.area), least_width(preset, surface) if bounded else 0.0)
 
 
 def least_width(preset: Preset, surface: Surface) -> float:
-    """Return the default least width (m) of evenly spaced members of varying width: the thickness for rule `graded`, or
-    `least_drawn_member` for `stressed`, so that slicing widens few members; at most `least_member`."""
+    """Return the default least width (m) of evenly spaced members of varying width."""
     stressed = preset.pattern.width.rule == "stressed"
     least = least_drawn_member(preset, surface) if stressed else preset.statics.thickness
     return min(least, least_member(preset.pattern, surface))
@@ -309,7 +301,7 @@ def _note_spacings(preset: Preset, families: Sequence[DrawableFamily], log: Log)
 
 
 def pattern_result(preset: Preset, families: Sequence[DrawableFamily], layers: Sequence[Layer]) -> PatternResult:
-    """Return the pattern of these layers, with frequencies, modes and phases of the two families of stripes."""
+    """Return the pattern of these layers."""
     options = preset.pattern
     names, fields, levels, half_widths, _ = zip(*layers, strict=True)
     stripes = {family.name: family.stripes for family in families}
@@ -326,7 +318,7 @@ def solved_layers(
     families: Sequence[DrawableFamily],
     search: WidthSearch,
 ) -> tuple[list[Layer], float]:
-    """Return kept regions and stripes that cover the requested share of the surface, and a factor on widths.
+    """Return layers that cover the requested share of the surface, and a factor on widths.
     Raises PatternError if no widths give this share."""
     width, widths = preset.pattern.width, member_widths(preset, surface)
     factor = search.guess or (mean_duty_factor(surface, families, widths) if widths.follow_stress else 1.0)
@@ -362,10 +354,10 @@ def layers_with_share(
     factor: float,
     solve: Callable[[Callable[[float], float]], float],
 ) -> tuple[list[Layer], float]:
-    """Return layers (stripes and kept regions) that cover the requested share, and a factor on widths.
-    layers : function of two factors on widths: for drawing, and for the decision which openings are closed.
-    share  : function that returns the share of the surface that layers cover.    factor : approximate width factor.
-    solve  : function of a function share(x); returns x for the requested share. Widths are drawn with x * `factor`."""
+    """Return layers that cover the requested share, and a factor on widths.
+    layers : function of two factors on widths: for drawing, and to decide which openings are closed.
+    share  : function that returns the share of the surface that layers cover.
+    solve  : function of a function share(x); returns x for the requested share."""
     refused, distant = list[PatternError](), list[tuple[float, float, list[Layer]]]()
     for closing in (factor * shift for shift in CLOSINGS):
         cache = _CachedLayers(layers, factor, closing)
@@ -389,7 +381,7 @@ def layers_with_share(
 
 @dataclass
 class _CachedLayers:
-    """Function `layers` with its latest result. closing : factor on widths, to decide which openings are closed."""
+    """Function `layers` with the latest result."""
 
     layers: Callable[[float, float], list[Layer]]
     factor: float
@@ -397,7 +389,7 @@ class _CachedLayers:
     last: tuple[float, list[Layer]] = (-1.0, [])
 
     def layers_at(self, relative: float) -> list[Layer]:
-        """Return the layers (stripes and kept regions) for widths scaled by `relative * factor`."""
+        """Return the layers for widths scaled by `relative * factor`."""
         if self.last[0] != relative:
             self.last = relative, self.layers(self.factor * relative, self.closing)
         return self.last[1]
@@ -410,10 +402,10 @@ def drawable_families(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> Sequence[DrawableFamily]:
-    """Return the families of stripes: major stripes along the first principal stress, minor stripes along the second.
-    radius  : distance (m) over which slopes are averaged, see `Widths.radius`.
-    grading : (n, f) relative half-widths for the rule `stressed`; default: those of the rule `graded`.
-    even    : evenly spaced stripes; None for stripes along level lines of diffusion modes.
+    """Return the major and minor families of stripes, along the first and second principal stress.
+    radius  : distance (m) over which slopes are averaged.
+    grading : (n, f) relative half-widths for the rule `stressed`.
+    even    : evenly spaced stripes; None for stripes of diffusion modes.
     Raises PatternError for a mode that was not computed."""
     surface, diffusion = analysis.surface, analysis.diffusion
     options, families = preset.pattern, list[DrawableFamily]()
@@ -441,8 +433,8 @@ def drawable_families(
 
 
 def stripe_stresses(surface: Surface, diffusion: DiffusionResult, even: EvenStripes | None) -> Floats:
-    """Return the absolute stress (n, 2) along both families, divided by its mean on the surface, for graded widths.
-    even : evenly spaced stripes; None for stripes of diffusion modes. Raises PatternError if the stress is zero."""
+    """Return the absolute stress (n, 2) along the two families, divided by the mean.
+    Raises PatternError if the stress is zero."""
     sizes = np.abs(even.forces if even is not None and even.forces is not None else diffusion.tensors.principal)
     if even is not None and even.steered:
         along = even.steered.along[:, None]

@@ -1,4 +1,4 @@
-"""Stages 1 and 2: the surface, which is read or meshed, and the statics of the uncut sheet."""
+"""Stages 1 and 2: the surface, and the statics of the uncut sheet."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -58,7 +58,6 @@ class SolvedSheet:
     """Solution of a sheet under all loads.
     acting    : load cases and combinations.  plane : True for a flat sheet that is loaded in its plane.
     made      : stiffness matrix (N, N), N/m, for each kind of elements.
-    factor_of : function that factorises a stiffness, and stores the factor.
     answers   : equilibrium under each load.    sigma : (m, 3, 3) stress (Pa) of the middle surface under each load."""
 
     acting: Sequence[Loading]
@@ -97,12 +96,12 @@ def _timed_factor(factor_of: FactorFunction, log: Log) -> FactorFunction:
 
 
 MOST_VERTICES = 200_000
-"""Largest number of vertices for results by accurate elements, which need more memory than `hinge` elements."""
+"""Largest number of vertices for results by accurate elements."""
 
 
 def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log, rough: bool = False) -> list[Answers]:
     """Return stress, energy, frequencies and buckling of a solved sheet, for each case and combination.
-    rough : True to compute only stress and energy, with the elements of the solved sheet."""
+    rough : True for stress and energy only."""
     sheet = preset.statics
     model, matrices = sheet.sheet().model_for(surface), dict(solved.made)
 
@@ -190,8 +189,7 @@ BENDING_SHARE = 0.5  # Smallest share of bending in the energy for which stress 
 
 class FollowedStress(NamedTuple):
     """Stress (m, 3, 3), Pa, that the pattern follows in each case and combination.
-    sigma   : stress in the middle of the thickness, or at the lower side of a slab.
-    layered : stress of all layers of the thickness; None if the pattern does not follow them.
+    layered : stress of all layers, or None.
     told    : note for the user, or ''."""
 
     sigma: Sequence[Floats]
@@ -202,9 +200,8 @@ class FollowedStress(NamedTuple):
 def followed_layers(
     preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers], sigma: Sequence[Floats]
 ) -> FollowedStress:
-    """Return the stress that the pattern follows according to statics.stress, for a sheet that was solved with bending.
-    sigma : (m, 3, 3) stress in the middle of the thickness (Pa), for each case and combination.
-    Raises StaticsError if the pattern needs moments, but the elements for accurate moments cannot solve the sheet."""
+    """Return the stress that the pattern follows, for a sheet that was solved with bending. Raises StaticsError.
+    sigma : (m, 3, 3) stress in the middle of the thickness (Pa), for each case and combination."""
     option = preset.statics.stress
     if is_slab(surface, answers):
         lower = [stress.tensor("bottom") for stress in _moment_stresses(preset, surface, acting, answers)]
@@ -226,8 +223,7 @@ def followed_layers(
 
 
 def bending_share(preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]) -> float:
-    """Return the share of bending in the strain energy under the loads that the pattern follows, 0 to 1.
-    For `hinge` elements the share is only approximate (see `hinge_energy`)."""
+    """Return the share of bending in the strain energy, 0 to 1."""
     weights = [preset.followed_weights.get(loading.name, 0.0) for loading in acting]
     bent = sum(w * float(a.stress.bending_energy @ surface.areas) for w, a in zip(weights, answers, strict=True))
     total = sum(w * float(a.stress.energy @ surface.areas) for w, a in zip(weights, answers, strict=True))
@@ -235,7 +231,7 @@ def bending_share(preset: Preset, surface: Surface, acting: Sequence[Loading], a
 
 
 def is_slab(surface: Surface, answers: Sequence[Answers]) -> bool:
-    """Return True if the surface is flat, and the middle of its thickness is almost without stress under all loads."""
+    """Return True if the surface is flat and almost without stress in the middle of the thickness."""
     stresses = [answer.stress for answer in answers]
     membrane, bending = [s.membrane for s in stresses], [s.bending for s in stresses]
     return surface.is_flat and only_bends(np.stack(membrane), np.stack(bending))
@@ -244,7 +240,6 @@ def is_slab(surface: Surface, answers: Sequence[Answers]) -> bool:
 def _moment_stresses(
     preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]
 ) -> list[SheetStress]:
-    """Return the stress in each case and combination. Solve again after `hinge` elements: their moments are inexact."""
     if answers[0].elements.bending != "hinge":
         return [answer.stress for answer in answers]
     model = preset.statics.sheet().model_for(surface)
@@ -257,7 +252,7 @@ def _bending_stress(stress: SheetStress) -> Floats:
 
 
 def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) -> None:
-    """Add notes to the log on a large error of the equations in a case, and on very thin triangles in the mesh."""
+    """Add notes on large errors and very thin triangles to the log."""
     answers = {name: case.equilibrium for name, case in cases.items()}
     under = {name: f" under {name}" if len(cases) > 1 else "" for name in cases}
     rough = max(answers, key=lambda name: answers[name].residual)
@@ -272,17 +267,17 @@ def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) ->
 
 
 POSSIBLE_SLENDERNESS = (3.0, 1e5)
-"""Range of the surface's size divided by the thickness. Other values raise an error: a unit must be wrong."""
-USUAL_SLENDERNESS = (10.0, 5e3)  # Usual range of the surface's size / thickness. Other values give a note to the user.
+"""Allowed range of the surface's size / thickness."""
+USUAL_SLENDERNESS = (10.0, 5e3)  # Usual range of the surface's size / thickness.
 
 
 def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
-    """Raise SurfaceError for an impossible ratio of size and thickness; note an unusual size or ratio."""
+    """Raise SurfaceError for an impossible ratio of size and thickness."""
     thickness = preset.statics.thickness
     slenderness = surface.size / thickness
     message = f"the surface is {length(surface.size)} large and the sheet {length(thickness)} thick"
     if not POSSIBLE_SLENDERNESS[0] < slenderness < POSSIBLE_SLENDERNESS[1]:
-        is_python_mesh = isinstance(preset.surface, MeshSurface)  # a mesh from Python has no key surface.unit
+        is_python_mesh = isinstance(preset.surface, MeshSurface)
         python_unit, file_unit = 'the unit (dsfab.Surface.of(mesh, "mm") for millimetres)', "surface.unit (mm, m, ...)"
         unit = python_unit if is_python_mesh else file_unit
         raise SurfaceError(f"{message}, which is impossible; check {unit} and statics.thickness (metres)")
@@ -295,7 +290,7 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
 
 
 def checked_sheet(preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = ()) -> SolvedSheet:
-    """Solve the sheet. Raises SurfaceError for an impossible thickness, or a support or load off the surface."""
+    """Solve the sheet. Raises SurfaceError if thickness, supports or loads do not fit the surface."""
     check_scale(preset, surface, log)
     for text in off_surface(preset, surface):
         log.note("statics", text)
@@ -306,7 +301,7 @@ def statics_step(
     preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = (), solved: SolvedSheet | None = None
 ) -> StaticsResult:
     """Solve all load cases, and compute the results that [statics] requests.
-    acting : loads that replace those of the preset.    solved : result of `checked_sheet`, if the caller has it."""
+    acting : loads that replace those of the preset.    solved : result of `checked_sheet`, if known."""
     solved = solved or checked_sheet(preset, surface, log, acting)
     answers = answers_step(preset, surface, solved, log)
     with log.row("stress"):
@@ -319,19 +314,18 @@ def statics_step(
 
 
 def rough_statics(preset: Preset, surface: Surface, solved: SolvedSheet) -> StaticsResult | None:
-    """Return statics for a sketch, faster than `statics_step`, because all results come from the simple elements.
-    Return None if this saves no time, or if the stress that the pattern follows may need accurate elements."""
+    """Return approximate statics for a sketch, or None."""
     sheet = preset.statics
     if sheet.analyses.elements_for(sheet.elements) == sheet.elements or surface.is_flat or sheet.stress == "layers":
         return None
     answers = answers_step(preset, surface, solved, Log(None), rough=True)
     if sheet.stress == "auto" and bending_share(preset, surface, solved.acting, answers) >= BENDING_SHARE / 2:
-        return None  # the limit BENDING_SHARE is halved, because `bending_share` is only approximate here
+        return None
     return _statics_result(preset, surface, solved, answers, FollowedStress(solved.sigma), Log(None))
 
 
 def same_followed_stress(rough: StaticsResult, statics: StaticsResult) -> bool:
-    """Return True if the pattern follows the same stress in `rough` as in `statics`, in every case."""
+    """Return True if the pattern follows the same stress in `rough` as in `statics`."""
     pairs = ((case.followed_stress, rough.cases[name].followed_stress) for name, case in statics.cases.items())
     return all(np.array_equal(*pair) for pair in pairs)
 
@@ -366,7 +360,7 @@ def _statics_result(
 
 
 def surface_step(preset: Preset, log: Log) -> Surface:
-    """Return the surface in metres, cut along the outlines of regions: the result of stage 1."""
+    """Return the surface in metres, cut along regions: the result of stage 1."""
     with log.stage("surface", "reading the mesh" if hasattr(preset.surface, "file") else "making the shape"):
         surface = base_surface(preset, log)
         if preset.pattern.region:
@@ -382,8 +376,7 @@ def surface_step(preset: Preset, log: Log) -> Surface:
 
 
 def base_surface(preset: Preset, log: Log | None = None) -> Surface:
-    """Return the surface before it is cut along regions.
-    If [surface] requests it, the mesh is finer where the stress changes; this stress is computed on an even mesh."""
+    """Return the surface before the cut along regions."""
     section = preset.surface
     if not isinstance(section, OwnSurface):
         return section.build()

@@ -1,4 +1,4 @@
-"""Stage 3, diffusion: tensors that follow the directions of the stress, and their modes."""
+"""Stage 3: tensors that follow the stress, and their modes."""
 
 from dsfab.diffusion.modes import CLEAR_MOMENT, Modes, diffusion_modes, family_modes, reference_axes
 from dsfab.diffusion.symmetry import Symmetry, largest_symmetry, symmetry_group, symmetry_of

@@ -1,4 +1,4 @@
-"""Modes of a diffusion operator with the smallest eigenvalues. The sign of a mode does not depend on the solver."""
+"""Modes of a diffusion operator with the smallest eigenvalues."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -17,21 +17,20 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 
 CLEAR_MOMENT = 1e-2
-"""Relative size below which a moment, or the difference of two moments of inertia, counts as zero."""
+"""Relative size below which a moment counts as zero."""
 
 
 @one_blas_thread()
 def reference_axes(surface: Surface, weights: Sequence[Floats] = (), vectors: Sequence[Floats] = ()) -> Floats:
     """Return right-handed orthonormal axes (3, 3), by rows, that rotate with the surface.
+    weights : (n,) weights of the vertices, not negative.
+    vectors : (3,) vectors, such as the resultant of the loads.
 
-    weights : (n,) each, not negative: scalars on the vertices, such as the size of the load or the supports.
-    vectors : (3,) each, such as the resultant of the loads.
-
-    The first two axes come from the first two directions in this list that are not zero and not parallel:
+    The first two axes come from the first of these directions that are not zero and not parallel:
     1. the vectors
     2. the lines from the surface's centroid to the centroid of each weight
     3. the mean of |x|^2 x over the area, for x from the centroid
-    4. principal axes of inertia of the area and of the weights; their signs make third moments positive
+    4. principal axes of inertia
     5. the axes x, y and z"""
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()
@@ -48,7 +47,6 @@ def reference_axes(surface: Surface, weights: Sequence[Floats] = (), vectors: Se
 
 
 def _axis_candidates(x: Floats, measures: Sequence[Floats], vectors: Sequence[Floats]) -> Iterator[Floats]:
-    """Yield the directions that `reference_axes` lists, of length about 1, or about 0 if the geometry defines none."""
     for vector in vectors:
         length = float(np.linalg.norm(vector))
         if length > 0:
@@ -68,7 +66,6 @@ def _axis_candidates(x: Floats, measures: Sequence[Floats], vectors: Sequence[Fl
 
 
 def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
-    """Return the sign of an axis's third moment, or of its first large coordinate if the moment is about zero."""
     if abs(third_moment) > CLEAR_MOMENT * largest**1.5:
         return float(np.sign(third_moment))
     return float(np.sign(axis[int(np.argmax(np.abs(axis) > 0.5))]))
@@ -77,14 +74,14 @@ def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
 REPEATED = 1e-6  # Eigenvalues count as repeated if their relative difference is smaller.
 VISIBLE = 1e-2  # A reference field is used only if more than this fraction of it lies in the eigenspace.
 SPARE = 2
-"""Number of additional eigenpairs, so that usually all copies of a repeated last eigenvalue are computed."""
+"""Number of additional eigenpairs to compute."""
 
 
 @dataclass(frozen=True, eq=False)
 class Modes:
     """Modes of one diffusion operator, without the constant modes.
-    lam : (k,) eigenvalues, per square metre, ascending.
-    X   : (n, k) values at the vertices, dimensionless: X^T M X = (area / 4 pi) I, with M = `voronoi_mass`."""
+    lam : (k,) eigenvalues, 1/m2, ascending.
+    X   : (n, k) values at the vertices: X^T M X = (area / 4 pi) I, with the Voronoi mass M."""
 
     lam: Floats
     X: Floats
@@ -93,8 +90,7 @@ class Modes:
         lock_floats(self, lam=(None,), X=(None, len(self.lam)))
 
     def mode(self, number: int) -> Floats:
-        """Return mode `number` (n,). Mode 1 is the first that is not constant, as in the figures of Madan et al.
-        Raises PatternError for a number beyond the computed modes."""
+        """Return mode `number` (n,), from 1. Raises PatternError for a number beyond the computed modes."""
         if not 1 <= number <= len(self.lam):
             raise PatternError(f"mode {number} does not exist; modes 1 to {len(self.lam)} were computed")
         return np.asarray(self.X[:, number - 1])
@@ -108,14 +104,9 @@ def _constant_modes(surface: Surface) -> int:
 def diffusion_modes(
     surface: Surface, L: csr_array, k: int = 5, axes: Floats | None = None, symmetry: Symmetry | None = None
 ) -> Modes:
-    """Return the k smallest modes of L x = lambda M x that are not constant (paper, section 3.4); M: Voronoi mass.
-
-    The method is shift-invert Lanczos on M^-1/2 (L + s M) M^-1/2. Modes are scaled as on a surface of area 4 pi, so
-    that a frequency gives equally many stripes at any size. Signs, and bases of repeated eigenvalues, do not depend on
-    the solver (`_canonical`).
-
-    axes     : (3, 3) rows, for signs and bases; default: the axes of the surface alone (`reference_axes`).
-    symmetry : if set, return only symmetric modes, which have equal values at all images of a point.
+    """Return the first k modes of L x = lambda M x that are not constant [paper, section 3.4]; M is the Voronoi mass.
+    axes     : (3, 3) rows, which determine the signs of the modes.
+    symmetry : if set, return only symmetric modes.
     Raises PatternError if the mesh has too few vertices for k modes."""
     return family_modes(surface, [L], k, axes, symmetry)[0]
 
@@ -127,8 +118,8 @@ def family_modes(
     axes: Floats | None = None,
     symmetry: Symmetry | None = None,
 ) -> list[Modes]:
-    """Return the modes of several operators (n, n) on one surface, as `diffusion_modes` does, with common axes (3, 3).
-    All operators must have nonzeros at the same places, because the places are analysed once."""
+    """Return the modes of several operators (n, n) on one surface, with common axes (3, 3).
+    The nonzero entries of all operators must be at the same places."""
     mass = voronoi_mass(surface)
     axes = reference_axes(surface) if axes is None else axes
     families, solve = [], None
@@ -163,12 +154,12 @@ def _modes(surface: Surface, L: csr_array, solve: Factor, k: int, axes: Floats, 
 
 
 def _root(surface: Surface, mass: Floats) -> Floats:
-    """Return the square root (n,) of the mass. A vertex without faces (mass 0) gets the area of the whole surface."""
+    """Return the square root (n,) of the mass, above 0 at all vertices."""
     return np.sqrt(np.where(mass > 0, mass, surface.area))
 
 
 def _scaled_operator(surface: Surface, L: csr_array, mass: Floats) -> csr_array:
-    """Return M^-1/2 (L + s M) M^-1/2, M = diag(mass), s = 1 / area; a vertex without faces gets a large eigenvalue."""
+    """Return M^-1/2 (L + s M) M^-1/2 with M = diag(mass) and s = 1 / area."""
     root = _root(surface, mass)
     unused = np.where(mass > 0, 0.0, L.diagonal().max() / root.min() ** 2)
     A = csr_array((L.data / np.repeat(root, np.diff(L.indptr)) / root[L.indices], L.indices, L.indptr), shape=L.shape)
@@ -185,7 +176,7 @@ def _factor(surface: Surface, A: csr_array) -> Factor:
 
 
 def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int) -> tuple[Floats, Floats]:
-    """Return the `count` smallest eigenvalues of a matrix A, ascending, and vectors (n, count).
+    """Return the `count` smallest eigenvalues, ascending, and their vectors (n, count).
     solve : function of b that returns (A + shift)^-1 b."""
     inverse = LinearOperator((n, n), matvec=solve, dtype=np.float64)
     start = 1 + 0.5 * np.sin(np.arange(n))  # always the same start, so the same modes
@@ -201,9 +192,6 @@ def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int
 
 
 def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Floats) -> Floats:
-    """Return modes with signs, and with bases of repeated eigenvalues, that do not depend on the solver.
-    A mode's sign makes its third moment positive. If this moment is about zero, the sign makes the first clear product
-    with a field of `_reference_fields` positive."""
     fields = _reference_fields(surface, mass, axes)
     out = X.copy()
     start = 0
@@ -220,7 +208,6 @@ def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Flo
 
 
 def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
-    """Return polynomials (n, 19) of the coordinates along the axes, up to degree 3. Their mean is 0, their norm 1."""
     x = (surface.V - mass @ surface.V / mass.sum()) @ axes.T / surface.size
     x = np.ascontiguousarray(x.T)
     squares = [x[i] * x[j] for i in range(3) for j in range(i, 3)]
@@ -233,7 +220,6 @@ def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
 
 
 def _aligned_basis(space: Floats, fields: Floats, mass: Floats) -> Floats:
-    """Return a basis of the columns of `space`, orthonormal with weights `mass`, from projections of `fields`."""
     coordinates = space.T @ (mass[:, None] * fields)  # (c, fields)
     basis: list[Floats] = []
     for candidate in [*coordinates.T, *np.eye(space.shape[1])]:

@@ -1,4 +1,4 @@
-"""Symmetry of a surface with its supports and loads: mirrors and rotations, from the preset or by search."""
+"""Symmetry of a surface with its supports and loads."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -30,18 +30,18 @@ from dsfab.surface import (
 
 IMAGE_OFF_SURFACE = 0.25  # Largest distance of a mirrored or rotated vertex from the surface, in mean edges.
 OFF_SUPPORT = 1.0
-"""Largest distance, in mean edges, of a mirrored or rotated supported vertex from the nearest supported vertex."""
+"""Largest distance, in mean edges, of the image of a supported vertex from the nearest supported vertex."""
 OFF_LOAD = (0.3, 0.02)
-"""Largest change of smoothed forces, and of resultants, by a mirror or rotation, as a fraction of the total load."""
+"""Largest change of smoothed forces and of resultants, divided by the total load."""
 SAMPLE_POINTS = 100  # Approximate number of points in quick checks, which come before the check of all points.
 
 
 @dataclass(frozen=True, eq=False)
 class Symmetry:
-    """A finite group of rotations and mirrors about a surface's centroid, and the images of its points.
+    """A group of rotations and mirrors about a surface's centroid, and the images of its points.
     R     : (g, 3, 3) orthogonal matrices, the identity first.
-    maps  : g sparse (n, n) matrices; maps[i] @ x interpolates a field x at the images of the vertices under R[i].
-    faces : (g, m) the face that contains the image of each face's centroid."""
+    maps  : g sparse (n, n) matrices. maps[i] @ x is the field x at the images of the vertices under R[i].
+    faces : (g, m) face at the image of each face's centroid."""
 
     R: Floats
     maps: tuple[csr_array, ...]
@@ -53,31 +53,31 @@ class Symmetry:
 
     @property
     def order(self) -> int:
-        """Number of elements of the group."""
+        """Number of rotations and mirrors, with the identity."""
         return len(self.R)
 
     def mean(self, x: Floats) -> Floats:
-        """Return the mean (n, ...) of a field at all mirrored or rotated images of each point: a symmetric field."""
+        """Return a symmetric field (n, ...): the mean of a field over all images of each vertex."""
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / self.order)
 
     def maximum(self, x: Floats) -> Floats:
-        """Return the maximum (n,) of a field over all mirrored or rotated images of each vertex."""
+        """Return the maximum (n,) of a field over all images of each vertex."""
         return np.asarray(np.max([x, *(T @ x for T in self.maps[1:])], axis=0))
 
     def mean_stress(self, sigma: Floats) -> Floats:
-        """Return the mean of tensors (m, 3, 3) at all images of each face, rotated back: R^T sigma(R x) R."""
+        """Return a symmetric field of tensors (m, 3, 3): the mean over all images of each face, rotated back."""
         total = sum(R.T @ sigma[face] @ R for R, face in zip(self.R, self.faces, strict=True))
         return np.asarray(total / self.order)
 
     def asymmetry(self, surface: Surface, x: Floats) -> float:
-        """Return the largest RMS difference of a field (n,) from its symmetric images, divided by the field's RMS."""
+        """Return the largest RMS difference of a field (n,) from its images, divided by the field's RMS."""
         mass = surface.vertex_areas
         size = float(np.sqrt(mass @ x**2))
         return max(float(np.sqrt(mass @ (T @ x - x) ** 2)) for T in self.maps) / size
 
     def invariant(self, L: csr_array, X: Floats, mass: Floats) -> tuple[Floats, Floats]:
-        """Return the symmetric modes in the space of modes X (n, k): eigenvalues (j,), modes (n, j) (Rayleigh, Ritz).
-        A symmetric mode has equal values at all images of a point.    mass : (n,) diagonal of M, for X^T M X = I."""
+        """Return eigenvalues (j,) and symmetric modes (n, j) in the space of the modes X (n, k).
+        mass : (n,) diagonal of M, for X^T M X = I."""
         Y = self.mean(X)
         share, C = np.linalg.eigh(Y.T @ (mass[:, None] * Y))
         keep = share > 0.5**2  # shares are near 0 or near 1, so the exact limit does not matter
@@ -87,9 +87,9 @@ class Symmetry:
 
 
 def symmetry_of(surface: Surface, words: Sequence[str], *loads: LoadCase) -> Symmetry:
-    """Return the group of mirrors and rotations about the centroid that `words` generate.
+    """Return the group of mirrors and rotations that `words` generate.
     words : such as `x` for a mirror of x, or `rot:6:z` for a sixth of a turn about z.
-    Raises PatternError for unknown words, and if the surface, its supports or one of the loads lack this symmetry."""
+    Raises PatternError for unknown words, and if the surface, a support or a load is not symmetric."""
     return checked_symmetry(surface, symmetry_group(words), loads, str(list(words)))
 
 
@@ -102,9 +102,9 @@ def face_tree(surface: Surface) -> igl.AABB:
 def checked_symmetry(
     surface: Surface, R: Floats, loads: Sequence[LoadCase], words: str, tree: igl.AABB | None = None
 ) -> Symmetry:
-    """Return the symmetry with the rotations and mirrors R (g, 3, 3) about the centroid, after a check of all points.
-    R : the identity first.    words : name of the symmetry in messages.    tree : `face_tree`, if the caller has it.
-    Raises PatternError if the surface, its supports or a load lacks this symmetry."""
+    """Return the symmetry with the given rotations and mirrors.
+    R : (g, 3, 3), the identity first.    words : name of the symmetry in messages.
+    Raises PatternError if the surface, a support or a load is not symmetric."""
     centre = centroid(surface)
     maps, faces, edge = [csr_array(eye_array(surface.n))], [np.arange(surface.m)], surface.mean_edge
     few = surface.V[:: max(surface.n // SAMPLE_POINTS, 1)]
@@ -151,8 +151,8 @@ def _generator(word: str) -> Floats:
 
 
 def symmetry_group(words: Sequence[str]) -> Floats:
-    """Return the products (g, 3, 3) of mirrors and rotations, the identity first.
-    Raises PatternError for an unknown word, and for more than `LARGEST_GROUP` products."""
+    """Return all products (g, 3, 3) of the given mirrors and rotations, the identity first.
+    Raises PatternError for an unknown word, and for too many products."""
     try:
         return generated_group([_generator(word) for word in words])
     except OverflowError:
@@ -166,9 +166,7 @@ def largest_distance(surface: Surface, tree: igl.AABB, points: Floats) -> float:
 
 
 def point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float, csr_array]:
-    """Return the largest distance of points (p, 3) from the surface, and a matrix (p, n) of interpolation there.
-    The matrix interpolates at the nearest points of the surface. Barycentric weights below 1e-3 become 0, because files
-    round coordinates."""
+    """Return the largest distance of points (p, 3) from the surface, and an interpolation matrix (p, n)."""
     squared, face, nearest_points = tree.squared_distance(surface.V, surface.F, np.ascontiguousarray(points))
     corner = surface.F[face]
     weight = np.clip(weights_at(nearest_points, surface.V, corner), 0, 1)
@@ -181,7 +179,6 @@ def point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float, 
 
 
 def _check_supports(surface: Surface, symmetry: Symmetry, words: str, load: LoadCase, centre: Floats) -> None:
-    """Raise PatternError unless all images of supported vertices are also supported, in the same directions."""
     kinds, kind = np.unique(load.fixed, axis=0, return_inverse=True)
     for R in symmetry.R[1:]:
         for i, holds in enumerate(kinds):
@@ -211,7 +208,6 @@ def _check_supports(surface: Surface, symmetry: Symmetry, words: str, load: Load
 
 
 def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats, centre: Floats) -> None:
-    """Raise PatternError if the resultant, moments or smoothed forces of a load are too asymmetric (`OFF_LOAD`)."""
     total = float(np.linalg.norm(force, axis=1).sum())
     arm = surface.V - centre
     for R, T in zip(symmetry.R[1:], symmetry.maps[1:], strict=True):
@@ -227,7 +223,6 @@ def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats
 
 
 def _smoothed_forces(surface: Surface, force: Floats, rounds: int = 6) -> Floats:
-    """Return smoothed forces (n, 3) with the same sum. In 6 rounds, each force spreads over about two edges."""
     ends, n = surface.edges.ends, surface.n
     share = 0.5 / np.maximum(np.bincount(ends.ravel(), minlength=n), 1)
     i, j = np.concatenate([ends, ends[:, ::-1]]).T
@@ -238,15 +233,15 @@ def _smoothed_forces(surface: Surface, force: Floats, rounds: int = 6) -> Floats
 
 
 TURNS = (12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2)
-"""Rotations about an axis that the search tries: 1 / n of a full rotation for each n."""
+"""Rotations that the search tries: 1 / n of a full rotation for each n."""
 ROUND = (7, 5)
-"""A surface counts as round if it is symmetric under rotations by 1 / 7 and by 1 / 5 of a full rotation."""
+"""A surface counts as round if rotations by 1 / 7 and 1 / 5 of a full rotation map it onto itself."""
 LENIENT = 1.5  # Quick checks multiply all tolerances by this factor.
 
 
 def largest_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) -> Symmetry | None:
     """Return the largest symmetry group of a surface with its loads; None without any mirror or rotation.
-    axes : (3, 3) result of `reference_axes`. The tried mirrors and rotations depend on these axes."""
+    axes : (3, 3) in rows; the tried mirrors and rotations depend on these axes."""
     glance = _QuickCheck(surface, tuple(loads))
     generators = [R for R in _generators(surface, axes, glance) if glance.allows(R)]
     if not generators:
@@ -263,8 +258,6 @@ def largest_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) 
 
 @dataclass(frozen=True, eq=False)
 class _QuickCheck:
-    """Quick checks, which refuse most mirrors and rotations that are no symmetry of a surface with its loads."""
-
     surface: Surface
     loads: tuple[LoadCase, ...]
 
@@ -282,13 +275,13 @@ class _QuickCheck:
 
     @cached_property
     def _held_points(self) -> list[tuple[Floats, cKDTree]]:
-        """For load cases with supports: sample of supported points, and k-d tree of all; relative to the centroid."""
+        """For each load case with supports: some supported points, and a tree of all."""
         held_points = [self.surface.V[load.supported] - self.centre for load in self.loads]
         return [(x[:: max(len(x) // SAMPLE_POINTS, 1)], cKDTree(x)) for x in held_points if len(x)]
 
     @cached_property
     def _moments(self) -> list[tuple[Floats, Floats, float]]:
-        """Resultant, moments about the centroid, and sum of the magnitudes of the forces in each load case (N, N m)."""
+        """Resultant (N), moments (N m) and sum of the forces (N) of each load case."""
         arm = self.surface.V - self.centre
         forces = [load.force for load in self.loads]
         return [(f.sum(axis=0), arm.T @ f, float(np.linalg.norm(f, axis=1).sum())) for f in forces]
@@ -330,8 +323,7 @@ def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator
 
 
 def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
-    """Return the normal of the mirror that best maps the outermost points of a round mesh onto each other.
-    x, V : (n, 3) vertices relative to the nearest points of the axis, and to the centroid."""
+    """Return the normal of the mirror that best maps a round mesh onto itself."""
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))
     outer = V[distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * surface.size]

@@ -1,4 +1,4 @@
-"""Diffusion tensors and the diffusion operator, from the stress through the thickness of a sheet."""
+"""Diffusion tensors and the diffusion operator, from the stress of a sheet."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,12 +14,8 @@ from dsfab.surface.fields import assemble, hat_gradients, tangents
 
 def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
     """Return one stress for all layers of a sheet: (m, 3, 3) Pa, symmetric, tangent to the faces.
-    Its principal axes minimise the mean square of the shear stress over the thickness. Each principal value is the root
-    mean square of the traction on its axis.
-    membrane : (m, 3, 3) stress of the middle surface, Pa, tangent to each face.
-    bending  : (m, 3, 3) stress that bending adds at the bottom (the side opposite to the normal), Pa.
-    Opposite stresses give the opposite result. Faces without bending keep their membrane stress exactly.
-    Reversed normals change the sign of the result only if the middle surface has no stress."""
+    membrane : (m, 3, 3) stress of the middle surface, Pa.
+    bending  : (m, 3, 3) stress that bending adds at the bottom (the side opposite to the normal), Pa."""
     t = tangents(surface)
     flat, bent = (np.einsum("mai,mij,mbj->mab", t, sigma, t, optimize=True) for sigma in (membrane, bending))
     square = _deviator(flat) ** 2 + _deviator(bent) ** 2 / 3
@@ -36,12 +32,11 @@ def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
 
 
 def only_bends(membrane: Floats, bending: Floats) -> bool:
-    """Return True if the stress of the middle surface is below a thousandth of the bending stress. (..., 3), Pa."""
+    """Return True if the stress (..., 3) of the middle surface is tiny beside the bending stress."""
     return float(np.abs(membrane).max()) < 1e-3 * float(np.abs(bending).max())
 
 
 def _deviator(planar: Floats) -> Floats:
-    """Return half the difference of the normal stresses, plus i times the shear stress, (m,) complex."""
     return np.asarray((planar[:, 0, 0] - planar[:, 1, 1]) / 2 + 1j * planar[:, 0, 1])
 
 
@@ -51,10 +46,9 @@ ISOTROPY = 0.02  # Largest difference of an isotropic face's principal stresses,
 
 @dataclass(frozen=True, eq=False)
 class DiffusionTensors:
-    """Two symmetric tensors per face, acting on gradients in the face's plane. In this plane, they have the eigenvalues
-    r (anisotropy of the preset) and 1; on isotropic faces 1 and 1.
-    major     : (m, 3, 3) with r along the primary direction, the direction of the major stripes.
-    minor     : (m, 3, 3) with r along the secondary direction.    isotropic : (m,) faces without a preferred direction.
+    """Two symmetric tensors for each face, which act on gradients in the face's plane.
+    major     : (m, 3, 3) tensors of the major stripes.    minor : (m, 3, 3) tensors of the minor stripes.
+    isotropic : (m,) faces without a preferred direction.
     principal : (m, 2) primary and secondary principal stress, Pa, multiplied by the factor gamma of the preset."""
 
     major: Floats
@@ -79,12 +73,9 @@ def diffusion_tensors(
     """Return tensors with the principal directions of the stress and eigenvalues r and 1 (Madan et al., section 3.3).
     sigma     : (m, 3, 3) stress, Pa, tangent to the faces.
     r         : anisotropy, >= 1; 1 gives the Laplacian.
-    gamma     : force magnitude of Madan et al., a factor on the stress.
-    labelling : choice of the primary stress. `signed`: the algebraically larger one (tension). `magnitude`: the one
-                with the larger absolute value (Madan et al.). If absolute values are almost equal, rounding decides.
-    isotropy  : limit for faces without a preferred direction. ref: RMS of the principal stresses s1, s2 over the area.
-                `signed`: gamma (s1 - s2) <= isotropy ref. `magnitude`: (gamma |s1| + eps) / (gamma |s2| + eps) <= 1 +
-                isotropy, with eps = isotropy ref."""
+    gamma     : factor on the stress.
+    labelling : choice of the primary stress: the algebraically larger (`signed`), or the larger absolute value.
+    isotropy  : limit for faces without a preferred direction."""
     stress, direction = principal_stresses(surface, sigma)
     if labelling == "magnitude":
         swap = np.abs(stress[:, 1]) > np.abs(stress[:, 0])
@@ -100,11 +91,8 @@ def diffusion_tensors(
 
 
 def combined_stress(surface: Surface, stresses: Sequence[Floats], weights: Sequence[float]) -> Floats:
-    """Combine load cases to one tensor (m, 3, 3), Pa: the sum of weight |sigma|, with |sigma| = sum |s_i| e_i e_i^T for
-    principal stresses s_i along unit vectors e_i.
-    stresses : (m, 3, 3) each, Pa, tangent to the faces.    weights : 0 or more for each case.
-    Tension and compression in a direction count alike. So cases of opposite sign (wind from two sides) do not cancel.
-    Use the stress itself for one case, because |sigma| has no preferred direction in pure shear."""
+    """Combine the stresses of load cases to one tensor (m, 3, 3), Pa. Tension and compression count alike.
+    stresses : (m, 3, 3) each, Pa, tangent to the faces.    weights : 0 or more for each case."""
     total = np.zeros((surface.m, 3, 3))
     for sigma, weight in zip(stresses, weights, strict=True):
         stress, direction = principal_stresses(surface, sigma)
@@ -113,7 +101,7 @@ def combined_stress(surface: Surface, stresses: Sequence[Floats], weights: Seque
 
 
 def principal_stresses(surface: Surface, sigma: Floats) -> tuple[Floats, Floats]:
-    """Return principal stresses (m, 2) in each face's plane, larger first, and directions (m, 2, 3) [Mohr 1882]."""
+    """Return principal stresses (m, 2) of the faces, larger first, and directions (m, 2, 3) [Mohr 1882]."""
     t = tangents(surface)
     planar = np.einsum("mai,mij,mbj->mab", t, sigma, t, optimize=True)
     xx, yy, xy = planar[:, 0, 0], planar[:, 1, 1], planar[:, 0, 1]
@@ -133,8 +121,8 @@ def _is_isotropic(stress: Floats, labelling: Labelling, tolerance: float, refere
 
 
 def diffusion_operator(surface: Surface, D: Floats) -> csr_array:
-    """Return the weak form of -div(D grad), paper eq. 5, for linear hat functions; D per face [Andreux et al. 2014].
-    D : (m, 3, 3) symmetric, positive on each face's plane, dimensionless. D acts on gradients.
-    Returns L : (n, n) symmetric positive semidefinite, with zero row sums. L is the cotangent Laplacian for D = I."""
+    """Return the weak form of -div(D grad), paper eq. 5, for linear functions [Andreux et al. 2014].
+    D : (m, 3, 3) symmetric, positive on each face's plane, dimensionless.
+    Returns L : (n, n) symmetric positive semidefinite."""
     g, A = hat_gradients(surface), surface.areas  # (m, 3 corners, 3 xyz) per metre; (m,) square metres
     return assemble(surface, np.einsum("mia,mab,mjb,m->mij", g, D, g, A, optimize=True))

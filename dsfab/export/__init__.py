@@ -1,4 +1,4 @@
-"""Write solids and sheets to files in millimetres. Each file is read back and checked before it gets its final name."""
+"""Write solids and sheets to files in millimetres."""
 
 from dsfab.export.cad.rhino import mesh_json, polyline_json
 from dsfab.export.cad.rhino import require_rhino3dm as require_rhino

@@ -1,4 +1,4 @@
-"""Smooth curves through polylines within a tolerance: straight lines and cubic splines for DXF, 3DM and STEP."""
+"""Smooth curves through polylines within a tolerance."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,15 +21,14 @@ AT_ONCE = 5_000  # number of samples in one batch of lines, for the processor's 
 
 THIRDS = np.arange(4) / 3
 POWERS = np.linalg.inv(THIRDS[:, None] ** np.arange(4))
-"""Matrix from a cubic's values at thirds of a span to its coefficients of 1, x, x^2 and x^3, with x from 0 to 1."""
+"""Matrix from a cubic's values at thirds of a span to its coefficients."""
 Refined = tuple[Floats, Floats, int, float]  # knots, poles, degree, and the largest distance from the polyline
 
 
 @dataclass(frozen=True, eq=False)
 class SampledLine:
     """Polyline with samples at equal distances. smooth : True for a closed line with the same tangent at both ends.
-    line  : (k, d) points.          length : (k,) arc lengths, mm.
-    total : length of the line, mm, rounded.    count : number of samples."""
+    line  : (k, d) points.    length : (k,) arc lengths, mm.    count : number of samples."""
 
     line: Floats
     length: Floats
@@ -39,14 +38,14 @@ class SampledLine:
 
     @classmethod
     def from_points(cls, points: Floats, smooth: bool) -> Self:
-        """Build a polyline from points (k, d), with as many samples as the first attempt of a fit needs."""
+        """Return a sampled line through points (k, d)."""
         length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
         total = float(np.round(length[-1], KNOT_DIGITS))
         return cls(points, length, total, max(8 * len(points), 16 * SAMPLES_PER_SPAN), smooth)
 
     @property
     def bow(self) -> float:
-        """Largest distance between the line and its chord, compared at equal fractions of their lengths."""
+        """Largest distance between the line and its chord."""
         share, start, end = self.length / self.length[-1], self.line[0], self.line[-1]
         return float(np.linalg.norm(self.line - start - share[:, None] * (end - start), axis=1).max())
 
@@ -62,14 +61,14 @@ class SampledLine:
 
     @cached_property
     def check_points(self) -> tuple[Floats, list[Floats]]:
-        """Points at which spline and polyline are compared: arc lengths (q,), and an array (q,) for each coordinate."""
+        """Points of a comparison: arc lengths (q,), and an array (q,) for each coordinate."""
         finer = 4 * self.count
         share = np.union1d(np.arange(finer + 1) / finer, self.length / self.length[-1])
         return share * self.total, self._points_at(share)
 
     @property
     def breaks(self) -> Floats:
-        """(s,) arc lengths, mm, at the ends of the spans of the first spline: two spans for a smooth line, else one."""
+        """(s,) arc lengths, mm, at the ends of the spans of the first spline."""
         return np.array([0.0, self.total / 2, self.total] if self.smooth else [0.0, self.total])
 
     def _points_at(self, shares: Floats) -> list[Floats]:
@@ -77,8 +76,7 @@ class SampledLine:
 
 
 def splines_by_halving(runs: Sequence[SampledLine], tolerance: float) -> list[Refined | None]:
-    """Fit a spline to each line. Spans that are off by more than the tolerance (mm) are halved, again and again.
-    A line gets None if it has too few samples for the tolerance."""
+    """Fit a spline to each line within a tolerance (mm); None for a line with too few samples."""
     splines: list[Refined | None] = [None] * len(runs)
     for batch in _batches(runs):
         breaks = {k: runs[k].breaks for k in batch}
@@ -113,7 +111,7 @@ def _batches(runs: Sequence[SampledLine]) -> Iterator[list[int]]:
 
 
 class SplineSystem:
-    """Cubic splines along several lines, fitted at once. breaks : for each line, (b,) ends of its spans, mm."""
+    """Cubic splines along several lines. breaks : for each line, (b,) ends of its spans, mm."""
 
     def __init__(self, runs: list[SampledLine], breaks: list[Floats]) -> None:
         self.runs, self.breaks = runs, breaks
@@ -134,7 +132,6 @@ class SplineSystem:
         return np.concatenate(counts)
 
     def _hats(self, x: Floats, counts: Ints) -> tuple[Floats, Ints]:
-        """Return values (4, k) of the nonzero basis functions at lengths x (k,), and number (k,) of the first one."""
         spans = np.array([len(span_ends) - 1 for span_ends in self.breaks])
         row, span = np.repeat(np.arange(len(spans)), spans), np.arange(spans.sum())
         span -= np.repeat(np.cumsum(spans) - spans, spans)
@@ -142,9 +139,7 @@ class SplineSystem:
         return values, np.repeat(span + self.first_pole[row], counts)
 
     def poles(self) -> Floats:
-        """Return the poles (n, d) of the least-squares cubic splines through the first and last sample of each line.
-        A smooth line has the same unknown tangent T at both ends: the second pole is the first pole + a T, and the
-        last pole but one is the last pole - b T. a : third of the first span.    b : third of the last span."""
+        """Return the poles (n, d) of the least-squares cubic splines through both ends of each line."""
         lengths = [run.sample_lengths for run in self.runs]
         values, first_hats = self._hats(np.concatenate(lengths), self._span_counts(lengths))
         points = np.concatenate([run.samples for run in self.runs])
@@ -162,7 +157,6 @@ class SplineSystem:
         return self._smooth_poles(system, poles, points, tangent) if tangent.any() else poles
 
     def _smooth_poles(self, system: LeastSquares, poles: Floats, points: Floats, tangent: Floats) -> Floats:
-        """Return the poles after the best end tangent of each smooth line was added."""
         free = tangent - system.solve(system.sums(system.values_at_samples(tangent)))
         along, residual = system.values_at_samples(free), points - system.values_at_samples(poles)
         poles, end = poles.copy(), np.cumsum([run.count + 1 for run in self.runs])
@@ -174,7 +168,7 @@ class SplineSystem:
         return poles
 
     def errors(self, poles: Floats) -> list[Floats]:
-        """Return, for each line, largest distances (s,) of its curve's spans from the polyline. poles : (n, d)."""
+        """Return, for each line, distances (s,) of its curve's spans from the polyline. poles : (n, d)."""
         begin = np.concatenate([lengths[:-1] for lengths in self.breaks])
         wide = np.concatenate([lengths[1:] - lengths[:-1] for lengths in self.breaks])
         four = (begin[:, None] + wide[:, None] * THIRDS).ravel()
@@ -194,15 +188,15 @@ class SplineSystem:
 
 
 SHARP = np.deg2rad(35.0)
-"""Smallest bend (radians) at a corner of an outline. Between chords of a fillet, bends are at most 34 degrees."""
+"""Smallest bend (radians) at a corner of an outline."""
 SPANS = 4
-"""Largest number of spans of an edge of a plane face. With more, CAD programs integrate volumes with too few points."""
+"""Largest number of spans of an edge of a plane face."""
 
 
 @dataclass(frozen=True, eq=False)
 class Curve(Spline):
     """A line or a cubic in the plane or in space; knots and poles in millimetres.
-    deviation : largest distance between points of curve and polyline at equal fractions of their lengths, mm."""
+    deviation : largest distance between curve and polyline, mm."""
 
     deviation: float
 
@@ -212,8 +206,8 @@ class Curve(Spline):
 
 
 def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve] | None:
-    """Fit at least two curves to the closed polyline `loop` (k, 2); return None if no spline is within the tolerance.
-    Curves end where `corner` (k,) is True and at sharp corners. With fewer than two corners, one curve is halved."""
+    """Fit at least two curves to the closed polyline `loop` (k, 2); None if no spline is within the tolerance.
+    corner : (k,) True where a curve must end."""
     corners = np.flatnonzero(corner | (np.abs(turning(loop)) > SHARP))
     if len(corners) > 1:
         ends = [*corners.tolist(), int(corners[0]) + len(loop)]
@@ -235,8 +229,8 @@ def turning(loop: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Polyline:
-    """A polyline to which a curve is fitted: points (k, 2) or (k, 3). most : largest number of samples of the fit.
-    smooth : True for a closed line whose curve has the same tangent at both ends."""
+    """A polyline: points (k, 2) or (k, 3). most : largest number of samples of the fit.
+    smooth : True for a closed line with the same tangent at both ends."""
 
     points: Floats
     smooth: bool = False
@@ -249,8 +243,7 @@ def fitted_curve(line: Floats, tolerance: float, smooth: bool = False) -> Curve 
 
 
 def fitted_curves(lines: Sequence[Polyline], tolerance: float) -> list[Curve | None]:
-    """Fit one curve to each polyline; the result is None if the curve needs more samples than the polyline allows.
-    One call for many lines is much faster than many calls."""
+    """Fit one curve to each polyline; None for a curve that needs too many samples."""
     curves: list[Curve | None] = [None] * len(lines)
     open_runs = dict[int, SampledLine]()
     for k, line in enumerate(lines):
@@ -275,12 +268,12 @@ def fitted_curves(lines: Sequence[Polyline], tolerance: float) -> list[Curve | N
 
 
 def halves(curve: Curve) -> list[Curve]:
-    """Split a spline near the middle of its parameters into two curves with the same points."""
+    """Split a spline near its middle into two curves."""
     return _split(curve, float(np.round((curve.knots[0] + curve.knots[-1]) / 2, KNOT_DIGITS)))
 
 
 def split_at_knots(curve: Curve) -> list[Curve]:
-    """Split a curve at its knots into curves of at most `SPANS` spans with the same points."""
+    """Split a curve at its knots into curves of at most `SPANS` spans."""
     breaks, pieces = np.unique(curve.knots), [curve]
     count = -(-(len(breaks) - 1) // SPANS)
     for knot in np.round(np.arange(1, count) * (len(breaks) - 1) / count).astype(int):
@@ -307,8 +300,7 @@ def _split(curve: Curve, parameter: float) -> list[Curve]:
 
 CLOSEST = 1e-3  # smallest tolerance (mm) of curves
 SAMPLES_PER_POINT, FEWEST_SAMPLES = 32, 400
-"""Largest number of samples of a curve: SAMPLES_PER_POINT times the polyline's points, or FEWEST_SAMPLES if larger.
-With more samples, the curve could have more poles than the polyline has points."""
+"""Largest number of samples of a curve: SAMPLES_PER_POINT times the polyline's points, or FEWEST_SAMPLES if larger."""
 REMEMBERED = 4096  # number of lines whose curves stay in the cache
 
 
@@ -318,18 +310,17 @@ def curve_tolerance(part: Part) -> float:
 
 
 def chains(part: Part) -> list[list[Curve]]:
-    """Return the fitted curves along each line of a part, in order: one list for each line."""
+    """Return the fitted curves along each line of a part, in order."""
     return all_curves_along([line.points for line in part.details.lines], curve_tolerance(part))
 
 
 def curves_along(points: Floats, tolerance: float) -> list[Curve]:
-    """Fit curves to a polyline (k, 3) within `tolerance` (mm); curves begin and end at its sharp corners.
-    A closed polyline without sharp corners becomes one smooth curve. Where a spline is impossible, segments remain."""
+    """Fit curves to a polyline (k, 3) within `tolerance` (mm). Curves begin and end at sharp corners."""
     return all_curves_along([points], tolerance)[0]
 
 
 def all_curves_along(lines: Sequence[Floats], tolerance: float) -> list[list[Curve]]:
-    """Apply `curves_along` to each polyline (k, 3). Lines that are not in the cache are fitted together."""
+    """Fit curves to each polyline (k, 3) within `tolerance` (mm)."""
     lines = [np.ascontiguousarray(points, dtype=np.float64) for points in lines]
     keys = [(points.tobytes(), points.shape, tolerance) for points in lines]
     chain_by_key = {key: _remembered[key] for key in keys if key in _remembered}
@@ -383,7 +374,7 @@ def _segments(points: Floats) -> list[Curve]:
 
 
 def joined_segments(chain: list[Curve]) -> list[Curve | Floats]:
-    """Merge neighbouring straight curves of a chain into polylines (k, 3); splines stay unchanged."""
+    """Merge neighbouring straight curves of a chain into polylines (k, 3)."""
     pieces = list[Curve | Floats]()
     for straight, group in groupby(chain, key=lambda curve: curve.is_straight):
         run = list(group)
@@ -392,16 +383,15 @@ def joined_segments(chain: list[Curve]) -> list[Curve | Floats]:
 
 
 def sample_parameters(knots: Floats, per_span: int = 16) -> Floats:
-    """Return ascending parameters (k,) along a curve with knots (p,), `per_span` in each span.
-    For 16 points, the error of the measured length is below 1e-4 if the span bends by less than a radian."""
+    """Return ascending parameters (k,) along a curve with knots (p,), `per_span` in each span."""
     breaks = np.unique(knots)
     inner = breaks[:-1, None] + np.diff(breaks)[:, None] * (np.arange(per_span) / per_span)
     return np.append(inner.ravel(), breaks[-1])
 
 
 def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> ReadBack:
-    """Compare the curves in a file with the lines of a part: total length, and place of each line.
-    curves_read : points (k, 3) along each curve of a line, mm, by line id. Raises ExportError for a difference."""
+    """Compare the curves in a file with the lines of a part. Raises ExportError for a difference.
+    curves_read : points (k, 3) along each curve of a line, mm, by line id."""
     lines = {line.id: line.points for line in part.details.lines}
     require_equal(part, "lines", lines.keys(), curves_read.keys())
     error = check_length(part, sum(polyline_length(points) for curves in curves_read.values() for points in curves))
@@ -416,7 +406,7 @@ def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> Rea
 
 
 def check_length(part: Part, length_read: float) -> float:
-    """Return the relative error of the lines' length read back (mm); raises ExportError if the error is too large."""
+    """Return the relative error of the lines' length (mm). Raises ExportError if the error is too large."""
     expected = sum(polyline_length(line.points) for line in part.details.lines)
     if not abs(length_read - expected) <= 5 * READ_BACK * expected:
         raise ExportError(

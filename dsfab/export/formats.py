@@ -1,4 +1,4 @@
-"""File formats, and the function `write`, which writes a solid or a sheet to a file."""
+"""File formats, and the function `write` for a solid or a sheet."""
 
 import difflib
 import time
@@ -33,12 +33,12 @@ MISSING: dict[MemberContent, str] = {
     "utilisation": "no members to check; only a design has members",
     "frame": "no beam model; only a design has a beam model",
 }
-"""Error text for a part that lacks the content of a format."""
+"""Error text for a part without the content of a format."""
 
 
 @dataclass(frozen=True)
 class Format:
-    """A file format with its functions for a part.
+    """A file format.
     encode  : returns the bytes.
     check   : reads the file back; raises ExportError if the content differs.
     prepare : returns the part with the format's rounding.
@@ -52,12 +52,11 @@ class Format:
 
 @dataclass(frozen=True)
 class MeshFormat(Format):
-    """A format for any mesh, or for solids only.
-    sheets       : True if the format can contain an open sheet; False for solids only.
-    alternatives : yields versions of the part, the best first. An ExportError stands for a version that was not tried.
-                   `write` chooses the first version that passes the check.
-    sentence     : returns a sentence about the chosen version. It also receives the errors of refused versions.
-    refusal      : returns the error to raise if all versions were refused, from the errors of these versions."""
+    """A format for meshes.
+    sheets       : True if the format can contain an open sheet.
+    alternatives : yields versions of the part, the best first; an ExportError for an omitted version.
+    sentence     : returns a sentence about the chosen version.
+    refusal      : returns the error to raise if all versions were refused."""
 
     sheets: bool = True
     alternatives: Callable[[Part], Iterable[Part | ExportError]] = lambda part: (part,)
@@ -68,8 +67,8 @@ class MeshFormat(Format):
 @dataclass(frozen=True)
 class SheetFormat(Format):
     """A format for lines or fields of a sheet.
-    content : required content of the part: lines; a solid and lines; or fields.
-    curves  : True if the format contains smooth curves, for which the lines must not be rounded first."""
+    content : required content of the part.
+    curves  : True if the format contains smooth curves."""
 
     content: Literal["lines", "solid and lines", "fields"] = "lines"
     curves: bool = False
@@ -77,8 +76,8 @@ class SheetFormat(Format):
 
 @dataclass(frozen=True)
 class MemberFormat(Format):
-    """A format for members, for forces of members, or for the beam model.
-    content  : name of the field of `Details` that the format writes.
+    """A format for members, forces of members, or the beam model.
+    content  : name of the field of `Details` to write.
     sentence : returns a sentence about the content, or ''."""
 
     content: MemberContent = field(kw_only=True)
@@ -88,7 +87,7 @@ class MemberFormat(Format):
 @dataclass(frozen=True)
 class Written:
     """A file that was written and read back.
-    size : bytes.    seconds : time of writing and reading.    found : content that was read back."""
+    size : bytes.    seconds : time of writing and reading.    found : content."""
 
     path: Path
     size: int
@@ -177,19 +176,14 @@ def write(
     note: Callable[[str], None] | None = None,
     report: Callable[[Written], None] | None = None,
 ) -> Path:
-    """Write a solid or a sheet in the format of the suffix of `path`, read it back, and return the path.
-
-    thing   : solid or sheet, m. Files are in millimetres (.glb in metres, as its standard requires).
+    """Write a solid or a sheet in the format of the suffix of `path`; return the path.
+    thing   : solid or sheet, m. Files are in millimetres (.glb in metres).
     name    : name of the part in the file; by default the file's name without suffix.
     step    : options of STEP files, or only the name of the route.
-    details : lines, fields and facts; each format uses what it can contain.
-    note    : receives a sentence on the chosen route of a STEP file, and why better routes failed.
+    details : lines, fields and facts.
+    note    : receives a sentence on the chosen route of a STEP file.
     report  : receives size, seconds, number of triangles or faces, and the error of the volume.
-
-    Equal input gives equal bytes. The triangles that are read back must be the same and closed. Their volume (a sheet's
-    area) must agree within 0.1 %. If this check fails, an older file with the same name is unchanged.
-    Raises ExportError for an unknown suffix, a missing library, missing data, or too many faces for STEP. Also raises
-    ExportError if the file cannot be written, or differs when read back."""
+    Raises ExportError for an unknown suffix, a missing library, missing data, or a failed export."""
     begin, path = time.perf_counter(), Path(path)
     form = format_of(path)
     form.ready()
@@ -215,7 +209,7 @@ def write(
 def step_estimates(
     thing: Solid | Surface, *, name: str = "part", step: StepOptions | Route = "auto", details: Details | None = None
 ) -> tuple[Estimate, ...]:
-    """Estimate the cost of each route to a STEP file of a solid, without writing it; arguments as in `write`."""
+    """Return the estimated cost of each route to a STEP file of a solid."""
     part = part_of(thing, name)
     if not part.is_solid:
         raise ExportError(f"STEP needs a closed solid, but {name!r} is an open sheet; thicken it first")
@@ -278,14 +272,15 @@ def _put(form: MeshFormat | SheetFormat | MemberFormat, part: Part, temporary: P
 
 
 def suffix_of(path: Path) -> str:
-    """Return the suffix in lower case, with both words if the format has two (`.lines.step`, `members.json`)."""
+    """Return the suffix in lower case, such as `.step` or `.lines.step`."""
     double = "".join(path.suffixes[-2:]).lower()
     file_name = f".{path.name}".lower() if path.suffix else ""
     return next((name for name in (file_name, double) if name in FORMATS), path.suffix.lower())
 
 
 def format_of(path: Path) -> MeshFormat | SheetFormat | MemberFormat:
-    """Return the format of a suffix in upper or lower case. Raises ExportError that suggests a similar suffix."""
+    """Return the format of a suffix.
+    Raises ExportError for an unknown suffix."""
     suffix = suffix_of(path)
     if suffix in FORMATS:
         return FORMATS[suffix]

@@ -31,7 +31,7 @@ class MemberFacts:
 
     @property
     def words(self) -> dict[str, str]:
-        """Facts as texts by name, for the attributes of an object in a CAD file."""
+        """Facts as texts by name, for CAD files."""
         facts = {key: str(getattr(self.member, key)) for key in ("kind", "family", "stripe")}
         facts = {key: text for key, text in facts.items() if text}
         facts |= {"length_mm": f"{self.length:.1f}", "width_mm": f"{self.width:.1f}"}

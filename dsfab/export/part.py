@@ -1,4 +1,4 @@
-"""Content of a file (`Part`): mesh and lines (mm), texts, the sheet divided into parts, and the bodies of members."""
+"""Content of a file (`Part`)."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -29,11 +29,10 @@ NO_PAIRS.setflags(write=False)
 
 class DividedSheet(NamedTuple):
     """A sheet divided into charts (parts).
-    V, F      : (n', 3) vertices and (m', 3) faces, m. Separate pieces of the sheet share no vertices.
-    D         : (n', 3) half-thickness vectors, m.
+    V, F, D   : (n', 3) vertices, (m', 3) faces and (n', 3) half-thickness vectors, m.
     chart     : (m',) number of the chart of each face.
     half_edge : (k,) half-edges on the boundary of the sheet, numbered 3 face + corner.
-    family    : (k,) number of the field whose cut made each half-edge; -1 on the boundary of the uncut surface."""
+    family    : (k,) number of the field whose cut made each half-edge; -1 on the uncut boundary."""
 
     V: Floats
     F: Ints
@@ -44,11 +43,11 @@ class DividedSheet(NamedTuple):
 
 
 class StripedSheet(NamedTuple):
-    """A sheet divided along all edges of its stripes, even where another stripe covers an edge.
+    """A sheet divided along all edges of its stripes.
     F       : (m, 3) cells, oriented as the uncut surface.
-    weights : (n', n) barycentric weights of the sheet's vertices on the vertices of the uncut surface.
+    weights : (n', n) barycentric weights on the n vertices of the uncut surface.
     label   : (m,) number of the combination of stripes that cover a cell.    loose : (m,) True outside of stripes.
-    seam    : (k, 2) pairs of half-edges in one place and direction, at the cut through a one-sided surface."""
+    seam    : (k, 2) pairs of half-edges at the cut through a one-sided surface."""
 
     F: Ints
     weights: csr_array
@@ -59,13 +58,13 @@ class StripedSheet(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Curved:
-    """The surface of a cut sheet, with functions that divide the sheet.
+    """The surface of a cut sheet.
     V, F  : (n, 3) vertices and (m, 3) faces of the uncut, oriented surface, m.
-    D     : (n, 3) half-thickness vectors at these vertices, m.
+    D     : (n, 3) half-thickness vectors, m.
     shift : distance of the sheet's middle from the surface, as a multiple of D: 0, 1 or -1.
-    divided : function that divides the sheet by fields (n, c) on V. Part k (chart) is where field k is largest.
-    striped : function that divides the sheet along its stripes; None if the stripes are unknown.
-    twins : (k, 2) pairs of coincident vertices with opposite D, at the cut through a one-sided surface."""
+    divided : function that divides the sheet by fields (n, c); part k is where field k is largest.
+    striped : function that divides the sheet along its stripes, or None.
+    twins : (k, 2) pairs of coincident vertices with opposite D."""
 
     V: Floats
     F: Ints
@@ -84,10 +83,10 @@ class Curved:
 
 @dataclass(frozen=True, eq=False)
 class MemberShape:
-    """A closed mesh and the lines of a member, or of a part of a member, in metres or millimetres.
-    id    : name of the member.    layer : family or kind: "major", "minor", "rim", "keep", "fill".
-    V, F  : (n, 3) vertices and (m, 3) triangles of the body, counter-clockwise seen from outside.
-    axis  : (k, 3) points along the middle of the member; (0, 3) if the member has no axis.
+    """A closed mesh and the lines of a member.
+    id    : name of the member.    layer : "major", "minor", "rim", "keep", "fill".
+    V, F  : (n, 3) vertices and (m, 3) triangles, counter-clockwise seen from outside.
+    axis  : (k, 3) points along the middle of the member; (0, 3) without an axis.
     edges : points (k, 3) of each closed outline on the middle surface.
     plate : True for a plate, False for a long and narrow member."""
 
@@ -110,28 +109,24 @@ class MemberShape:
         return replace(self, V=factor * self.V, axis=factor * self.axis, edges=edges)
 
 
-STEP_FACES = 30_000  # default limit of the faces of a STEP file
+STEP_FACES = 30_000  # default largest number of faces of a STEP file
 Route = Literal["auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated"]
-"""Names of the ways to write a STEP file; `compact` means the same as `smooth`."""
+"""Names of the ways to write a STEP file."""
 
 
 @dataclass(frozen=True, eq=False)
 class Details:
-    """Content of a file besides its mesh; each format uses the parts that it can contain.
+    """Content of a file besides its mesh.
 
-    lines     : edges and centre lines, m.
-    tolerance : largest error of `lines`, m; if `lines` are exact, largest error of the smooth curves in the file.
+    lines     : edges and centre lines, m.    tolerance : largest error of `lines` or their curves, m.
     values    : values at the vertices (n, ...) or in the faces (m, ...) of the mesh, by name with SI unit.
     facts     : short lines for a title block, or about `values`.
-    measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, as far as known.
-    frame     : the beam model of the members. If it is set, `facts` compare its results with the results of the sheet.
-    section_forces : section forces by case and combination, in the m faces of the surface `sheet`.
-    member_forces  : forces by member.    utilisation : utilisation of the members.
-    description    : text about the whole part.    material : name of the material, or ''.
-    members        : members and nodes.    shapes : members as bodies, m.
-    whole_members  : True if crossing members lie on each other; each member then has its whole area at the crossing.
-    drawings       : drawing files of each member's parts, by the name of the member.
-    origin    : origin of the file on its site, in survey coordinates (east, north, up), m."""
+    measures  : thickness (m), density (kg/m3), young (Pa) and poisson, as far as known.
+    section_forces : section forces by case and combination, in the m faces of `sheet`.
+    shapes    : members as bodies, m.
+    whole_members : True if crossing members lie on each other.
+    drawings  : drawing files of each member's parts, by the name of the member.
+    origin    : origin of the file on its site (east, north, up), m."""
 
     lines: tuple[StructureLine, ...] = ()
     tolerance: float = 0.0
@@ -153,12 +148,12 @@ class Details:
 
     @property
     def beam_model(self) -> "Frame":
-        """Beam model of the members, which must exist."""
+        """Beam model of the members."""
         assert self.frame is not None
         return self.frame
 
     def scaled_by(self, factor: float) -> "Details":
-        """Return the details with `lines`, `shapes` and `tolerance` in another unit of length."""
+        """Return the details with lengths in another unit."""
         lines = tuple(replace(x, points=factor * x.points, length=factor * x.length) for x in self.lines)
         shapes = tuple(shape.scaled_by(factor) for shape in self.shapes)
         return replace(self, lines=lines, shapes=shapes, tolerance=factor * self.tolerance)
@@ -169,15 +164,13 @@ class StepOptions:
     """Options of a STEP file.
 
     route     : "planar"       lines and splines along the outline, for flat or folded sheets;
-                "members"      untrimmed four-sided patches, for curved sheets; CAD programs cut and measure them well;
-                "smooth"       or "compact": few skins and ruled walls; CAD programs often fail to cut this small file;
+                "members"      untrimmed four-sided patches, for curved sheets;
+                "smooth"       or "compact": few skins and ruled walls; CAD programs often fail to cut this file;
                 "faceted"      planar faces only;    "tessellated"  triangles, for viewers only;
-                "auto"         the first route above that suits the solid and passes the check, except "tessellated".
-    faces     : largest number of planar faces; coplanar triangles count as one face.
-    tolerance : largest error of curves along the outline, m; 0 means a fortieth of the thickness. A faceted solid is
-                simplified within this tolerance; with 0, it is simplified only if all other routes fail.
-    megabytes : largest size of the file, 1e6 bytes; 0: no limit.
-    corners   : (k, 3) points of a flat sheet's outline, m, that stay corners, even at very small bends.
+                "auto"         the first possible route above, except "tessellated".
+    faces     : largest number of planar faces.    megabytes : largest size, 1e6 bytes; 0: no limit.
+    tolerance : largest error of curves along the outline, m; 0 means a fortieth of the thickness.
+    corners   : (k, 3) points of a flat sheet's outline, m, that stay corners.
     curved    : function that returns the curved sheet for smooth STEP."""
 
     route: str = "auto"
@@ -194,19 +187,16 @@ class Part:
 
     V          : (n, 3) vertices, mm.
     F          : (m, 3) faces; of a solid, counter-clockwise seen from outside.
-    name       : name of the mesh in the file.
     is_solid   : True for a closed mesh with a volume, False for a sheet.
-    step_faces : largest number of faces of a STEP file.
+    step_faces : largest number of faces of a STEP file.    step_mb : largest size, 1e6 bytes; 0: no limit.
     step       : strategy for a STEP file, as `StepOptions.route`.
     tolerance  : largest error of the curves of a planar STEP file, mm; 0 is the default.
-    corners    : (k, 3) points of the outline that curves of a planar STEP file must not round, mm.
+    corners    : (k, 3) points of the outline that stay corners, mm.
     details    : content of the file besides the mesh; lengths in millimetres.
-    step_mb    : largest size of a STEP file, 1e6 bytes; 0: no limit.
     note       : text about earlier changes of the mesh.
-    simpler    : True if earlier changes removed triangles of the solid.
-    curved     : function that returns the sheet for smooth STEP; None if the sheet is unknown.
-    cut        : True to test a smooth file by a trial cut with OCCT, unless this cut would take long.
-    hurry      : limits on layouts, walls and faces of a STEP file: 0 for none, 1 for the usual, k for k times these."""
+    curved     : function that returns the sheet for smooth STEP, or None.
+    cut        : True to test a smooth file by a trial cut.
+    hurry      : factor on the limits of the work for a STEP file; 0 for no limits."""
 
     V: Floats
     F: Ints
@@ -246,8 +236,7 @@ class Part:
 
 
 def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> Part:
-    """Return a solid or sheet as a part in millimetres. Raises ExportError if it has no faces, for numbers that are
-    not finite, for an open solid, and for a solid without a positive volume."""
+    """Return a solid or sheet as a part in millimetres. Raises ExportError for an impossible mesh."""
     part = Part(thing.V * MM_PER_M, thing.F, name, isinstance(thing, Solid), step_faces)
     if not len(part.F):
         raise ExportError(f"{name!r} has no faces, so the file would be empty; check the mesh")
@@ -265,9 +254,8 @@ def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> 
 
 
 def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
-    """Return the part with rounded vertices V (n, 3), after contraction of edges that rounding has shortened to zero.
-    Raises ExportError if the new solid is open, empty, or differs in volume by over 0.1 %.
-    holding : name of the rounded content in the error message, such as "a STEP file with 5 decimals"."""
+    """Return the part with rounded vertices V (n, 3), without edges of zero length.
+    Raises ExportError if rounding spoils the solid. holding : name of the rounded content, for the error message."""
     a, b = half_edges(part.F)
     lost = np.flatnonzero((V[a] == V[b]).all(axis=1))
     if not len(lost):
@@ -289,7 +277,7 @@ def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
 
 
 def in_single_precision(part: Part) -> Part:
-    """Round the part to 32-bit numbers; raises ExportError if that changes the shape, see `without_collapsed`."""
+    """Round the part to 32-bit numbers. Raises ExportError."""
     return without_collapsed(part, part.V.astype(np.float32).astype(np.float64), "numbers of single precision")
 
 
@@ -299,6 +287,6 @@ def open_edges(F: Ints) -> int:
     keys = np.minimum(a, b) * (int(F.max()) + 1) + np.maximum(a, b)
     forward, backward = (np.sort(keys[mask]) for mask in (a < b, a > b))
     if np.array_equal(forward, backward) and len(forward) + len(backward) == len(keys):
-        return 0  # nearly all meshes end here, without the slower count of open edges below
+        return 0
     keys, edge = np.unique(keys, return_inverse=True)
     return int(np.count_nonzero(np.bincount(edge, np.where(a < b, 1.0, -1.0), len(keys))))

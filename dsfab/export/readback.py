@@ -1,4 +1,4 @@
-"""Comparison of a written file with its part. Another library reads the mesh, the lines or the members back."""
+"""Comparison of a written file with its part."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,13 +12,13 @@ from dsfab.core.limits import READ_BACK
 from dsfab.export.part import MemberShape, Part, in_single_precision, open_edges
 from dsfab.surface import bounding_box, polyline_length, signed_volume, total_area
 
-NUMBERS_READ_BACK = 1e-9  # largest error of numbers read back, as a fraction of the largest number
+NUMBERS_READ_BACK = 1e-9  # largest relative error of numbers read back
 
 
 @dataclass(frozen=True)
 class ReadBack:
-    """Content that was read back from a file: number of things (`what`, for example faces), and error of a measure.
-    measure : volume of a solid, area of a sheet, length of lines.    off : relative error; NaN without a measure."""
+    """Content that was read back from a file: number of things (`what`), and error of a measure.
+    off : relative error of the volume, area or length; NaN without a measure."""
 
     count: int
     what: str
@@ -33,11 +33,10 @@ class ReadBack:
 
 
 _ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
-"""Odd factors, one per coordinate, for a hash: invertible modulo 2^64, so different bits give different products."""
 
 
 def read_with_igl(path: Path) -> tuple[Floats, Ints]:
-    """Read vertices (n, 3) and faces (m, 3) of an STL or PLY file unchanged. Raises ExportError for other content."""
+    """Read vertices (n, 3) and faces (m, 3) of an STL or PLY file. Raises ExportError for other content."""
     if not str(path).isascii():
         return read_with_trimesh(path)
     import igl
@@ -52,19 +51,19 @@ def read_with_igl(path: Path) -> tuple[Floats, Ints]:
 
 
 def read_with_trimesh(path: Path) -> tuple[Floats, Ints]:
-    """Read vertices (n, 3) and faces (m, 3) of a file unchanged; raises ExportError if the file is not a mesh."""
+    """Read vertices (n, 3) and faces (m, 3) of a file; raises ExportError if the file is not a mesh."""
     import trimesh
 
     try:
         mesh = trimesh.load_mesh(path, process=False)
-    except (ValueError, LookupError, TypeError) as error:  # for example, the file ends too early
+    except (ValueError, LookupError, TypeError) as error:
         raise ExportError(f"{path.name} cannot be read: {error}; free some space or write another format") from None
     return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
 
 
 def check_mesh(part: Part, V: Floats, F: Ints) -> ReadBack:
-    """Compare a mesh V (n, 3), mm, F (m, 3) with the part: triangles, vertices, box, and volume or area.
-    Raises ExportError if the mesh differs from the part, or if the mesh of a solid is not closed."""
+    """Compare a mesh V (n, 3), mm, F (m, 3) with the part.
+    Raises ExportError if the mesh differs, or if the mesh of a solid is open."""
     require_equal(part, "triangles", len(part.F), len(F))
     vertices_read, vertices_expected = (int(np.count_nonzero(np.bincount(faces.ravel()))) for faces in (F, part.F))
     require_equal(part, "vertices", vertices_expected, vertices_read)
@@ -81,7 +80,7 @@ def check_mesh(part: Part, V: Floats, F: Ints) -> ReadBack:
 
 
 def check_measure(part: Part, measure_read: float) -> float:
-    """Return the relative error of a volume (mm3) or area (mm2); raises ExportError if it exceeds 0.1 %."""
+    """Return the relative error of a volume (mm3) or area (mm2); raises ExportError above 0.1 %."""
     what, unit, expected = ("volume", "mm3", part.volume) if part.is_solid else ("area", "mm2", part.area)
     if not abs(measure_read - expected) <= READ_BACK * abs(expected):
         raise ExportError(
@@ -92,7 +91,7 @@ def check_measure(part: Part, measure_read: float) -> float:
 
 
 def check_lines(part: Part, lines_read: Sequence[Floats]) -> ReadBack:
-    """Compare polylines (k, 3) with the part's lines; raises ExportError if their number or total length differs."""
+    """Compare polylines (k, 3) with the part's lines; raises ExportError if number or length differs."""
     lines = part.details.lines
     require_equal(part, "lines", len(lines), len(lines_read))
     expected, length_read = sum(polyline_length(line.points) for line in lines), sum(map(polyline_length, lines_read))
@@ -105,7 +104,7 @@ def check_lines(part: Part, lines_read: Sequence[Floats]) -> ReadBack:
 
 
 def require_equal(part: Part, what: str, expected: int | Collection[str], content: int | Collection[str]) -> None:
-    """Raise ExportError if a count or the names in a file differ from those of the part."""
+    """Raise ExportError if a count or the names in a file are wrong."""
     if content != expected:
         count, expected_count = (x if isinstance(x, int) else len(x) for x in (content, expected))
         raise ExportError(
@@ -120,8 +119,8 @@ def merged_mesh(V: Floats, F: Ints) -> tuple[Floats, Ints]:
 
 
 def distinct_rows(rows: Floats) -> tuple[Floats, Ints]:
-    """Return the different rows of an array (k, 3), and for each row of the array its number (k,) in this list."""
-    rows = rows + 0.0  # the sum turns -0 into 0
+    """Return the different rows of an array (k, 3), and the number (k,) of each row."""
+    rows = rows + 0.0  # turns -0 into 0
     bits = np.ascontiguousarray(rows).view(np.uint64)
     mixed = (bits ^ (bits >> np.uint64(29))) * _ODD
     _, first_row, number = np.unique(mixed[:, 0] ^ mixed[:, 1] ^ mixed[:, 2], return_index=True, return_inverse=True)
@@ -132,12 +131,12 @@ def distinct_rows(rows: Floats) -> tuple[Floats, Ints]:
 
 
 COLOURS = {"major": (31, 78, 156), "minor": (179, 38, 30), "keep": (46, 125, 50), "rim": (0, 121, 134)}
-"""Colours of layers: red, green and blue, from 0 to 255."""
+"""Colours of layers as (red, green, blue), 0 to 255."""
 GREY = (120, 120, 120)
 
 
 def with_single_shapes(part: Part) -> Part:
-    """Return the part with the vertices of its member bodies rounded to single precision (32 bits)."""
+    """Return the part with the vertices of member bodies rounded to 32 bits."""
     return replace(part, details=replace(part.details, shapes=tuple(map(_single, part.details.shapes))))
 
 
@@ -147,13 +146,13 @@ def _single(shape: MemberShape) -> MemberShape:
 
 
 def layer_colour(layer: str) -> tuple[int, int, int]:
-    """Return red, green and blue of a layer's colour, from 0 to 255."""
+    """Return a layer's colour as (red, green, blue), 0 to 255."""
     return COLOURS.get(layer, GREY)
 
 
 def check_shapes(part: Part, meshes_read: Mapping[str, tuple[Floats, Ints]]) -> ReadBack:
     """Compare meshes with the members of the part. meshes_read : V (n, 3), mm, and F (m, 3), by name.
-    Raises ExportError unless each mesh is closed and has its member's triangles, place, and volume within 0.1 %."""
+    Raises ExportError if a mesh is open or differs."""
     shapes = part.details.shapes
     require_equal(part, "members", [shape.id for shape in shapes], list(meshes_read))
     total = total_read = 0.0

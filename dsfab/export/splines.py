@@ -1,4 +1,4 @@
-"""Splines in any dimension: basis functions, evaluation, and least-squares fits of many splines at once."""
+"""Splines in any dimension, and least-squares fits of splines."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, lock
 
 @dataclass(frozen=True, eq=False)
 class Spline:
-    """A clamped B-spline: knots (p + degree + 1,), ascending, poles (p, d), degree 1, 2 or 3. A line has two poles."""
+    """A clamped B-spline: knots (p + degree + 1,), ascending, poles (p, d), degree 1, 2 or 3."""
 
     knots: Floats
     poles: Floats
@@ -77,8 +77,8 @@ def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
 
 
 def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
-    """Return values (4, k) of the nonzero cubic basis functions at x (k,). span : (k,) number of the knot before x.
-    Also return quadratic basis functions (3, k), divided by their support widths, for derivatives [de Boor 1978]."""
+    """Return values (4, k) of the nonzero cubic basis functions at x (k,) [de Boor 1978]. span : (k,) knot before x.
+    Also return quadratic basis functions (3, k), divided by their support widths."""
     past = x - knots[span - np.arange(3)[:, None]]
     ahead = knots[span + np.arange(1, 4)[:, None]] - x
     values = shares = np.ones((1, len(x)))
@@ -95,8 +95,7 @@ def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
 class LeastSquares:
     """Normal equations of least-squares cubics along several curves, with fixed poles.
     values : (4, k) nonzero basis functions at each sample.    first : (k,) number of the first nonzero function.
-    factor : (4, n) banded Cholesky factor of the normal matrix, with rows of the identity for fixed poles.
-    held   : numbers of the fixed poles."""
+    factor : (4, n) banded Cholesky factor of the normal matrix.    held : numbers of the fixed poles."""
 
     values: Floats
     first: Ints
@@ -105,8 +104,8 @@ class LeastSquares:
 
     @classmethod
     def from_hats(cls, values: Floats, first_hats: Ints, first_poles: Ints, n: int, fixed_poles: Ints) -> Self:
-        """Factor the normal matrix (n, n) for n poles, k samples. values : (4, k) nonzero basis functions at samples.
-        first_hats  : (k,) number of the first of the 4 functions.    fixed_poles : numbers of poles that are given.
+        """Return the normal equations for n poles, k samples. values : (4, k) nonzero basis functions at samples.
+        first_hats  : (k,) number of the first function.    fixed_poles : numbers of fixed poles.
         first_poles : (r,) number of the first pole of each curve."""
         factor, failed = dpbtrf(_band(values, first_hats, first_poles, fixed_poles, n), lower=1)
         if failed:
@@ -114,14 +113,14 @@ class LeastSquares:
         return cls(values, first_hats, factor, fixed_poles)
 
     def solve(self, right_side: Floats) -> Floats:
-        """Solve the normal equations for poles (n, d), with right-hand side (n, d). The result is 0 at fixed poles."""
+        """Return the poles (n, d) for a right-hand side (n, d); 0 at fixed poles."""
         right_side = np.array(right_side)
         right_side[self.held] = 0.0
         solution, _ = dpbtrs(self.factor, right_side, lower=1)
         return np.asarray(solution)
 
     def values_at_samples(self, poles: Floats, samples: Ints | slice = slice(None)) -> Floats:
-        """Return points (k, d) of the splines with poles (n, d). samples : numbers of the samples; default: all."""
+        """Return points (k, d) of the splines with poles (n, d). samples : numbers of the samples."""
         first_hats, values = self.first[samples], self.values[:, samples]
         return np.asarray(sum(values[i][:, None] * poles[first_hats + i] for i in range(4)))
 
@@ -161,8 +160,8 @@ def _band(values: Floats, first_hats: Ints, first_poles: Ints, fixed_poles: Ints
 @dataclass(frozen=True, eq=False)
 class SplineRows:
     """Samples of several curves, one curve after the other; r counts the curves, k the samples.
-    number : (r,) number of the curve.    count, first, last : (r,) number of its samples; its first and last sample.
-    row    : (k,) curve of each sample.    x, Q, parts, tolerance : as in `splines_through`."""
+    number : (r,) number of the curve.    row : (k,) curve of each sample.
+    count, first, last : (r,) number of samples, first sample and last sample of each curve."""
 
     number: Ints
     count: Ints
@@ -178,7 +177,7 @@ class SplineRows:
     def from_counts(
         cls, number: Ints, count: Ints, x: Floats, Q: Floats, tolerance: Floats, parts: int
     ) -> "SplineRows":
-        """Build the rows from samples x (k,), Q (k, d), curve after curve. number, count : (r,), as in `SplineRows`."""
+        """Return rows from samples x (k,), Q (k, d), curve after curve. number, count : (r,)."""
         end, row = np.cumsum(count), np.repeat(np.arange(len(count)), count)
         return cls(number, count, end - count, end - 1, row, x, Q, tolerance, parts)
 
@@ -191,17 +190,17 @@ class SplineRows:
 
     @property
     def line(self) -> Floats:
-        """(k, d) points on straight lines between the ends of each curve, at the parameters x of all samples."""
+        """(k, d) points on straight lines between the ends of the curves."""
         start, end = self.Q[self.first], self.Q[self.last]
         return start[self.row] + self.x[:, None] * (end - start)[self.row]
 
     def distances(self, points: Floats) -> Floats:
-        """Return, for each sample, the largest distance (k,) between its points Q and its row of `points` (k, d)."""
+        """Return the largest distance (k,) of each sample from its row of `points` (k, d)."""
         offset = (points - self.Q).reshape(len(points), self.parts, -1)
         return np.asarray(np.sqrt(np.einsum("kpi,kpi->pk", offset, offset).max(axis=0)))
 
     def row_maxima(self, distances: Floats) -> Floats:
-        """Return the largest distance (r,) on each curve. distances : (k,) one for each sample."""
+        """Return the largest distance (r,) on each curve. distances : (k,)."""
         return np.asarray(np.maximum.reduceat(distances, self.first))
 
 
@@ -221,14 +220,14 @@ class RowSpans:
 
     @property
     def knots(self) -> Floats:
-        """Knots (s + 7 r,) for s spans of r curves, curve after curve; each curve has the knots 0 and 1 four times."""
+        """Knots (s + 7 r,) for s spans of r curves, curve after curve."""
         knots, end = np.zeros(len(self.row) + 7 * len(self.count)), np.cumsum(self.count + 7)
         knots[np.arange(len(self.row)) + 7 * self.row + 3] = self.low
         knots[(end[:, None] - np.arange(1, 5)).ravel()] = 1.0
         return knots
 
     def with_halves(self, bad: Bools, unfinished: Bools, rows: SplineRows) -> "RowSpans":
-        """Halve `bad` spans (s,), but return only spans of `unfinished` curves (r,). rows : samples of all curves."""
+        """Return spans of `unfinished` curves (r,), after `bad` spans (s,) were halved."""
         stays = unfinished[self.row]
         low, high, two = self.low[stays], self.high[stays], bad[stays]
         row = (np.cumsum(unfinished) - 1)[self.row[stays]]
@@ -248,9 +247,7 @@ Fitted = tuple[Spline, float]  # a curve, and its largest distance from its samp
 def splines_through(
     samples: Sequence[tuple[Floats, Floats]], tolerances: Sequence[float], parts: int = 1
 ) -> list[Fitted]:
-    """Fit lines, parabolas or cubics with few spans to points Q (k, d) at x (k,) from 0 to 1, within tolerances.
-    A curve begins at its first point and ends at its last point. All curves have the same d.
-    parts : number of points that each row of Q contains. Each of these points must be within the tolerance.
+    """Fit lines, parabolas or cubics to points Q (k, d) at x (k,) from 0 to 1. parts : number of points in a row of Q.
     Each result includes the largest distance from the points; with too few samples, it exceeds the tolerance."""
     fits = dict[int, Fitted]()
     for batch in _batches([len(x) for x, _ in samples]):
@@ -296,7 +293,6 @@ def _parabolas(rows: SplineRows, fits: dict[int, Fitted]) -> SplineRows:
 
 
 def _cubics(rows: SplineRows, fits: dict[int, Fitted]) -> None:
-    """Fit cubics to samples of curves and add them to `fits`; halve inaccurate spans as often as the samples allow."""
     spans = RowSpans(np.zeros(len(rows.number)), np.ones(len(rows.number)), np.arange(len(rows.number)), rows.row)
     rounds = 14  # the shortest span is 2^-14 of its curve
     for turn in range(rounds):

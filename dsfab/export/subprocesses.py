@@ -1,7 +1,4 @@
-"""Run programs in separate processes, because OCCT and gmsh may crash or never finish.
-
-The limit is processor time if the system measures it (Linux), so that results are the same on a busy machine.
-Another limit, on the clock, ends a program that waits forever."""
+"""Programs in separate processes, with a limit on processor time."""
 
 import json
 import signal
@@ -16,12 +13,12 @@ from types import TracebackType
 
 try:
     import resource
-except ImportError:  # on Windows, a program is limited only by elapsed time, not by processor time
+except ImportError:  # Windows
     resource = None  # type: ignore[assignment]
 
 
 class ProgramError(RuntimeError):
-    """A program failed or printed nothing. The message is the last line of its error output."""
+    """Error for a program that failed or printed nothing."""
 
 
 class _Work:
@@ -30,7 +27,7 @@ class _Work:
         self._error: Exception | None = None
 
     def do(self) -> None:
-        """Do the work unless it was done before; keep its exception, if there is one, for `end`."""
+        """Do the work unless it was done before; keep an exception for `end`."""
         if not self._done:
             self._done = True
             try:
@@ -39,7 +36,7 @@ class _Work:
                 self._error = error
 
     def end(self) -> None:
-        """Do the work unless it was done before; raise the exception of the work, if there is one."""
+        """Do the work unless it was done before; raise the exception of the work, if any."""
         self.do()
         if self._error:
             raise self._error
@@ -50,7 +47,7 @@ _WAITING: ContextVar[_Work | None] = ContextVar("_WAITING", default=None)
 
 @contextmanager
 def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
-    """Call `work` once: while the first program in the `with` block runs, otherwise after the block if it succeeds."""
+    """Call `work` once: while the first program in the `with` block runs, otherwise after the block."""
     waiting = _Work(work)
     token = _WAITING.set(waiting)
     try:
@@ -61,8 +58,8 @@ def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
 
 
 def run_program(program: str, *arguments: str, seconds: float) -> str:
-    """Return the output of the Python file `program`. Raises ProgramError if the exit code is not 0, and
-    subprocess.TimeoutExpired after `seconds` of processor time."""
+    """Return the output of the Python file `program`. Raises ProgramError, or subprocess.TimeoutExpired after `seconds`
+    of processor time."""
     with _start(program, *arguments, stdin=None) as run:
         try:
             return _answer(run, seconds)
@@ -76,8 +73,7 @@ def last_line(program: str, *arguments: str, seconds: float) -> str:
 
 
 class PreparedProgram:
-    """A program that starts before its arguments are known, so that it imports its libraries in the meantime.
-    The program reads its arguments as lines of JSON, each a list of strings. The `with` block ends the program."""
+    """A program that starts before its arguments are known. The `with` block ends the program."""
 
     def __init__(self, program: str) -> None:
         self.process = _start(program, stdin=subprocess.PIPE)
@@ -89,22 +85,22 @@ class PreparedProgram:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self.process.kill()
-        with self.process:  # the context closes the pipes
+        with self.process:
             pass
 
     def send(self, *arguments: str) -> None:
-        """Send the arguments to the program, before `answer` is called."""
+        """Send the arguments to the program."""
         if self.process.stdin:
-            with suppress(BrokenPipeError):  # `process` has ended; its error output contains the reason
+            with suppress(BrokenPipeError):
                 self.process.stdin.write(json.dumps(arguments) + "\n")
                 self.process.stdin.flush()
 
     def answer(self, seconds: float) -> str:
-        """Return the last line of the program's output after `send`. Raises ProgramError or TimeoutExpired."""
+        """Return the last line of the program's output. Raises ProgramError or TimeoutExpired."""
         return _last(_answer(self.process, seconds))
 
     def answer_with_work(self, is_ready: Callable[[], bool], work: Callable[[], None], seconds: float) -> str:
-        """Return `answer(seconds)`; call `work` as soon as `is_ready()` is true, while the program still runs."""
+        """Return `answer(seconds)`; call `work` once `is_ready()` is true."""
         with ThreadPoolExecutor(1) as reading:
             pending = reading.submit(_answer, self.process, seconds)
             try:
@@ -114,7 +110,7 @@ class PreparedProgram:
                     wait([pending], 0.02)
                 if is_ready():
                     work()
-            except BaseException:  # without `kill`, the pool would wait until the program ends
+            except BaseException:
                 self.process.kill()
                 raise
             return _last(pending.result())
@@ -131,19 +127,19 @@ def _start(program: str, *arguments: str, stdin: int | None) -> "subprocess.Pope
 
 
 def _limit_time(run: "subprocess.Popen[str]", seconds: float) -> float:
-    """Let the system end the program after `seconds` of processor time. Return the limit of elapsed time, seconds."""
+    """Limit the program's processor time. Return the limit of elapsed time, seconds."""
     if not hasattr(resource, "prlimit"):
         return seconds
     soft_limit = max(1, round(seconds))
-    with suppress(OSError):  # the program has ended, or the system forbids the limit
-        resource.prlimit(run.pid, resource.RLIMIT_CORE, (0, 0))  # otherwise the signal writes a core dump
+    with suppress(OSError):
+        resource.prlimit(run.pid, resource.RLIMIT_CORE, (0, 0))
         _, system_limit = resource.prlimit(run.pid, resource.RLIMIT_CPU)
-        grace = 5  # seconds from the first signal, which a program can handle, to the signal that ends the program
+        grace = 5  # seconds between the two signals that end the program
         hard_limit = soft_limit + grace
         if system_limit != resource.RLIM_INFINITY:
             hard_limit = min(hard_limit, system_limit)
         resource.prlimit(run.pid, resource.RLIMIT_CPU, (min(soft_limit, hard_limit), hard_limit))
-    return 10.0 * seconds  # a busy machine needs more time on the clock
+    return 10.0 * seconds
 
 
 def _answer(run: "subprocess.Popen[str]", seconds: float) -> str:

@@ -1,4 +1,4 @@
-"""Write numbers as text, and write files and folders atomically: after a failure the old content remains."""
+"""Write numbers as text, and write files and folders; after a failure the old content remains."""
 
 import ctypes
 import errno
@@ -23,7 +23,7 @@ TRAILING_ZEROS = re.compile(r"(\.\d*?)0+(?=[,)])")  # useless zeros, a quarter o
 
 
 def rows(template: str, *columns: Any) -> Iterator[str]:
-    """Format `template % row` for every row of the columns (sequences of equal length), in pieces that save memory."""
+    """Format `template % row` for every row of the columns, and yield the text in pieces."""
     size = 10_000
     for start in range(0, len(columns[0]), size):
         sliced = [column[start : start + size] for column in columns]
@@ -42,7 +42,7 @@ def comma_separated_rows(template: str, *columns: Any) -> Iterator[str]:
 
 
 def one_line(name: str) -> str:
-    """Return a name without line breaks and other control characters."""
+    """Return a name without line breaks and control characters."""
     return "".join(c if c.isprintable() else " " for c in name).strip() or "part"
 
 
@@ -57,20 +57,20 @@ def partial_name(suffix: str = "") -> str:
 
 
 def temporary_folder(word: str) -> "tempfile.TemporaryDirectory[str]":
-    """Return a new temporary folder. First, remove folders with the prefix `word` whose process has ended."""
+    """Return a new temporary folder with the prefix `word`."""
     for path in abandoned_paths(Path(tempfile.gettempdir()), word):
         remove(path)
     return tempfile.TemporaryDirectory(prefix=f"{word}-{_owner()}-", ignore_cleanup_errors=True)
 
 
 def is_abandoned(name: str, word: str = PARTIAL) -> bool:
-    """Return True if `name` begins with `word` and names a file or folder of an ended process of this machine."""
+    """Return True if `name` begins with `word` and belongs to an ended process of this machine."""
     match = _WHOSE.fullmatch(name.removeprefix(word)) if name.startswith(word) else None
     return match is not None and match[1] == _host() and not _alive(int(match[2]), int(match[3]))
 
 
 def abandoned_paths(folder: Path, word: str = PARTIAL) -> list[Path]:
-    """Return the paths in a folder that begin with `word` and belong to ended processes of this machine."""
+    """Return the paths in a folder that begin with `word` and belong to ended processes."""
     try:
         return sorted(path for path in folder.iterdir() if is_abandoned(path.name, word))
     except OSError:
@@ -78,7 +78,7 @@ def abandoned_paths(folder: Path, word: str = PARTIAL) -> list[Path]:
 
 
 def remove(path: Path) -> None:
-    """Remove a file or a folder as far as possible."""
+    """Remove a file or a folder if possible."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)
     else:
@@ -88,7 +88,7 @@ def remove(path: Path) -> None:
 
 @cache
 def remove_abandoned_files(folder: Path) -> None:
-    """Remove temporary files of ended processes from a folder; a second call for the same folder does nothing."""
+    """Remove temporary files of ended processes from a folder."""
     for path in abandoned_paths(folder):
         if path.is_file():
             remove(path)
@@ -101,7 +101,7 @@ def _owner() -> str:
 
 @cache
 def _host() -> str:
-    """Return eight letters that identify this machine and its namespace of processes."""
+    """Return eight letters that identify this machine."""
     try:
         space = os.readlink("/proc/self/ns/pid")
     except OSError:
@@ -123,7 +123,7 @@ def _alive(pid: int, began: int) -> bool:
 
 
 def _start_tick(pid: int) -> int | None:
-    """Return the start tick of a process: 0 if it has ended and waits for its parent, None if unknown."""
+    """Return the start tick of a process: 0 if it has ended, None if unknown."""
     try:
         words = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
         return 0 if words[_STATE] in "ZX" else int(words[_TICK])
@@ -147,9 +147,8 @@ _ADVICE = {
 
 @contextmanager
 def atomic_file(path: Path) -> Iterator[Path]:
-    """Yield a temporary name in the folder of `path` with its suffix; at the end the temporary file replaces `path`.
-    After a failure or an interrupt, the temporary file is removed, and an older file at `path` is unchanged.
-    Raises ExportError in place of OSError."""
+    """Yield a temporary name; at the end the temporary file replaces `path`.
+    After a failure, an older file at `path` is unchanged. Raises ExportError."""
     target = Path(os.path.realpath(path))  # a link stays a link; its target is replaced
     temporary = target.with_name(partial_name(target.suffix))
     remove_abandoned_files(target.parent)
@@ -165,8 +164,7 @@ def atomic_file(path: Path) -> Iterator[Path]:
 
 
 def require_writable_file(path: Path) -> None:
-    """Raise ExportError early if a file cannot be written, by creating and removing a temporary file.
-    If the folder does not exist yet, the temporary file is in the nearest existing folder above it."""
+    """Raise ExportError if a file cannot be written."""
     target = Path(os.path.realpath(path))
     existing = next(folder for folder in target.parents if os.path.lexists(folder))
     try:
@@ -189,7 +187,7 @@ def _try_file(target: Path, temporary: Path) -> None:
 
 
 def write_chunks(path: Path, chunks: Iterable[bytes]) -> None:
-    """Write a new file from pieces of bytes and flush it to the disk, so that a full disk causes an error at once."""
+    """Write a new file from pieces of bytes."""
     with open(path, "xb") as file:
         for chunk in chunks:
             file.write(chunk)
@@ -209,8 +207,7 @@ Outdated = Callable[[Path, Path], set[str]]  # function of the old and the new f
 @contextmanager
 def atomic_folder(folder: Path, outdated: Outdated | None = None) -> Iterator[Path]:
     """Yield a temporary folder whose files move into `folder` at the end; a failure does not change `folder`.
-    outdated : function of the old and the new folder; returns the old files to remove. By default, unchanged files of
-               the old manifest are removed if the new folder has a manifest.
+    outdated : function of the old and the new folder; returns the old files to remove.
     Raises ExportError if the folder cannot be written."""
     target = Path(os.path.realpath(folder))  # a link stays a link; its target changes
     missing = [parent for parent in (target, *target.parents) if not parent.exists()]
@@ -242,19 +239,19 @@ class _TriedError(Exception): ...
 
 
 def require_writable(folder: Path) -> None:
-    """Raise ExportError early if a folder cannot be written; this check does not change the folder."""
+    """Raise ExportError if a folder cannot be written."""
     with suppress(_TriedError), atomic_folder(folder):
         raise _TriedError
 
 
 def manifest(folder: Path) -> dict[str, dict[str, int | str]]:
-    """Return size and SHA-256 of every file of a folder, by name, without the manifest itself."""
+    """Return size and SHA-256 of every file of a folder except the manifest, by name."""
     files = sorted(path for path in folder.iterdir() if path.is_file() and path.name != DESIGN)
     return {path.name: {"bytes": path.stat().st_size, "sha256": _sha256(path)} for path in files}
 
 
 def complete_folder(folder: Path) -> None:
-    """Complete an interrupted move of files into a folder, and remove temporary files of ended processes."""
+    """Complete an interrupted change of a folder, and remove temporary files of ended processes."""
     for partial in abandoned_paths(folder):
         if (partial / JOURNAL).is_file():
             _follow_journal(partial, folder)
@@ -263,7 +260,6 @@ def complete_folder(folder: Path) -> None:
 
 
 def _partial_of(target: Path) -> Path:
-    """Create a temporary folder: beside the target if the two folders can be exchanged, else inside the target."""
     target.parent.mkdir(parents=True, exist_ok=True)
     if target.exists():
         if not target.is_dir():
@@ -310,7 +306,6 @@ def _follow_journal(partial: Path, target: Path) -> None:
 
 
 def _exchangeable(target: Path) -> bool:
-    """Return True if the target folder belongs to the user, contains only files, and is not the working folder."""
     if not hasattr(os, "geteuid") or os.path.ismount(target) or target.stat().st_uid != os.geteuid():
         return False
     with suppress(OSError):
@@ -333,7 +328,7 @@ def _swap(partial: Path, target: Path, outdated: set[str]) -> bool:
 
 
 def link_files(target: Path, partial: Path, user_names: set[str]) -> bool:
-    """Create, in the new folder `partial`, hard links to the user's files in `target`; return False if that fails."""
+    """Create hard links in `partial` to the user's files in `target`; return False if that fails."""
     try:
         for name in user_names:
             os.link(target / name, partial / name)
@@ -344,7 +339,7 @@ def link_files(target: Path, partial: Path, user_names: set[str]) -> bool:
 
 
 def _rescue(old_folder: Path, target: Path, user_names: set[str], old_names: set[str]) -> None:
-    """Move files from the old folder to the new folder if the user saved them while the folders were exchanged."""
+    """Move files that the user saved in the meantime from the old folder to the new folder."""
     for path in old_folder.iterdir():
         new_path = target / path.name
         replaced = path.name in user_names and new_path.exists() and not path.samefile(new_path)
@@ -353,7 +348,7 @@ def _rescue(old_folder: Path, target: Path, user_names: set[str], old_names: set
 
 
 def exchange_folders(folder_a: Path, folder_b: Path) -> bool:
-    """Exchange two folders in one step; return False if that is impossible on this system."""
+    """Exchange two folders; return False if that is impossible on this system."""
     try:
         call = ctypes.CDLL(None, use_errno=True).renameat2
     except (AttributeError, OSError, TypeError):

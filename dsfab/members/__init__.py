@@ -1,7 +1,7 @@
-"""The members of a design: named parts of its sheet with axes, and the nodes where members meet.
+"""The members of a design: named parts of the sheet, and the nodes where members meet.
 
-axes         middle lines of stripes, smooth axes with curvatures, widths to both sides
-components   bands of the pattern, with the cells and the middle line of each member
+axes         middle lines of stripes, smooth axes, widths
+components   bands of the pattern
 loose_cells  cells outside of all stripes, and strips along a rim
 graph        overlaps and nodes; `MemberGraph`
 assembly     order and names; `member_graph`"""

@@ -1,4 +1,4 @@
-"""Assembly of the graph of a design's members (`member_graph`), with the order and names of the members."""
+"""Assembly of the graph of a design's members, with the order and names of the members."""
 
 from collections.abc import Sequence
 from string import ascii_lowercase
@@ -15,18 +15,17 @@ from dsfab.results import PatternResult
 from dsfab.slicing import Overlay, Sheet, stripe_overlay
 from dsfab.surface import Surface
 
-TIE = 1e-3  # Positions along the structure count as equal up to this difference, as a fraction of its size.
+TIE = 1e-3  # Largest difference of positions that count as equal, divided by the size of the structure.
 ROUND, HOLLOW = 0.5, 0.4
-"""Members form a ring if two ratios of their centroids exceed these values.
-ROUND  : spread in the second principal direction, divided by the spread in the first.
-HOLLOW : smallest distance of a centroid from the centre, divided by the largest."""
+"""Members form a ring if two ratios of the centroids are larger.
+ROUND  : spread in the second direction / spread in the first.
+HOLLOW : smallest / largest distance of a centroid from the centre."""
 
 
 def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
     """Return the order (k,) of members along a structure, from centroids (k, 3) and lengths (k,), metres.
     size : largest dimension of the structure, metres.
-    Members of a ring are ordered counter-clockwise from the x axis, seen from above. Other members are ordered along
-    the direction of their largest spread. At equal positions, the shorter member is first."""
+    Members of a ring are ordered counter-clockwise from the x axis, seen from above."""
     if len(places) < 2:
         return np.arange(len(places))
     offset = places - places.mean(axis=0)
@@ -49,13 +48,11 @@ def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
 
 
 def _pointing(axes: Floats) -> Floats:
-    """Reverse each of the unit vectors (d, 3) whose coordinate of largest magnitude is negative."""
     largest = np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1)
     return np.asarray(axes * np.where(largest < 0, -1.0, 1.0))
 
 
 def _steps(values: Floats, gap: float) -> Ints:
-    """Return ranks (k,) of values (k,). Consecutive sorted values have equal ranks if they differ by at most `gap`."""
     order = np.argsort(values, kind="stable")
     steps = np.empty(len(values), dtype=np.int64)
     steps[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > gap)])
@@ -63,12 +60,12 @@ def _steps(values: Floats, gap: float) -> Ints:
 
 
 KINDS = ("rim", "band", "ring", "disc", "plate", "fill")
-"""Kinds of members besides strips, in the order of the list of members."""
+"""Kinds of members besides strips, in order."""
 
 
 def named_components(surface: Surface, pieces: Sequence[Component]) -> list[tuple[str, int, Component]]:
     """Return names, part numbers and components, sorted by names: "A01", "A02a", "A02b", ..., "B01", "rim 1".
-    surface : mesh that contains the cells of the components `pieces`. The part number of "A02b" is 2."""
+    The part number of "A02b" is 2."""
     listed = list[tuple[str, int, Component]]()
     for letter, same_kind in _kinds(pieces):
         groups = _groups(same_kind) if len(letter) == 1 else [[c] for c in same_kind]
@@ -110,7 +107,7 @@ def _letters(part: int) -> str:
 
 
 def member_graph(surface: Surface, sheet: Sheet, pattern: PatternResult) -> MemberGraph:
-    """Return the members of a sheet that was cut from `surface` along a pattern, and their nodes."""
+    """Return the members of a sheet that was cut along a pattern, and their nodes."""
     bands = pattern_bands(surface, sheet, pattern)
     overlay = stripe_overlay(sheet, surface, [band.drawn for band in bands])
     normals = overlay.sheet.carry(spherical_normals(surface))
@@ -126,8 +123,7 @@ def member_graph(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Memb
 
 
 def spherical_normals(surface: Surface) -> Floats:
-    """Return unit normals (n, 3) at the vertices, exact on a sphere [Max 1999].
-    Each face adds the cross product of its two edges at the vertex, divided by their squared lengths."""
+    """Return unit normals (n, 3) at the vertices, exact on a sphere [Max 1999]."""
     total = np.zeros((surface.n, 3))
     for corner in range(3):
         corner_points, side_a, side_b = (surface.V[surface.F[:, (corner + k) % 3]] for k in range(3))

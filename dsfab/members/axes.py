@@ -1,4 +1,4 @@
-"""Middle lines of stripes, smooth axes of members with frames and curvatures, and the widths beside the axes."""
+"""Middle lines of stripes, and smooth axes of members."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,7 +15,7 @@ from dsfab.slicing import Overlay
 from dsfab.surface import Surface, chains
 
 TURN = np.radians(60)
-"""Largest bend of a member within the surface, measured over `WINDOW` widths. A line with a larger bend is divided."""
+"""Largest bend of a member within the surface, radians, measured over `WINDOW` widths."""
 WINDOW, STEPS = 1.5, 4  # Bends are measured over 1.5 times the width of the line, in 4 steps.
 SPECK = 1.0  # A middle line that is shorter than the stripe's width is left out, unless it is the stripe's longest.
 
@@ -24,8 +24,7 @@ SPECK = 1.0  # A middle line that is shorter than the stripe's width is left out
 class MiddleLine:
     """A polyline on a surface.
     points  : (k, 3) points, metres; a closed line repeats its first point.
-    normals : (k, 3) unit normals of the surface at the points.
-    cells   : (k - 1,) number of the cell (triangle) that contains each segment."""
+    normals : (k, 3) unit normals.    cells : (k - 1,) number of the cell (triangle) that contains each segment."""
 
     points: Floats
     normals: Floats
@@ -56,7 +55,7 @@ class MiddleLine:
         return float(self.s[nearest] + t[nearest] * (self.s[nearest + 1] - self.s[nearest]))
 
     def opened_at(self, index: int) -> "MiddleLine":
-        """Return the closed line with its point `index` as the first and the last point."""
+        """Return the closed line with point `index` as the first and the last point."""
         around = np.concatenate([np.arange(index, len(self.points)), np.arange(1, index + 1)])
         return MiddleLine(self.points[around], self.normals[around], np.roll(self.cells, -index))
 
@@ -67,7 +66,7 @@ class MiddleLine:
 
 def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> dict[int, list[MiddleLine]]:
     """Return the middle lines of each stripe of field k, by the stripe's number; the longest line is first.
-    offset  : (m, 3) offset from the stripe's middle at corners of cells, never 0. Its sign changes on a middle line.
+    offset  : (m, 3) offset from the stripe's middle at corners of cells, never 0.
     normals : (n, 3) unit normals at the vertices of the sheet."""
     surface, part = overlay.sheet.surface, overlay.part[:, k]
     sign = np.sign(offset)
@@ -95,7 +94,7 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
-    """Return places on sides `side` (c, 2) of cells where `offset` is 0: from 0 (lower vertex number) to 1 (higher)."""
+    """Return places on sides (c, 2) of cells where `offset` is 0: from 0 (lower vertex number) to 1 (higher)."""
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
     ascending = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]
@@ -104,14 +103,12 @@ def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats
 
 
 def without_specks(lines: list[MiddleLine], width: float) -> list[MiddleLine]:
-    """Return the first of `lines`, which is the longest, and all others longer than `SPECK` times `width`."""
+    """Return the first line, and all other lines that are not very short."""
     return [line for k, line in enumerate(lines) if k == 0 or line.length > SPECK * width]
 
 
 def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLine]:
-    """Return the parts of a line, divided where the line bends within the surface by more than `TURN`.
-    Bends are measured over 1.5 times `width`, or over the mesh edge length `edge` (m) if that is longer.
-    If an open line is divided, short parts at its ends are dropped."""
+    """Return the parts of a line, divided at bends of more than `TURN`. edge : mesh edge length, metres."""
     window = max(WINDOW * width, edge)
     count = max(2 * STEPS, int(np.ceil(line.length * STEPS / window)))
     x = np.linspace(0, line.length, count + 1)
@@ -144,7 +141,7 @@ def _without_hooks(parts: list[MiddleLine], width: float) -> list[MiddleLine]:
 
 
 def _turns(line: MiddleLine, x: Floats) -> Floats:
-    """Return angles (k,), radians, by which a line bends within the surface in a window around arc lengths x (k,)."""
+    """Return angles (k,), radians, by which a line bends within the surface at arc lengths x (k,)."""
     columns = ([np.interp(x, line.s, column) for column in y.T] for y in (line.points, line.normals))
     points, normals = (np.stack(column, axis=1) for column in columns)
     turn = _turning(np.diff(points, axis=0), normals, line.closed)
@@ -156,7 +153,6 @@ def _turns(line: MiddleLine, x: Floats) -> Floats:
 
 
 def _turning(step: Floats, normals: Floats, closed: bool) -> Floats:
-    """Return angles (radians) between steps in the tangent planes, at inner points and at a closed line's start."""
     a, b = (np.roll(step, 1, axis=0), step) if closed else (step[:-1], step[1:])
     N = normals[:-1] if closed else normals[1:-1]
     a, b = (y - np.einsum("ki,ki->k", y, N)[:, None] * N for y in (a, b))
@@ -192,7 +188,7 @@ class MemberAxis:
     kg : (k,) geodesic curvature, positive to the left: T' . B with B = N x T.
     kn : (k,) normal curvature, positive towards N: T' . N.    tg : (k,) geodesic torsion: -N' . B.
     closed  : True if the last station equals the first.    strayed : largest distance of the axis from its middle line.
-    traced  : (k,) length of the middle line, to which the axis was fitted, up to each station."""
+    traced  : (k,) length of the middle line up to each station."""
 
     s: Floats
     P: Floats
@@ -219,12 +215,12 @@ class MemberAxis:
         return read_only_copy(np.cross(self.N, self.T), np.float64, (None, 3))
 
     def frames_at(self, s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return points, tangents and normals (q, 3) at arc lengths (q,), interpolated between the stations."""
+        """Return points, tangents and normals (q, 3) at arc lengths (q,)."""
         P, T, N = (np.stack([np.interp(s, self.s, x) for x in y.T], axis=-1) for y in (self.P, self.T, self.N))
         return P, unit_vectors(T), unit_vectors(N)
 
     def station(self, traced: float) -> float:
-        """Return the arc length (m) on the axis that belongs to the arc length `traced` (m) on the middle line."""
+        """Return the arc length (m) on the axis for an arc length `traced` (m) on the middle line."""
         return float(np.interp(traced, self.traced, self.s))
 
 
@@ -262,7 +258,6 @@ def _axis_with_knots(line: MiddleLine, step: float) -> MemberAxis:
 
 
 def _spline(x: Floats, y: Floats, step: float, spans: int, closed: bool) -> BSpline:
-    """Return a smoothing spline through values y (q, d) at x (q,): `spans` pieces of length `step`, from x = 0."""
     degree, penalty = 3, 1e-3  # degree of the spline; weight of the third differences of the spline's coefficients
     t = step * np.arange(-degree, spans + degree + 1)
     design = csr_array(BSpline.design_matrix(np.clip(x, 0, step * spans), t, degree))

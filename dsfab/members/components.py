@@ -1,4 +1,4 @@
-"""Components of a sheet that become members: bands of the pattern, with cells and middle lines, and kept regions."""
+"""Components of a sheet that become members."""
 
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
@@ -14,13 +14,13 @@ from dsfab.slicing import DrawnBand, Overlay, Sheet, divided_field_values, strip
 from dsfab.surface import CornerField, DividedField, Surface, link_components
 
 Kind = Literal["strip", "stub", "rim", "band", "ring", "disc", "plate", "fill"]
-"""Kinds of members, see `dsfab.members.graph.Member`. Material around supports has the kind "keep" at first."""
-FAMILIES = {"major": "A", "minor": "B"}  # First letter of the names of members, for each family of stripes.
-NOWHERE = 10.0  # `DrawnBand.centre` of material without a middle line; all other values are smaller.
+"""Kinds of members. Material around supports has the kind "keep" at first."""
+FAMILIES = {"major": "A", "minor": "B"}  # First letter of the names of members, by family.
+NOWHERE = 10.0  # `DrawnBand.centre` of material without a middle line.
 
 
 class NamedBand(NamedTuple):
-    """Stripes of one field of the pattern, with the field's name (family). kind : see `Kind`, or "keep" at supports."""
+    """Stripes of a field of the pattern, with the field's name."""
 
     kind: str
     family: str
@@ -28,7 +28,7 @@ class NamedBand(NamedTuple):
 
 
 def pattern_bands(surface: Surface, sheet: Sheet, pattern: PatternResult) -> list[NamedBand]:
-    """Return the stripes along which the sheet was cut, for each field of the pattern, in the order of the fields."""
+    """Return the stripes along which the sheet was cut, for each field of the pattern."""
     bands = []
     for k, (name, field, levels) in enumerate(zip(pattern.names, pattern.fields, pattern.levels, strict=True)):
         if name in FAMILIES:
@@ -49,7 +49,7 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
     if field.ndim == 2:
         return DrawnBand(name, sheet.carry(field), levels)
     which, d = list(FAMILIES).index(name), pattern.half_widths[k]
-    if (d >= 0.5).all():  # stripes that touch form no members
+    if (d >= 0.5).all():
         return DrawnBand(name, np.tile([1.0, -1.0], (sheet.surface.n, 1)), np.zeros(1), NOWHERE)
     z = pattern.frequency[which] * field + pattern.phase[which]
     whole_numbers = np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
@@ -59,7 +59,7 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
     """Return kind and stripes of kept material: "reach" (within a distance), "plate" (region) or "band" (outline)."""
     zero = np.zeros(1)
-    if x.ndim == 2:  # a band; column 0 is positive inside its outline, column 1 is distance from outline minus width
+    if x.ndim == 2:  # column 0 is positive inside the outline
         width = -float(x[:, 1].min())
         inward = np.where(x[:, 0] >= 0, -x[:, 1], x[:, 1] + 2 * width)
         return "band", DrawnBand(name, np.stack([inward, inward - width], axis=1), zero, hides=True)
@@ -69,19 +69,19 @@ def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
     return "reach", DrawnBand(name, np.stack([x + reach, x - reach], axis=1), zero, -reach / 2, hides=True)
 
 
-DISC = 0.4  # Kept material is a disc if its area is over DISC x the area of a circle with the same perimeter.
+DISC = 0.4  # Smallest area of a disc / area of a circle with the same perimeter.
 HIDDEN, COVERED = 0.05, 0.3
-"""Members with at most this visible fraction of their area are dropped: HIDDEN for strips, COVERED for other kinds."""
+"""Members with at most this visible fraction of area are dropped: strips (HIDDEN), other kinds (COVERED)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Component:
-    """The cells of a future member, which has no name yet. `Overlay` explains cells, stripes and fields.
+    """The cells of a future member.
     kind   : "strip", "rim", "band", "ring", "disc", "plate" or "fill".    family : family of the pattern, or "".
-    stripe : number of the stripe with most of its cells; 0 for none.    group : equal for parts of a stripe; -1: none.
+    stripe : number of the stripe; 0 for none.    group : equal for parts of a stripe; -1: none.
     cells  : (c,) cells of the overlay, ascending.
-    core   : (c,) True for cells that define the member's width; False for fillets beside several members.
-    line   : middle line, or None.    field : number of the field with this stripe; -1 for none."""
+    core   : (c,) True for cells that define the member's width.
+    line   : middle line, or None.    field : number of the field; -1 for none."""
 
     kind: str
     family: str
@@ -93,12 +93,12 @@ class Component:
     group: int = -1
 
     def width(self, areas: Floats) -> float:
-        """Return area / length of the middle line, m; without a line, the root of the area. areas : (m,), m2."""
+        """Return area / length of the middle line, or the root of the area, metres. areas : (m,), m2."""
         area = float(areas[self.cells[self.core]].sum())
         return area / self.line.length if self.line else float(np.sqrt(area))
 
     def with_cells(self, extra_cells: Ints, core: bool) -> "Component":
-        """Return the component with extra cells (k,). core : True if these cells also count for the member's width."""
+        """Return the component with extra cells (k,). core : True if these cells count for the width."""
         cells = np.concatenate([self.cells, extra_cells])
         order = np.argsort(cells, kind="stable")
         marks = np.concatenate([self.core, np.full(len(extra_cells), core)])
@@ -106,7 +106,7 @@ class Component:
 
 
 def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: float) -> list[Component]:
-    """Return components, which become members. Cells at crossings are in several components, small leftovers in none.
+    """Return the components of an overlay. A cell at a crossing is in several components.
     normals : (n, 3) unit normals at the vertices of the overlay.    edge : mean edge of the uncut mesh, metres."""
     pieces = list[Component]()
     round_ = roundness(overlay)
@@ -124,7 +124,6 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
 
 
 def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """Return the middle lines of each stripe of field `k`: at offset 0, or at the stripe's mean offset if none is 0."""
     offset = overlay.offset[:, :, k]
     lines = middle_lines(overlay, k, offset, normals)
     part = overlay.part[:, k]
@@ -143,7 +142,6 @@ def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLi
 
 
 def _is_sliver(overlay: Overlay, k: int, cells: Ints, lines: list[MiddleLine]) -> bool:
-    """Return True for a leftover of cutting or smoothing: beside a stripe's middle, shorter than the stripe's width."""
     offset, surface = overlay.offset[cells, :, k], overlay.sheet.surface
     if not lines or ((offset.min(axis=1) < 0) & (offset.max(axis=1) > 0)).any():
         return False
@@ -200,7 +198,7 @@ def _parts(overlay: Overlay, component: Component, lines: list[MiddleLine], edge
 
 
 def nearest_line(overlay: Overlay, cells: Ints, lines: list[MiddleLine]) -> Ints:
-    """Return (c,) the number of the line nearest to each cell, along paths through cells. The cells are connected."""
+    """Return the number (c,) of the line nearest to each cell, along paths through cells."""
     if len(lines) == 1:
         return np.zeros(len(cells), dtype=np.int64)
     place = np.full(overlay.sheet.surface.m, -1)
@@ -220,7 +218,6 @@ def nearest_line(overlay: Overlay, cells: Ints, lines: list[MiddleLine]) -> Ints
 
 
 def _visible(overlay: Overlay, pieces: list[Component]) -> list[Component]:
-    """Drop components that others cover almost completely, such as a rim under the material around a support."""
     made_by, areas = overlay.sheet.family, overlay.sheet.surface.areas
     shares = [
         areas[component.cells[made_by[component.cells] == component.field]].sum() / areas[component.cells].sum()
@@ -231,8 +228,8 @@ def _visible(overlay: Overlay, pieces: list[Component]) -> list[Component]:
 
 
 class CellsByStripes(NamedTuple):
-    """Cells labelled by their stripes.
-    sheet : m cells, divided along all edges of stripes, also where other stripes cover these edges.
+    """Cells labelled by stripes.
+    sheet : m cells, divided along all edges of stripes.
     label : (m,) number of the combination of stripes on a cell.    loose : (m,) True outside of all stripes."""
 
     sheet: Sheet
@@ -241,8 +238,7 @@ class CellsByStripes(NamedTuple):
 
 
 def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> CellsByStripes:
-    """Return the cells of a sheet that was cut from `surface` along a pattern, labelled by their stripes.
-    A disc of kept material is one region: stripes below the disc do not divide the region."""
+    """Return the cells of a sheet that was cut along a pattern, labelled by stripes."""
     bands = pattern_bands(surface, sheet, pattern)
     overlay = stripe_overlay(sheet, surface, [band.drawn for band in bands])
     part, round_ = overlay.part.copy(), roundness(overlay)
@@ -255,8 +251,8 @@ def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> 
 
 
 def without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> CellsByStripes:
-    """Give connected loose cells (outside of all stripes) the label of their neighbours, if all neighbours share it.
-    label : (m,) number of the combination of stripes on a cell.    loose : (m,) True outside of all stripes."""
+    """Give connected loose cells the label of their neighbours, if all neighbours have the same label.
+    label : (m,) number of the combination of stripes.    loose : (m,) True outside of all stripes."""
     f, g = sheet.surface.edges.pairs.T // 3
     both_loose = loose[f] & loose[g]
     count, part = link_components(len(label), f[both_loose], g[both_loose])

@@ -1,4 +1,4 @@
-"""`MemberGraph`: members by name, and the nodes at which members cross, meet or end."""
+"""Members by name, and the nodes at which members cross, meet or end."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -32,8 +32,6 @@ class SharedPatch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _SharedCells:
-    """Cells (c,) that members of fields `one`, `two` share. a, b : (c,) these members. patch : (c,) connected part."""
-
     one: int
     two: int
     cells: Ints
@@ -58,7 +56,7 @@ class _SharedCells:
 
 
 def overlaps(overlay: Overlay, member: Ints) -> list[SharedPatch]:
-    """Return every patch of cells that two members share. member : (m, f) member of each cell in f fields, or -1."""
+    """Return all patches of cells that two members share. member : (m, f) member of each cell in f fields, or -1."""
     patches = []
     count = member.shape[1]
     for k in range(count):
@@ -84,7 +82,6 @@ def _patches(overlay: Overlay, shared: _SharedCells) -> list[SharedPatch]:
 
 
 def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
-    """Return rows (q,) of `shared.cells` in which the middle lines of two members cross, and the crossings (q, 3)."""
     surface, cells = overlay.sheet.surface, shared.cells
     offset_a, offset_b = (overlay.offset[cells, :, field] for field in (shared.one, shared.two))
     crossed = np.sign(offset_a) * np.roll(np.sign(offset_a), -1, axis=1) < 0
@@ -104,7 +101,6 @@ def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
 
 
 def _places_on_sides(offset: Floats, F: Ints, side: Ints) -> tuple[Ints, Ints, Floats]:
-    """Return where `offset` is 0 on sides of cells: a side's two corners, lower number first, and place (0 to 1)."""
     row = np.arange(len(F))[:, None]
     p, q = side, (side + 1) % 3
     turn = F[row, p] > F[row, q]
@@ -120,16 +116,15 @@ NodeKind = Literal["crossing", "branch", "end", "grazing"]
 class Member:
     """A named part of a sheet.
 
-    id     : "A07", "B12b", "rim 1": letter of the family, or kind; then a number that grows along the structure. A
-             small letter follows if a stripe has several members.
+    id     : "A07", "B12b", "rim 1".
     kind   : strip, or stub if it is less than twice as long as wide; rim and band along edges; ring and disc around
              a support or load. A fill (between members) and a plate have no axis.
     family : family of the pattern: "major", "minor", "keep", "rim"; or "" for a fill.
-    stripe : number of the stripe of most of its cells.    part : number among the members of this stripe, from 1.
+    stripe : number of the stripe.    part : number among the members of this stripe, from 1.
     cells  : (c,) cells of `MemberGraph.sheet`, including cells below other members.
     area   : area of these cells, m2.
-    axis   : axis along its middle, or None.
-    sides  : (k, 2) widths (m) to the left and right of each station of the axis; (0, 2) without an axis.
+    axis   : axis along the middle, or None.
+    sides  : (k, 2) widths (m) to the left and right of each point of the axis; (0, 2) without an axis.
     ends   : names of the nodes or members at begin and end, or "edge" or "free"; empty if closed."""
 
     id: str
@@ -149,7 +144,7 @@ class Member:
 
     @property
     def curve(self) -> MemberAxis:
-        """The member's axis; only for members that have an axis."""
+        """The axis of a member that has an axis."""
         assert self.axis is not None
         return self.axis
 
@@ -160,12 +155,12 @@ class Member:
 
     @property
     def width(self) -> Floats:
-        """Widths (k,) of the member at the stations (points) of its axis, metres."""
+        """Widths (k,) of the member at the points of its axis, metres."""
         return np.asarray(self.sides.sum(axis=1))
 
     @property
     def mean_width(self) -> float:
-        """Median width along the axis, metres. Without an axis, the side of a square with the member's area."""
+        """Median width along the axis, metres."""
         return float(np.median(self.width)) if self.axis else float(np.sqrt(self.area))
 
 
@@ -173,11 +168,9 @@ class Member:
 class Node:
     """The overlap of two members.
 
-    kind    : crossing if both members continue, branch if one ends, end if both end; grazing if the members share
-              material but their middle lines do not meet.
-    members : names of the members.
-    at      : (2,) arc length along the axis of each member, metres; NaN without an axis.
-    angle   : angle between the members, degrees, 0 to 90; NaN if a member has no axis.
+    kind    : crossing if both continue, branch if one ends, end if both end, grazing if middle lines do not meet.
+    members : names of the members.    at : (2,) arc length along the axis of each member, metres; NaN without an axis.
+    angle   : angle between the members, degrees, 0 to 90; NaN without an axis.
     point   : (3,) metres.    normal : (3,) normal of the surface.    area : area of the overlap, m2."""
 
     id: str
@@ -196,7 +189,7 @@ class Node:
 @dataclass(frozen=True, eq=False)
 class MemberGraph:
     """Members and nodes of a design.
-    sheet  : sheet of the design; its cells are divided along the edges of all members, even inside another member.
+    sheet  : sheet of the design, divided along the edges of all members.
     source : (m,) cell of the design's sheet that contains each cell."""
 
     sheet: Sheet
@@ -213,21 +206,20 @@ class MemberGraph:
 
     @cached_property
     def nodes_along(self) -> dict[str, tuple[Node, ...]]:
-        """Nodes along the axis of each member, by the member's name, without nodes of kind "grazing" (see `Node`)."""
+        """Nodes along the axis of each member, by the member's name, without kind "grazing"."""
         stations = stations_of_nodes(self.members, self.nodes)
         return {name: tuple(node for _, node in sorted(pairs, key=itemgetter(0))) for name, pairs in stations.items()}
 
     @cached_property
     def owner(self) -> Ints:
-        """Number (m,) of the widest member of each cell; at equal widths the first member.
-        The areas of owned cells sum to the area of the sheet."""
+        """Number (m,) of the widest member of each cell."""
         numbers = np.full(self.sheet.surface.m, -1)
         for k in sorted(range(len(self.members)), key=lambda k: (self.members[k].mean_width, -k)):
             numbers[self.members[k].cells] = k
         return numbers
 
     def bays(self, name: str) -> Floats:
-        """Return lengths (b,) of a member's bays (parts between nodes), m. A closed member ends at its first node."""
+        """Return lengths (b,) of a member's bays (parts between nodes), m."""
         axis, nodes = self.by_id[name].axis, self.nodes_along[name]
         if axis is None or not nodes:
             return np.empty(0)
@@ -235,8 +227,8 @@ class MemberGraph:
         return np.diff(s, append=s[0] + axis.length) if axis.closed else np.diff(s)
 
     def to_compas(self) -> "compas.datastructures.Graph":
-        """Return nodes with x, y, z (m), and an edge for each bay (part of a member between two nodes). An edge has its
-        `member` and its `length` along the axis. Raises SurfaceError if compas is not installed."""
+        """Return nodes with x, y, z (m), and an edge for each part of a member between two nodes.
+        Raises SurfaceError if compas is not installed."""
         require_compas()
         from compas.datastructures import Graph
 
@@ -257,12 +249,12 @@ class MemberGraph:
 
     @cached_property
     def stub_share(self) -> float:
-        """Share of the sheet's area in stubs: members that are less than twice as long as wide."""
+        """Share of the sheet's area in short members."""
         return sum(member.area for member in self._stubs) / self.sheet.surface.area
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences for builders on stubs (short members) and on overlapping members whose middle lines do not meet."""
+        """Sentences for builders on faults of members."""
         lines = []
         stubs, grazing = self._stubs, [node for node in self.nodes if node.kind == "grazing"]
         if self.stub_share > 0.01:
@@ -279,7 +271,7 @@ class MemberGraph:
 
 
 def stations_of_nodes(members: Sequence[Member], nodes: Sequence[Node]) -> dict[str, list[tuple[float, Node]]]:
-    """Return, by member, its nodes and their arc lengths (m) on its axis, without kind "grazing" (see `Node`)."""
+    """Return the nodes of each member, with arc lengths (m) on its axis, without kind "grazing"."""
     stations: dict[str, list[tuple[float, Node]]] = {member.id: [] for member in members}
     for node in nodes:
         if node.kind != "grazing":
@@ -288,12 +280,12 @@ def stations_of_nodes(members: Sequence[Member], nodes: Sequence[Node]) -> dict[
     return stations
 
 
-ENDS = 1.0  # Longest piece of a member beyond its end node, in widths of the crossing member.
+ENDS = 1.0  # Longest piece of a member beyond its end node, in widths.
 
 
 @dataclass(frozen=True, eq=False)
 class Joints:
-    """Members, the cells of each member (`parts`), and unit normals (n, 3) at the vertices of the divided sheet."""
+    """Members, the cells of each member (`parts`), and unit normals (n, 3) at the vertices."""
 
     overlay: Overlay
     members: list[Member]
@@ -301,7 +293,7 @@ class Joints:
     normals: Floats
 
     def nodes(self, shared: list[SharedPatch]) -> list[Node]:
-        """Return the nodes of the overlaps `shared`, numbered by first member, then by arc length along this member."""
+        """Return the nodes of overlaps of members."""
         listed = []
         for overlap in shared:
             pair = min(overlap.a, overlap.b), max(overlap.a, overlap.b)
@@ -316,7 +308,6 @@ class Joints:
         return [replace(node, id=f"N{number:0{digits}d}") for number, (_, node) in enumerate(listed, 1)]
 
     def _ends_within(self, overlap: SharedPatch) -> tuple[Floats, Ints]:
-        """Return an end of a middle line in the overlap, for example at a corner of two rims, and the end's cell."""
         for k, neighbour in ((overlap.a, overlap.b), (overlap.b, overlap.a)):
             line = self.parts[k].line
             if line is None or line.closed or self.parts[neighbour].line is None:
@@ -357,7 +348,7 @@ class Joints:
 
 
 def tangent_and_width(member: Member, s: float) -> tuple[Floats, float]:
-    """Return the unit tangent (3,) of a member's axis at an arc length, and the width there, metres."""
+    """Return the unit tangent (3,) and the width (m) at arc length `s` of a member's axis."""
     return member.curve.frames_at(np.array([s]))[1][0], float(np.interp(s, member.curve.s, member.width))
 
 
@@ -371,9 +362,7 @@ def _angle(a: Floats, b: Floats) -> float:
 
 def with_ends(joints: Joints, owner: Ints, nodes: list[Node], surface: Surface) -> list[Member]:
     """Return the members with the names of their ends.
-    An end has the name of a nearby node (see `ENDS`), else of an adjacent member, else "edge" (of `surface`) or "free".
-    owner   : (m, f) member of each cell for each field, -1 for none.
-    surface : the surface before it was cut."""
+    owner   : (m, f) member of each cell for each field, -1 for none.    surface : the surface before the cut."""
     members, parts = joints.members, joints.parts
     by_id = {member.id: member for member in members}
     nodes_on = stations_of_nodes(members, nodes)

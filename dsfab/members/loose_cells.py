@@ -1,4 +1,4 @@
-"""Assign cells that belong to no member to members, and remove strips along kept material, such as a rim."""
+"""Assign loose cells to members, and remove strips along kept material, such as a rim."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -13,7 +13,7 @@ from dsfab.surface import link_components
 
 
 def owners(overlay: Overlay, components: list[Component]) -> Ints:
-    """Return the number (m, f) of the component that contains each cell, for each of f fields; -1 for none."""
+    """Return the component (m, f) that contains each cell, for each of f fields; -1 for none."""
     member = np.full((overlay.sheet.surface.m, overlay.part.shape[1]), -1)
     for number, component in enumerate(components):
         if component.field >= 0:
@@ -22,7 +22,7 @@ def owners(overlay: Overlay, components: list[Component]) -> Ints:
 
 
 def with_loose_cells(overlay: Overlay, components: list[Component]) -> list[Component]:
-    """Return components that contain every cell. Cells in no component join a neighbour or become a new component."""
+    """Return components that contain every cell."""
     surface, member = overlay.sheet.surface, owners(overlay, components)
     loose = np.asarray((member < 0).all(axis=1))
     if not loose.any():
@@ -53,8 +53,7 @@ def with_loose_cells(overlay: Overlay, components: list[Component]) -> list[Comp
 
 
 def _borders(overlay: Overlay, member: Ints, patch: Ints) -> tuple[Ints, Floats]:
-    """Return sorted pairs (b, 2) of a patch and a component beside it, and lengths (b,) of their common borders, m.
-    member : components of the cells, from `owners`.    patch : (m,) patch of each cell of no component, else -1."""
+    """Return sorted pairs (b, 2) of a patch and a component, and lengths (b,) of their borders, m."""
     surface, total = overlay.sheet.surface, int(member.max()) + 1
     f, g = np.concatenate([overlay.adjacent_cells, overlay.adjacent_cells[:, ::-1]]).T
     edge = np.tile(surface.edges.of.ravel()[surface.edges.pairs[:, 0]], 2)
@@ -81,11 +80,11 @@ def _sizes(overlay: Overlay, patch: Ints, count: int) -> tuple[Floats, Floats]:
 
 FOLLOWS, INTO = 3.0, 1.5
 """A line follows kept material, such as a rim, if its length inside exceeds FOLLOWS widths of the material.
-The line then ends INTO widths after it enters the material, so that it still meets the material's middle line."""
+The line then ends INTO widths inside the material."""
 
 
 def without_followers(overlay: Overlay, components: list[Component]) -> list[Component]:
-    """Remove parts of strips inside kept material, such as a rim. The cells of these parts join the kept material."""
+    """Remove parts of strips inside kept material, such as a rim."""
     areas, made_by = overlay.sheet.surface.areas, overlay.sheet.family
     member = owners(overlay, components)
     is_kept = np.array([c.kind != "strip" and c.field >= 0 for c in components], dtype=bool)
@@ -111,10 +110,7 @@ def without_followers(overlay: Overlay, components: list[Component]) -> list[Com
 
 
 def _hidden_parts(line: MiddleLine, width: Floats, own_width: float) -> tuple[MiddleLine, list[tuple[int, int]]]:
-    """Return a strip's middle line, and its long parts (first point, last point) inside kept material, to remove.
-    A closed line may be returned as an open line.
-    width     : (k - 1,) width of the kept material around each segment of the line, metres; 0 outside.
-    own_width : width of the strip, metres. Parts that are less than this width apart are joined."""
+    """Return a strip's middle line, and its long parts (first point, last point) inside kept material."""
     if line.closed and (bare := np.flatnonzero(width == 0)).size:
         line, width = line.opened_at(int(bare[0])), np.roll(width, -int(bare[0]))
     last_point, gone = len(line.points) - 1, []

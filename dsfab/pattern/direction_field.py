@@ -1,4 +1,4 @@
-"""Directions of stripes at vertices, along principal stresses; neighbours have equal signs except at seams."""
+"""Directions of stripes at vertices, along principal stresses."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,11 +16,11 @@ from dsfab.surface import link_components
 from dsfab.surface.mesh import Surface
 
 ALONG = 0.3
-"""Stripes follow a boundary if the sine of the angle between stripes and boundary is below this (17 degrees)."""
+"""Stripes follow a boundary if the sine of the angle between stripes and boundary is below this."""
 
 
 def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
-    """Return a mask (n,) of vertices where stripes follow the boundary; g : (n, 3) unit vectors across stripes.
+    """Return a mask (n,) of vertices where stripes follow the boundary. g : (n, 3) unit vectors across stripes.
     shortest : metres; shorter rows of such vertices are left out."""
     ends = surface.edges.ends[surface.edges.boundary]
     step = surface.V[ends[:, 1]] - surface.V[ends[:, 0]]
@@ -40,9 +40,8 @@ def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
 
 
 def family_crossings(frames: Frames, along: Floats) -> Bools:
-    """Return a mask (n,) of vertices at which the families of stripes swap their names, major and minor.
-    along : (n, 3) tangents of major stripes, up to sign. A region consists of vertices joined by edges along which
-    tangents rotate by less than 45 degrees. The largest region keeps its names. Names swap at borders of regions."""
+    """Return a mask (n,) of vertices where the families of stripes swap their names, major and minor.
+    along : (n, 3) tangents of major stripes, up to sign."""
     surface, (i, j) = frames.surface, frames.ends.T
     square = np.cross(frames.normal[j], along[j])
     turned = np.abs(dots(along[i], square)) > np.abs(dots(along[i], along[j]))
@@ -68,7 +67,7 @@ def family_crossings(frames: Frames, along: Floats) -> Bools:
 
 
 def signs_with_short_seams(frames: Frames, along: Floats) -> Floats:
-    """Return signs (n,) for the tangents `along` (n, 3), so that few neighbours point in opposite directions."""
+    """Return signs (n,) for the tangents `along` (n, 3), so that few neighbours have opposite directions."""
     surface, (i, j) = frames.surface, frames.ends.T
     against = frames.sides(along, i, j) < 0
     singular = np.logical_xor.reduce(against[surface.edges.of], axis=1)
@@ -76,8 +75,7 @@ def signs_with_short_seams(frames: Frames, along: Floats) -> Floats:
 
 
 def _cut_edges(surface: Surface, singular: Bools) -> Bools:
-    """Return a mask (e,) of edges crossed by paths over faces. The paths join singular faces and boundaries.
-    singular : (m,) mask of faces at whose three corners the directions cannot have equal signs."""
+    """Return a mask (e,) of edges crossed by paths between singular faces and boundaries."""
     edges = surface.edges
     is_cut = np.zeros(len(edges.ends), dtype=bool)
     if not singular.any():
@@ -108,7 +106,6 @@ def _cut_edges(surface: Surface, singular: Bools) -> Bools:
 
 
 def _path_edges(surface: Surface, face: int, predecessor: Ints, singular: Bools) -> list[int]:
-    """Return the edges that a path to `face` crosses. The path begins at a singular face or at the boundary."""
     edges, path_edges = surface.edges, []
     while predecessor[face] >= 0:
         path_edges.append(int(np.intersect1d(edges.of[face], edges.of[predecessor[face]])[0]))
@@ -119,7 +116,7 @@ def _path_edges(surface: Surface, face: int, predecessor: Ints, singular: Bools)
 
 
 def _path_ends(surface: Surface, singular: Bools) -> Ints:
-    """Return numbers (m,) of faces where paths end: one per singular face, one per boundary loop; 0 for other faces."""
+    """Return numbers (m,) of faces where paths end; 0 for other faces."""
     edges = surface.edges
     count, loop = link_components(surface.n, *edges.ends[edges.boundary].T)
     name = np.zeros(surface.m, dtype=np.int64)
@@ -143,7 +140,6 @@ def _propagated_signs(surface: Surface, against: Bools, crossed: Bools) -> Float
 
 
 def _path_products(link: csr_array, order: Ints, predecessor: Ints) -> Floats:
-    """Return for each vertex in `order` (k,) the product of the signs in `link` on its path from the first vertex."""
     parent = predecessor[order[1:]]
     sign = np.concatenate([[1.0], np.asarray(link[parent, order[1:]]).ravel()])
     place = np.empty(len(predecessor), dtype=np.int64)
@@ -161,15 +157,13 @@ FLOOR = 1e-6  # Smallest weight of the stress; the largest is 1. Above 0, so tha
 @dataclass(frozen=True, eq=False)
 class StressDirections:
     """Stresses on the faces, for a direction field.
-    stress : (m, 2) principal stresses, any unit; major stripes follow the first. direction : (m, 2, 3) unit vectors."""
+    stress : (m, 2) principal stresses; major stripes follow the first. direction : (m, 2, 3) unit vectors."""
 
     stress: Floats
     direction: Floats
 
     def confidence(self, areas: Floats) -> Floats:
-        """Return the clarity (m,) of the directions, 0 to 1: D / (D + 0.3 r).
-        D : difference of a face's principal stresses.    r : RMS of all principal stresses.    areas : of the faces.
-        Raises PatternError if the stress is zero."""
+        """Return the clarity (m,) of the directions, 0 to 1. Raises PatternError if the stress is zero."""
         differ = np.abs(self.stress[:, 0] - self.stress[:, 1])
         reference = float(np.sqrt((areas @ (self.stress**2).sum(axis=1)) / (2 * areas.sum())))
         if not reference > 0:
@@ -178,14 +172,14 @@ class StressDirections:
 
 
 RISE = (0.02, 0.75)
-"""Limits of the mean squared slope (sine) of a shell with arches: a flat plate has 0, half a sphere 2/3, a tower 1."""
+"""Limits of the mean squared slope (sine) of a shell with arches."""
 CLEAR_SHARE = 0.75  # Fraction of a family's area in tension above which the family is called "pulled".
 
 
 class FamilyRole(NamedTuple):
     """Way in which a family of stripes carries the loads.
-    key    : "major" or "minor".    shape : "arches", "hoops" or "purlins" (straight level lines); "" for other shapes.
-    pulled : fraction of the area, weighted by stress, on which the family is pulled; NaN if unknown."""
+    key    : "major" or "minor".    shape : "arches", "hoops", "purlins" or "".
+    pulled : fraction of the area, weighted by stress, in tension; NaN if unknown."""
 
     key: str
     shape: str = ""
@@ -193,7 +187,7 @@ class FamilyRole(NamedTuple):
 
     @property
     def title(self) -> str:
-        """The family's name in words, such as `arches (minor, pressed)` or `major members (pulled)`."""
+        """Name of the family in words, such as `arches (minor, pressed)`."""
         if np.isnan(self.pulled):
             return f"{self.key} members"
         action = "pulled" if self.pulled > CLEAR_SHARE else "partly pulled, partly pressed"
@@ -202,8 +196,7 @@ class FamilyRole(NamedTuple):
 
 
 def family_roles(surface: Surface, directions: StressDirections) -> tuple[FamilyRole, FamilyRole]:
-    """Return the roles of the major and the minor family of stripes; z points up, and tension is positive. Hoops and
-    purlins are level on average, weighted with squared slopes. Arches rise, and are mainly in compression."""
+    """Return the roles of the major and the minor family of stripes; z points up, and tension is positive."""
     size = surface.areas[:, None] * np.abs(directions.stress)
     total = size.sum(axis=0)
     pulled = np.divide((size * (directions.stress > 0)).sum(axis=0), total, out=np.full(2, np.nan), where=total > 0)
@@ -223,14 +216,10 @@ def cross_field(
     frames: Frames, directions: StressDirections, length: float, turn: float = 0.0, guidance: Sequence[Guidance] = ()
 ) -> Floats:
     """Return unit directions (n, 3) of the major stripes at the vertices; their sign has no meaning.
-
-    length   : metres over which directions of low confidence are smoothed.
+    length   : metres over which unclear directions are smoothed.
     turn     : rotation from the stress, radians, counter-clockwise as seen from the tip of the normal.
-    guidance : guides that stripes follow; `turn` does not rotate guides.
-
-    Let z be the direction as a complex number in a frame. The field is z^2, because it is the same for z and -z.
-    It minimises length^2 |grad z^2|^2 + c |z^2 - e^2|^2. Here e is the first principal direction, and c its confidence;
-    see also `Guidance`. Raises PatternError if the stress is zero."""
+    guidance : guides that stripes follow.
+    Raises PatternError if the stress is zero."""
     surface = frames.surface
     share = (surface.areas * directions.confidence(surface.areas) / 3)[:, None].repeat(3, axis=1)
     e = directions.direction[:, 0]

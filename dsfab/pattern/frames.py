@@ -1,4 +1,4 @@
-"""Tangent frames at vertices, transport of directions along edges, and Laplacians with complex weights ("twisted")."""
+"""Tangent frames at vertices, and Laplacians with complex weights."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,14 +14,13 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 FEW = 16
-"""Largest number of vertices on turned edges (see `TwistedFactors.factor`) for which `_corrected_solver` is used.
-`_corrected_solver` needs one solve for each of these vertices. For more vertices, `_real_factor` is faster."""
+"""Largest number of vertices on turned edges for `_corrected_solver`."""
 
 Solve = Callable[[Complexes], Complexes]
 
 
 class TwistedFactors:
-    """Solvers for twisted Laplacians: Laplace matrices of a mesh with a complex weight for each edge.
+    """Solvers for Laplace matrices with a complex weight for each edge.
     V : (n, 3) vertices.    ends : (e, 2) vertices of each edge."""
 
     def __init__(self, V: Floats, ends: Ints) -> None:
@@ -29,7 +28,7 @@ class TwistedFactors:
 
     def factor(self, coupling: Complexes, diagonal: Floats, turned: Bools | None = None) -> Solve:
         """Return a function b -> x that solves (K + diagonal) x = b, with a twisted Laplacian K. Valid until next call.
-        coupling : (e,) complex weights in K.    turned : (e,) edges across which K uses the conjugate of x."""
+        coupling : (e,) complex weights.    turned : (e,) edges across which K uses the conjugate of x."""
         turned = np.zeros(len(coupling), dtype=bool) if turned is None else turned
         across = np.unique(self._ends[turned])
         if len(across) > FEW:
@@ -43,7 +42,8 @@ class TwistedFactors:
         return _corrected_solver(solve, across, W)
 
     def hermitian(self, coupling: Complexes, diagonal: Floats) -> Solve:
-        """Return a function b -> x that solves A x = b for a Hermitian matrix A: `coupling` (e,) off the diagonal."""
+        """Return a function b -> x that solves A x = b for a Hermitian matrix A.
+        coupling : (e,) values of A off the diagonal."""
         solve: Any = self._one_pattern.factor(
             self._complex_pattern.matrix(np.concatenate([coupling, coupling.conj(), diagonal]))
         )
@@ -80,7 +80,7 @@ class TwistedFactors:
 
 
 class _EntryPositions:
-    """Builder of sparse matrices (N, N) with the same pattern. rows, columns : (k,) position of each value."""
+    """Builder of sparse matrices (N, N) with the same pattern."""
 
     def __init__(self, rows: Ints, columns: Ints, N: int) -> None:
         place = coo_array((np.arange(1, len(rows) + 1), (rows, columns)), shape=(N, N)).tocsr()
@@ -91,7 +91,7 @@ class _EntryPositions:
 
 
 def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
-    """Return a function b -> x that solves H x - W conj(x[across]) = b. solve : function that solves H x = b."""
+    """Return a function b -> x that solves H x - W conj(x[across]) = b."""
     Z = solve(W)
     Z_across, identity = Z[across], np.eye(len(across))
     inverse = np.linalg.inv(
@@ -109,8 +109,8 @@ def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Frames at the vertices of an oriented surface: two tangents t1, t2 and the normal.
-    normal, t1, t2 : (n, 3) orthonormal, right-handed.    weight : (e,) cotangent weights of the edges, not negative."""
+    """Frames at the vertices of an oriented surface: two tangents and the normal.
+    normal, t1, t2 : (n, 3) orthonormal, right-handed.    weight : (e,) cotangent weights, not negative."""
 
     surface: Surface
     normal: Floats
@@ -120,7 +120,7 @@ class Frames:
 
     @classmethod
     def for_surface(cls, surface: Surface) -> Self:
-        """Return the frames of a surface. t1 is the x axis projected to the surface; y where the normal is nearly x."""
+        """Return the frames of a surface."""
         normal = surface.vertex_normals.copy()
         normal[~normal.any(axis=1)] = (0.0, 0.0, 1.0)
         axis = np.where(np.abs(normal[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
@@ -134,8 +134,7 @@ class Frames:
 
     @cached_property
     def turning(self) -> Floats:
-        """(e,) angle between the frames at the ends of each edge, radians.
-        A direction at the angle a in the frame of the second end has the angle a + turning at the first end."""
+        """(e,) angle, radians, to add to a direction at an edge's second end, for the frame of the first end."""
         i, j = self.ends.T
         across = cross(self.normal[j], self.normal[i])
         cosine = dots(self.normal[i], self.normal[j])[:, None]
@@ -144,8 +143,7 @@ class Frames:
         return np.arctan2(dots(y, self.t2[i]), dots(y, self.t1[i]))
 
     def sides(self, g: Floats, i: Ints, j: Ints) -> Floats:
-        """Return 1 (k,) if the tangents g (n, 3) at vertices i and j (k,) make an angle under 90 degrees, else -1.
-        At 90 degrees, the tangent at j counts as turned by a small angle, counter-clockwise about the normal."""
+        """Return 1 (k,) if the tangents g (n, 3) at vertices i and j (k,) make an angle under 90 degrees, else -1."""
         turned = g + 1e-7 * cross(self.normal, g)
         return np.where(dots(g[i], turned[j]) < 0, -1.0, 1.0)
 
@@ -159,7 +157,7 @@ class Frames:
 
     @cached_property
     def twisted_factors(self) -> TwistedFactors:
-        """Solvers for twisted Laplacians: Laplace matrices with a complex weight for each edge, see `coupling`."""
+        """Solvers for Laplace matrices with a complex weight for each edge."""
         return TwistedFactors(self.surface.V, self.ends)
 
 
@@ -169,7 +167,8 @@ def dots(a: Floats, b: Floats) -> Floats:
 
 
 def corner_sums(surface: Surface, x: Floats) -> Floats:
-    """Return the sum (n,) of values x (m, 3) at each vertex. x : a value for each corner of each face."""
+    """Return the sum (n,) of values x (m, 3) at each vertex.
+    x : a value for each corner of each face."""
     return np.bincount(surface.F.ravel(), x.ravel(), surface.n).astype(np.float64)
 
 

@@ -1,4 +1,4 @@
-"""Guides of a preset: the user's directions of stripes, and curves that members follow."""
+"""Guides: the user's directions of stripes, and curves that members follow."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,20 +18,20 @@ from dsfab.surface.mesh import Surface
 
 
 class GuideError(PatternError, ValueError):
-    """A guide that contradicts itself; a ValueError, so that pydantic adds the guide's key to the message."""
+    """A guide that contradicts itself."""
 
 
 @dataclass(frozen=True)
 class Guide:
-    """A curve, or a direction in a region, for stripes. The larger its weight, the more closely stripes follow it.
+    """A curve, or a direction in a region, for stripes.
     curve     : points of a polyline on the surface or near it, metres.
-    reach     : straight distance from the curve at which the weight falls to 0, m; default: the smaller stripe spacing.
+    reach     : distance from the curve at which the weight falls to 0, m; default: the smaller stripe spacing.
     at        : a region, instead of a curve.
-    direction : direction (3,) of stripes in the region; only the component tangential to the surface is used.
-    weight    : 1 is as strong as a stress with a clear direction; 0 has no effect; 100 or more overrules the stress.
-    family    : the family whose stripes follow the guide. Stripes of the other family run across it.
-    member    : True for a member on the curve itself, whatever the weight.
-    Raises GuideError unless one of `curve`, `at` is set, not both. A region needs a direction and is never a member."""
+    direction : direction (3,) of stripes in the region.
+    weight    : 1 is as strong as a clear stress; 100 or more overrules the stress.
+    family    : the family whose stripes follow the guide.
+    member    : True for a member on the curve itself.
+    Raises GuideError unless one of `curve`, `at` is set, not both. A region needs a direction."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     curve: tuple[Vector, ...] | None = None
@@ -58,13 +58,13 @@ class Guide:
 
     @property
     def pull(self) -> float:
-        """Weight with which stripes follow the guide: `weight`, but at least 100 if `member` is True."""
+        """Weight with which stripes follow the guide."""
         return max(self.weight, 100.0) if self.member else self.weight
 
 
 @dataclass(frozen=True, eq=False)
 class Guidance:
-    """Directions that a guide (see `Guide`) demands at the vertices, with weights.
+    """Directions that a guide demands at the vertices, with weights.
     weight : (n,).    square : (n,) weight x e^2; e: direction of major stripes, complex in the vertex's frame."""
 
     weight: Floats
@@ -72,15 +72,14 @@ class Guidance:
 
     @classmethod
     def from_guides(cls, frames: Frames, guides: tuple[Guide, ...], spacing: float) -> tuple[Self, ...]:
-        """Return a `Guidance` for each guide of the user with a `pull` above 0. spacing : default `reach` of curves, m.
-        Raises PatternError for a guide away from the surface or perpendicular to it."""
+        """Return a `Guidance` for each guide with a `pull` above 0. spacing : default `reach` of curves, m.
+        Raises PatternError for a guide that does not fit the surface."""
         squares = [(guide, _guide_squares(frames, k, guide, spacing)) for k, guide in enumerate(guides)]
         weighted = [guide.pull * square * (1 if guide.family == "major" else -1) for guide, square in squares]
         return tuple(cls(np.abs(square), square) for square in weighted if np.abs(square).any())
 
     def tensors(self, frames: Frames) -> Floats:
-        """Return the guide's directions as symmetric tensors (n, 3, 3) of trace 0.
-        The Frobenius norm of a tensor is w / (1 + w) for the weight w of the guide at the vertex."""
+        """Return the guide's directions as symmetric tensors (n, 3, 3) of trace 0."""
         e1, e2 = frames.t1[:, :, None], frames.t2[:, :, None]
         x, y = e1.transpose(0, 2, 1), e2.transpose(0, 2, 1)
         strength = self.square / (1 + self.weight)
@@ -89,8 +88,6 @@ class Guidance:
 
 
 def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) -> Complexes:
-    """Return the squares (n,) of a guide's direction, as complex numbers in the frames of the vertices.
-    Their absolute values are the effect of the guide: 0 to 1."""
     surface = frames.surface
     if guide.at is not None:
         assert guide.direction is not None
@@ -115,7 +112,7 @@ def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> C
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)
     square, nearest = np.zeros(surface.n, dtype=np.complex128), np.inf
-    chunk = max(1_000_000 // len(step), 1)  # to limit the memory
+    chunk = max(1_000_000 // len(step), 1)
     for start_row in range(0, surface.n, chunk):
         rows = np.arange(start_row, min(start_row + chunk, surface.n))
         distances = distances_from_segments(surface.V[rows, None], start, start + step)
@@ -137,13 +134,13 @@ def _tangent(frames: Frames, direction: Floats, rows: Any = slice(None)) -> Comp
     return np.asarray(frames.t1[rows] @ direction + 1j * (frames.t2[rows] @ direction))
 
 
-ON_EDGE = 1e-9  # A point is on an edge if its barycentric coordinate for the opposite corner is below this.
+ON_EDGE = 1e-9  # Largest barycentric coordinate of a point on the opposite edge.
 
 
 @dataclass(frozen=True, eq=False)
 class GuideLine:
-    """Curve of a guide on a surface, which becomes a member.
-    number : number of the guide, from 0.    family : family of stripes to which the member belongs.
+    """Curve of a guide, which becomes a member.
+    number : number of the guide, from 0.    family : family of the member.
     points : (k, 3) points along the curve, metres.    faces : (k,) the face that contains each point."""
 
     number: int
@@ -153,8 +150,7 @@ class GuideLine:
 
     @classmethod
     def from_guides(cls, surface: Surface, guides: Sequence[Guide]) -> "list[GuideLine]":
-        """Return the curve of each guide with `member` = True, projected to the surface and cut off at its boundary.
-        Raises PatternError for a curve off the surface."""
+        """Return the curve of each guide with `member` = True, on the surface. Raises PatternError."""
         lines = []
         for k, guide in enumerate(guides):
             if not guide.member:
@@ -169,8 +165,7 @@ class GuideLine:
         return lines
 
     def target_phases(self, frames: Frames, g: Floats, density: Floats) -> tuple[Ints, Floats]:
-        """Return the vertices (v,) of faces that the curve crosses, and the phases (v,) that put a stripe on the curve.
-        The phases are in periods, -1/2 to 1/2.
+        """Return the vertices (v,) beside the curve, and phases (v,), periods, that put a stripe on it.
         g : (n, 3) unit direction of the phase's gradient, up to sign.    density : (n,) periods per m."""
         surface = frames.surface
         vertices = np.unique(surface.F[self.faces])
@@ -186,22 +181,20 @@ class GuideLine:
         return vertices, phase - np.rint(phase)
 
     def followed_share(self, surface: Surface, phase: CornerPhase, step: int) -> float:
-        """Return the fraction of the curve's points that a stripe follows: its centre line is within 0.05 periods.
-        step : centre lines of stripes have the phases 0, step, 2 step ..., in periods."""
+        """Return the share of the curve that a stripe follows. step : distance between stripes, in periods."""
         F = surface.F[self.faces]
         z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], _barycentric(surface.V[F], self.points))
         distance = np.abs(z - step * np.rint(z / step))
         return float(((distance < 0.05) & ~phase.singular[self.faces]).mean())
 
     def runs_across(self, directions: Floats) -> bool:
-        """Return True if the curve mostly runs across, not along, the unit vectors `directions` (m, 3) on the faces."""
+        """Return True if the curve mostly runs across the unit vectors `directions` (m, 3)."""
         step = unit_vectors(np.diff(self.points, axis=0))
         return bool((dots(step, directions[self.faces[:-1]]) ** 2).mean() < 0.5)
 
 
 def guide_phases(lines: Sequence[GuideLine], frames: Frames, g: Floats, density: Floats) -> tuple[Bools, Floats]:
-    """Return a mask (n,) of vertices beside the curves of guides, and phases (n,) that put stripes on the curves.
-    Phases are in periods; 0 at other vertices."""
+    """Return a mask (n,) of vertices beside the curves, and phases (n,), periods, that put stripes on the curves."""
     lock, aim = np.zeros(frames.surface.n, dtype=bool), np.zeros(frames.surface.n)
     for line in lines:
         vertices, phase = line.target_phases(frames, g, density)

@@ -1,4 +1,4 @@
-"""Regions that stay material: around loads and supports, along the boundary, and regions of the user."""
+"""Regions that stay material."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -14,10 +14,9 @@ from dsfab.surface.topology import link_components
 
 EVEN = 0.01  # Largest error of a region's outline, divided by the region's `reach` (see `curve_fields`).
 SNAP = 0.05
-"""Usual `slicing.snap`: a cut nearer to a vertex than this fraction of an edge goes through the vertex.
-If that would move a region's outline by over 2 x `EVEN` x `reach` (see `SHORT`), edges at the vertex are halved."""
+"""Usual `slicing.snap`: a cut nearer to a vertex than this fraction of an edge goes through the vertex."""
 SHORT = 1 / 16
-"""Smallest edge that is halved, divided by `reach`. A region ends at the distance `reach` from its origins."""
+"""Length of the smallest edge that is halved, divided by the region's `reach`."""
 FINEST = 1 / 16  # Edges shorter than this fraction of the longest side of their uncut face are not halved.
 NEAR = 0.3  # Largest move of an outline onto a vertex, as a fraction of a mesh edge; also at most `EVEN` x `reach`.
 ASIDE = 0.1  # An edge is divided at an outline nearer to its middle than this fraction of the edge, else at its middle.
@@ -26,10 +25,9 @@ ASIDE = 0.1  # An edge is divided at an outline nearer to its middle than this f
 def curve_fields(
     surface: Surface, regions: Sequence[tuple[Origins, float]], rounds: int = 16, most_parts: int = 300_000
 ) -> list[Floats | DividedField]:
-    """Return a field (n,) for each region: minus the distance (m) along the surface from the origins of the region.
-    regions : pairs of origins (vertices, edges and faces) and the distance (m) from the origins at which a region ends.
-    Near the ends of regions, faces are divided into smaller faces, in up to `rounds` rounds or `most_parts` new faces.
-    All fields share the divided surface. Far outside a region, distances are only lower bounds."""
+    """Return a field (n,) for each region: minus the distance (m) along the surface from the region's origins.
+    regions : pairs of origins and the distance (m) at which a region ends.
+    Far outside a region, distances are only lower bounds."""
     divided, reaches = DividedSurface.undivided(surface), [reach for _, reach in regions]
     for rounds_left in reversed(range(rounds)):
         fields = [
@@ -62,7 +60,7 @@ def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distance
 
 
 def _crossings(surface: Surface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Floats:
-    """Return where to divide edges (e,), 0 to 1: at an outline if only one outline is near the middle, else 0.5."""
+    """Return fractions (e,), 0 to 1, at which to divide edges."""
     position, count = np.full(len(surface.edges.ends), 0.5), np.zeros(len(surface.edges.ends), dtype=np.int64)
     for distances, reach in zip(region_distances, reaches, strict=True):
         middle = distances.middle
@@ -89,7 +87,6 @@ def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floa
 
 
 def _undivided_field(surface: Surface, region: tuple[Origins, float], distances: Distances) -> Floats:
-    """Return minus `distances` (n,) to a region's origins; minus straight distances if the difference is small."""
     origins, reach = region
     near_vertices = np.unique(surface.F[distances.reached])
     straight = euclidean_distances(
@@ -107,7 +104,7 @@ def _finite_distances(distance: Floats, reach: float) -> Floats:
 
 
 def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools:
-    """Return a mask (e,) of edges to divide: the distance is not linear there, or `SNAP` moves the outline too far."""
+    """Return a mask (e,) of edges to divide."""
     vertex, middle, faces = distances.vertex, distances.middle, np.flatnonzero(distances.reached)
     sides, ends = surface.edges.of[faces], surface.edges.ends
     deviation = np.abs(vertex[ends[sides]].mean(axis=2) - middle[sides])
@@ -124,7 +121,7 @@ def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools
 
 def euclidean_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
     """Return the straight distance (n,), m, from each vertex to the nearest of the given faces, edges and vertices.
-    simplices : arrays (k, 3) of faces, (k, 2) of edges, (k, 1) of vertices; entries are vertex indices."""
+    simplices : vertex indices (k, 3) of faces, (k, 2) of edges, (k, 1) of vertices."""
     squared = np.full(surface.n, np.inf)
     for group in simplices:
         if len(group):
@@ -135,7 +132,7 @@ def euclidean_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
 @dataclass(frozen=True, eq=False)
 class RegionBand:
     """A band along the outline of a region, inside the region.
-    outline : edges between faces inside and outside the region.    width : metres.
+    outline : edges on the outline of the region.    width : metres.
     inside  : (n,) 1 inside the region, 0 on its outline, -1 outside."""
 
     outline: Origins
@@ -143,8 +140,7 @@ class RegionBand:
     inside: Floats
 
     def layer(self, field: Floats | DividedField) -> Layer:
-        """Return the band as a layer of the pattern. field : minus the distance (n,) from the outline, metres.
-        In the band, the layer's first value, `inside`, is above 0, and its second, distance - width, is below 0."""
+        """Return the band as a layer of the pattern. field : minus the distance (n,) from the outline, metres."""
         half_width = np.full(len(self.inside), np.inf)
         if not isinstance(field, DividedField):
             return Layer("rim", np.stack([self.inside, -field - self.width], axis=1), np.zeros(1), half_width)
@@ -154,8 +150,8 @@ class RegionBand:
 
 
 def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[Layer]:
-    """Return a layer of the pattern for each solid region of the user (do = "keep").
-    The values (n,) of a layer are 1 inside the region, 0 on its outline, -1 outside.
+    """Return a layer of the pattern for each solid region of the user.
+    The values (n,) are 1 inside the region, 0 on its outline, -1 outside.
     Raises PatternError for a region off the surface."""
     half_width = np.full(surface.n, np.inf)
     return [
@@ -166,8 +162,8 @@ def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[La
 
 def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float) -> list[RegionBand]:
     """Return a band inside the outline of each region that the preset marks with do = "rim".
-    The default width is `rim` (m). If `rim` is 0, the default width is half of (region's area / length of its outline).
-    Raises PatternError for a region off the surface, and for a region that covers a whole piece of the surface."""
+    rim : default width, metres; 0 for a width computed from the region.
+    Raises PatternError for an impossible region."""
     bands = []
     for k, faces in _faces(surface, regions, "rim"):
         inside = region_sides(surface, faces)
@@ -198,14 +194,14 @@ def _faces(surface: Surface, regions: Sequence[PatternRegion], do: str) -> Itera
 
 def region_sides(surface: Surface, faces: Bools) -> Floats:
     """Return 1 (n,) at vertices whose faces are all marked, -1 at vertices without a marked face, else 0.
-    faces : mask (m,) of the marked faces."""
+    faces : mask (m,)."""
     is_side = np.zeros((2, surface.n), dtype=bool)
     is_side[0, surface.F[faces]] = is_side[1, surface.F[~faces]] = True
     return np.asarray(is_side[0].astype(np.float64) - is_side[1])
 
 
 def outline_edges(surface: Surface, faces: Bools) -> Bools:
-    """Return a mask (e,) of the edges between marked faces (m,) and faces that are not marked."""
+    """Return a mask (e,) of the edges between marked faces (m,) and other faces."""
     marked = np.bincount(surface.edges.of[faces].ravel(), minlength=len(surface.edges.ends))
     return np.asarray((marked > 0) & (marked < surface.edges.count))
 
@@ -216,16 +212,15 @@ def distance_to_boundary(surface: Surface, reach: float = np.inf) -> Floats:
 
 
 def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.inf) -> Floats:
-    """Return the distance (n,) to marked vertices, and to the edges and faces between marked vertices, metres.
-    It is straight for areas of marked faces (see `patches`); else along the surface, and not valid above `reach`."""
+    """Return the distance (n,) to marked vertices, and to the edges and faces between these vertices, metres.
+    Distances above `reach` are not valid."""
     patch = patches(surface, vertices)
     curves = geodesic_distances(surface, curve_origins(surface, vertices & ~patch), reach)
     return np.minimum(distance_to_patches(surface, patch), curves.vertex)
 
 
 def patches(surface: Surface, vertices: Bools) -> Bools:
-    """Return a mask (n,) of marked vertices in patches. A patch has at least one face with three marked vertices.
-    Faces and inner edges with all vertices on the boundary are ignored, because they depend on the mesh."""
+    """Return a mask (n,) of marked vertices in patches. A patch has at least one face with three marked vertices."""
     edges, faces = _spanned_parts(surface, vertices)
     _, part = link_components(surface.n, *surface.edges.ends[edges].T)
     return np.asarray(vertices & np.isin(part, part[surface.F[faces]]))
@@ -239,13 +234,13 @@ def distance_to_patches(surface: Surface, vertices: Bools) -> Floats:
 
 
 def boundary_origins(surface: Surface) -> Origins:
-    """Return the boundary edges and vertices as `Origins`, from which distances are measured."""
+    """Return the boundary edges and vertices, from which distances are measured."""
     edges = surface.edges.boundary
     return Origins(_edge_ends(surface, edges), edges, np.zeros(surface.m, dtype=bool))
 
 
 def curve_origins(surface: Surface, vertices: Bools) -> Origins:
-    """Return marked vertices (n,), and the edges between them, as `Origins`, from which distances are measured."""
+    """Return marked vertices (n,), and the edges between them, from which distances are measured."""
     edges, _ = _spanned_parts(surface, vertices)
     return Origins(vertices, edges, np.zeros(surface.m, dtype=bool))
 
@@ -266,9 +261,8 @@ def _edge_ends(surface: Surface, edges: Bools) -> Bools:
 def kept_layers(
     surface: Surface, marked: Bools, keep: float, rim: float, regions_of_user: Sequence[PatternRegion] = ()
 ) -> list[Layer]:
-    """Return the layers of the pattern for all parts that stay solid: regions of the user, `keep` m around marked
-    vertices (n,), and `rim` m along the boundary. Regions of the user end at edges of the mesh. Other outlines are
-    smooth, but straight on each face around areas of marked faces (see `patches`)."""
+    """Return the layers of the pattern for all parts that stay solid.
+    keep : width (m) around marked vertices (n,).    rim : width (m) along the boundary."""
     patch = patches(surface, marked)
     regions = []
     if keep and (marked & ~patch).any():

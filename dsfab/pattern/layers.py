@@ -1,4 +1,4 @@
-"""Layers of a pattern: fields and levels of stripes, on eigenmodes or evenly spaced; and the fraction of material."""
+"""Layers of a pattern: fields and levels of stripes, and the fraction of material."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -19,10 +19,10 @@ from dsfab.surface.mesh import Surface
 
 class Layer(NamedTuple):
     """Values on the surface, and levels of these values that divide material from openings.
-    field      : values (n,): material if an odd number of levels lies below a value. Values (n, 2): material if a level
-                 lies below the first number, not below the second. Or a `CornerField` or `DividedField` of such values.
-    half_width : (n,) half widths of stripes, in periods, for previews and measures.
-    closed     : (n,) values, or None. An opening becomes material if the mean of these values in it is positive."""
+    field      : values (n,): material if an odd number of levels lies below. Values (n, 2): material if a level lies
+                 below the first number, not below the second.
+    half_width : (n,) half widths of stripes, in periods.
+    closed     : (n,) or None. An opening becomes material if the mean of these values in it is positive."""
 
     name: str
     field: Floats | CornerField | DividedField
@@ -33,9 +33,8 @@ class Layer(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ModeFamily:
-    """A family of stripes on an eigenmode.
-    x     : (n,) eigenmode; stripes follow lines of equal x.    slope : (n,) stripes per metre.
-    stress : (n,) size of the stress along the stripes, any unit; stripes may be wider where it is large."""
+    """Stripes on an eigenmode.
+    x     : (n,) eigenmode; stripes follow lines of equal x.    slope : (n,) stripes per metre."""
 
     name: str
     stripes: Stripes
@@ -56,7 +55,7 @@ class ModeFamily:
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return half widths (n,) of the stripes, in periods. factor : factor on half widths before limits apply."""
+        """Return half widths (n,) of the stripes, in periods. factor : on half widths, before limits apply."""
         return widths.half_widths(self.stripes.half_width, self.slope, self.stress, factor)
 
     adds = 0  # no effect: stripes on a mode have no finer stripes
@@ -67,7 +66,7 @@ class ModeFamily:
         return self.slope
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return a list of one layer with all stripes. `closing` has no effect. factor : factor on the half widths."""
+        """Return a list of one layer with all stripes. `closing` has no effect."""
         d = self.half_widths(widths, factor)
         if widths.vary:
             return [Layer(self.name, self.stripes.band(self.x, d), self.stripes.middles(self.x), d)]
@@ -75,9 +74,8 @@ class ModeFamily:
 
 
 class DrawableFamily(Protocol):
-    """Interface of families of stripes, on an eigenmode or evenly spaced.
-    density : (n,) stripes per metre.    stress : (n,) size of the stress along the stripes; any unit.
-    adds    : place of the family in the order in which families add finer stripes; 0 is first."""
+    """Interface of families of stripes.
+    density : (n,) stripes per metre.    adds : place in the order in which families add finer stripes; 0 is first."""
 
     @property
     def adds(self) -> int: ...
@@ -99,21 +97,19 @@ class DrawableFamily(Protocol):
         ...
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return half widths (n,) of the stripes, in periods. factor : factor on half widths before limits apply."""
+        """Return half widths (n,) of the stripes, in periods. factor : on half widths, before limits apply."""
         ...
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return the layers: first coarse stripes on the whole surface, then finer stripes in openings between them.
-        factor  : factor on the half widths.    closing : factor on the half widths that decides which openings are
-                  filled; 0: use `factor`. A fixed `closing` fills the same openings for each `factor`."""
+        """Return the layers: first coarse stripes, then finer stripes in the openings.
+        closing : factor on the half widths that decides which openings are filled; 0: use `factor`."""
         ...
 
 
 def stripe_layers(
     families: Sequence[DrawableFamily], widths: Widths, factor: float = 1.0, closing: float = 0.0
 ) -> list[Layer]:
-    """Return the layers of all families: first coarse stripes, then finer stripes in the openings between them.
-    factor, closing : factors on half widths, see `DrawableFamily.layers`."""
+    """Return the layers of all families: first coarse stripes, then finer stripes in the openings."""
     family_layers = [(family.adds, family.layers(widths, factor, closing)) for family in families]
     return [layers[0] for _, layers in family_layers] + [
         layer for _, layers in sorted(family_layers, key=itemgetter(0)) for layer in layers[1:]
@@ -121,8 +117,8 @@ def stripe_layers(
 
 
 def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], widths: Widths) -> float:
-    """Return the factor on all half widths that gives the same mean half width as the width rule `plain`.
-    Limits in metres in `widths` are ignored. Raises PatternError if too little of the surface is stressed."""
+    """Return the factor on half widths that gives the mean half width of the width rule `plain`.
+    Raises PatternError if too little of the surface is stressed."""
     free = Widths(widths.rule, widths.member, widths.q)
 
     def duty(factor: float) -> float:
@@ -133,14 +129,12 @@ def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], width
 
 
 CLOSING_WIDTHS = (1.45, 1.55)
-"""Two limits of half widths, as multiples of the crowded half width: max(`SLIT`, `CROWDING` x median half width).
-Up to the first limit, members become thinner, so that openings stay. From the second limit on, members merge.
-Openings that become material as a whole (see `Layer.closed`) use `WHOLE` instead."""
+"""Two limits of half widths, divided by the crowded half width: max(`SLIT`, `CROWDING` x median half width).
+Up to the first limit, members become thinner. From the second limit on, members merge."""
 FOLLOWING_WIDTHS = (1.15, 1.25)
-"""Limits in place of `CLOSING_WIDTHS` if widths follow stress. They are lower, because large stress needs material."""
+"""Limits in place of `CLOSING_WIDTHS` if widths follow stress."""
 WHOLE = 1.3
-"""An opening is filled if the mean half width in it is over WHOLE x the crowded half width (see `CLOSING_WIDTHS`).
-If widths follow the stress, the factor is the mean of the two `FOLLOWING_WIDTHS` instead of `WHOLE`."""
+"""An opening is filled if the mean half width in it is over WHOLE x the crowded half width."""
 WIDTH_RULES = {
     "solid": SOLID,
     "open": SLIT,
@@ -148,18 +142,15 @@ WIDTH_RULES = {
     "closing": CLOSING_WIDTHS,
     "following": FOLLOWING_WIDTHS,
 }
-"""Limits of stripe widths for the editor's page, which shows widths as the user moves a slider."""
+"""Limits of stripe widths for the editor's page."""
 
 
 @dataclass(frozen=True, eq=False)
 class EvenFamily:
-    """A family of evenly spaced stripes, with centre lines where a phase is a whole number.
-    A halving removes every second line from some faces.
-    phase   : phase at the corners of the faces, before any line is removed.
-    wanted  : an array (m,) for each halving: the fraction of each face in which it removes no lines. The first halving
-              removes the finest lines. Lines at multiples of 2^len(wanted) remain everywhere.
+    """Evenly spaced stripes, with centre lines where a phase is a whole number.
+    wanted  : (m,) for each halving: the fraction of each face in which no lines are removed.
+              The first halving removes the finest lines.
     slope   : (n,) lines per metre before halvings.    density : (n,) remaining lines per metre.
-    stress  : (n,) size of the stress along the stripes; any unit.    adds : see `DrawableFamily`.
     whole   : True to fill whole openings between members that are too close, False to fill narrow parts only."""
 
     name: str
@@ -176,13 +167,11 @@ class EvenFamily:
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return half widths (n,), divided by the distance of the remaining lines. factor : factor on the half widths.
-        Except under the rule `plain`, members that are too close become thinner or merge, see `CLOSING_WIDTHS`."""
+        """Return half widths (n,), divided by the distance of remaining lines. factor : factor on the half widths."""
         return self._closed_half_widths(self._requested_half_widths(widths, factor), widths)
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return a layer of lines that remain everywhere, then a layer for each halving: the lines it removes in part.
-        factor, closing : see `DrawableFamily.layers`."""
+        """Return a layer of lines that remain everywhere, then a layer for each halving."""
         requested = self._requested_half_widths(widths, factor)
         local = self._closed_half_widths(requested, widths)
         opened, closed = local, None
@@ -202,7 +191,7 @@ class EvenFamily:
         return layers
 
     def _requested_half_widths(self, widths: Widths, factor: float) -> Floats:
-        """Return half widths (n,), divided by the distance of remaining lines, before members get thinner or merge."""
+        """Return half widths (n,), divided by the distance of the remaining lines."""
         rule = replace(widths, min_gap=0.0) if widths.rule != "plain" else widths
         return rule.half_widths(self.stripes.half_width, self.density, self.stress, factor)
 
@@ -233,9 +222,9 @@ class EvenFamily:
 
 
 def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: int) -> Floats:
-    """Return half widths (n,) of stripes, divided by the line distance before halvings (removals of every second line).
-    local : half widths divided by the line distance after halvings; `SOLID` and more: all is material.
-    slope, density : (n,) lines per metre before and after halvings.    halvings : number of halvings."""
+    """Return half widths (n,) of stripes, divided by the line distance before halvings.
+    local : half widths divided by the line distance after halvings.
+    slope, density : (n,) lines per metre before and after halvings."""
     return np.asarray(np.where(local >= SOLID, SOLID * 2**halvings, local * slope / density))
 
 
@@ -253,13 +242,13 @@ def face_points(side: int = 3) -> Floats:
 
 
 def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -> Bools:
-    """Return a mask (m, p) of points in material: p points in each face, at barycentric coordinates `points` (p, 3)."""
+    """Return a mask (m, p) of points in material. points : barycentric coordinates (p, 3) in each face."""
     is_material = np.zeros((surface.m, len(points)), dtype=bool)
     for layer in layers:
         below = [np.searchsorted(layer.levels, x) for x in _point_values(surface, layer.field, points)]
         if isinstance(layer.field, CornerField):
             is_material |= (below[0] > below[1]) & _is_drawn(layer.field)[:, None]
-            if layer.closed is not None:  # an estimate at points, because the cut fills or keeps whole openings
+            if layer.closed is not None:
                 is_material |= (layer.closed[surface.F] @ points.T > 0) & ~layer.field.blank[:, None]
             continue
         is_material |= below[0] % 2 == 1 if len(below) == 1 else below[0] > below[1]
@@ -284,13 +273,13 @@ def _is_drawn(field: CornerField) -> Bools:
 
 
 def counted_share(surface: Surface, kept_layers: Sequence[Layer], side: int = 3) -> Callable[[Sequence[Layer]], float]:
-    """Return a function that estimates the fraction of the surface that layers cover, from side^2 points per face.
-    Its argument is a list of layers that begins with `kept_layers`. The error is about 0.003."""
+    """Return a function that estimates the fraction of the surface that layers cover.
+    The argument of the function is a list of layers that begins with `kept_layers`."""
     points = face_points(side)
     kept_points = material_points(surface, kept_layers, points)
 
     def share(layers: Sequence[Layer]) -> float:
-        with one_blas_thread():  # for narrow matrices, two threads take sixty times as long
+        with one_blas_thread():
             stripes = material_points(surface, layers[len(kept_layers) :], points)
         return float((kept_points | stripes).mean(axis=1) @ surface.areas / surface.area)
 

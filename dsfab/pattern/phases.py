@@ -1,4 +1,4 @@
-"""Phases of evenly spaced stripes: as complex numbers at vertices, and linear on each face (corner phases)."""
+"""Phases of evenly spaced stripes, at vertices and on each face."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,11 +16,11 @@ from dsfab.surface.fields import CornerField, hat_gradients
 from dsfab.surface.mesh import Surface
 
 SHIFT = 1e-3
-"""Shift of the inverse iteration, times the squared spacing of stripes. It makes the matrix positive definite."""
+"""Shift of the inverse iteration, times the squared spacing of stripes."""
 FLOW = 0.25  # 1 / duration of a step of diffusion, in units of (2 pi / spacing)^2.
 LOCKED_PHASE = 0.05
-"""Error (periods) below which a locked vertex gets exactly its target phase. Members at boundaries stay straight."""
-LOCK = 3.0  # Weight of the target phases in `Flow.solve`, per area of the surface and divided by (2 pi / spacing)^2.
+"""Error (periods) below which a locked vertex gets exactly its target phase."""
+LOCK = 3.0  # Weight of the target phases in `Flow.solve`.
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,13 +34,13 @@ class Flow:
 
     @cached_property
     def sign(self) -> Floats:
-        """(e,) 1 if the directions g at both ends of an edge make an angle under 90 degrees, else -1."""
+        """(e,) 1 if the directions g at the ends of an edge make an angle under 90 degrees, else -1."""
         i, j = self.frames.ends.T
         return self.frames.sides(self.g, i, j)
 
     @cached_property
     def turn(self) -> Floats:
-        """(e,) growth of the phase from first to second end of each edge, periods; positive along the first end's g."""
+        """(e,) growth of the phase from first to second end of each edge, periods; positive along g."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
@@ -48,7 +48,7 @@ class Flow:
 
     @cached_property
     def coupling(self) -> Complexes:
-        """(e,) complex weight of each edge between the phases at its ends; see `Frames.coupling`."""
+        """(e,) complex weight of each edge between the phases at its ends."""
         return self.frames.coupling(-2 * np.pi * self.turn)
 
     def solve(
@@ -61,15 +61,12 @@ class Flow:
         rounds: int = 10,
     ) -> Floats:
         """Return the phases (n,) of stripes at the vertices, in periods, -1/2 to 1/2. Phases grow along `g`.
-        The phases are angles of complex numbers psi. These minimise the sum of w |psi_j - e^{2 pi i turn} psi_i|^2 over
-        edges (i, j) of weight w; `turn` is the growth of the phase along an edge. If g is reversed along an edge, psi_i
-        is conjugated. At first, only the norm of the vector of all psi is fixed. Then `rounds` steps of diffusion and
-        normalisation give each psi_i the size 1 [Merriman, Bence, Osher 1992; for phases Viertel, Osting 2019].
-        start : (n,) start of the iteration. Without locked vertices, a centre line passes through its largest value.
+        The method is diffusion with normalisation [Merriman, Bence, Osher 1992; for phases Viertel, Osting 2019].
+        start : (n,) start of the iteration.
         lock  : (n,) vertices on the centre line of a stripe.
-        projection : projection of the numbers psi onto symmetric fields (see `Images.projection`); default: none.
+        projection : projection onto symmetric fields; default: none.
         aim   : (n,) target phases at locked vertices, in periods, -1/2 to 1/2; default 0.
-        free  : True to begin without locked vertices, because their phases may not fit together."""
+        free  : True to begin without locked vertices."""
         surface, n = self.frames.surface, self.frames.surface.n
         mass = np.maximum(surface.vertex_areas, 1e-12 * surface.area)
         inverse_square = float(surface.vertex_areas @ self.density / surface.area) ** 2
@@ -108,16 +105,15 @@ def _complex_numbers(x: Floats) -> Complexes:
     return np.ascontiguousarray(x).view(np.complex128)
 
 
-@one_blas_thread()  # two threads took three times as long for products of vectors
+@one_blas_thread()
 def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: int, products: int) -> Floats:
-    """Apply a linear function B `power` times to x (N,); return the result, scaled so that sum(mass x^2) = 1.
-    B is called at most `products` times: Arnoldi's method [Saad 1992] replaces B by a small matrix. The result is exact
-    if `products` is at least `power`."""
+    """Apply a linear function B `power` times to x (N,); return the scaled result, sum(mass x^2) = 1.
+    products : largest number of calls of B, by Arnoldi's method [Saad 1992]."""
     basis = [_unit_vector(B(x), mass)]
     H = np.zeros((products, products - 1))
     for k in range(products - 1):
         rest = B(basis[k])
-        for _ in range(2):  # the second pass removes rounding errors
+        for _ in range(2):
             for j, q in enumerate(basis):
                 share = q @ (mass * rest)
                 H[j, k] += share
@@ -140,8 +136,7 @@ def _unit_vector(x: Floats, mass: Floats) -> Floats:
 
 
 def through_peaks(phase: Floats, weight: Floats) -> Floats:
-    """Return phases (n,), shifted by half a period if this moves centre lines of stripes to larger `weight` (n,).
-    Phases shift if the weighted mean of cos(2 pi phase) is below -0.02."""
+    """Return phases (n,), shifted by half a period if centre lines then have larger `weight` (n,)."""
     if weight @ np.cos(2 * np.pi * phase) >= -0.02 * weight.sum():
         return phase
     return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))
@@ -156,7 +151,7 @@ class CornerPhase:
     """Phase of stripes on a surface, a whole number on each centre line.
     value    : (n,) phase at the vertices, periods.
     sign     : (m, 3) 1 or -1. The phase at a face's corner is sign * value + shift.    shift : (m, 3) whole numbers.
-    singular : (m,) faces without a phase, because a stripe ends or the direction reverses in them.
+    singular : (m,) faces without a phase.
     broken   : number of faces in which a stripe ends."""
 
     value: Floats
@@ -171,7 +166,7 @@ class CornerPhase:
 
     @property
     def field(self) -> CornerField:
-        """The phase as a `CornerField`: values at the corners of the faces."""
+        """The phase as a `CornerField`."""
         return CornerField(self.value[:, None], self.sign, self.shift, self.singular)
 
     def corners(self, surface: Surface) -> Floats:
@@ -183,14 +178,13 @@ class CornerPhase:
         return np.asarray(np.einsum("mcx,mc->mx", hat_gradients(surface), self.corners(surface)))
 
     def times(self, factor: int) -> "CornerPhase":
-        """Return the phase with `factor` stripes in place of each stripe; `factor` is a whole number."""
+        """Return the phase with `factor` (a whole number) stripes in place of each stripe."""
         return replace(self, value=factor * self.value, shift=factor * self.shift)
 
 
 def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | None = None) -> CornerPhase:
-    """Return the phases (n,) of `Flow.solve`, in periods, as a `CornerPhase`, which is linear on each face.
-    alternative : function that returns other phases (n,), called if stripes end within faces. The phases whose stripes
-    end in fewer faces are used."""
+    """Return the phases (n,) of `Flow.solve` as a `CornerPhase`.
+    alternative : function that returns other phases (n,), called if stripes end within faces."""
     result = _face_phases(flow, phase)
     if alternative and result.broken:
         result = min(result, _face_phases(flow, alternative()), key=lambda one: one.broken)
@@ -198,15 +192,13 @@ def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | 
 
 
 def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
-    """Return phases at the corners of each face. The differences along edges (modulo 1) are nearest to `flow.turn`.
-    A face is singular if the phase or its sign does not return to its start value on a path around the face."""
     surface, sign = flow.frames.surface, flow.sign
     i, j = flow.frames.ends.T
     miss = sign * phase[j] - phase[i] - flow.turn
     step = flow.turn + miss - np.rint(miss)
     edge, F = surface.edges.of, surface.F
-    forward = i[edge] == F  # half-edges that run in their edge's direction
-    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # along half-edges; positive along g at the start
+    forward = i[edge] == F
+    growth = np.where(forward, step[edge], -sign[edge] * step[edge])
     edge_sign = sign[edge]
     s1 = edge_sign[:, 0]
     s2 = s1 * edge_sign[:, 1]
@@ -222,12 +214,11 @@ def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
 
 
 def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase with a new sign and a new shift in each face, so that adjacent faces agree."""
     h0, h1 = surface.edges.pairs.T
     f, g = h0 // 3, h1 // 3
     sign, shift = phase.sign.ravel(), phase.shift.ravel()
     starts_at_h0 = surface.F.ravel()[h0] != surface.F.ravel()[h1]
-    corner_g = np.where(starts_at_h0, h1 - h1 % 3 + (h1 + 1) % 3, h1)  # corner of face g where half-edge h0 starts
+    corner_g = np.where(starts_at_h0, h1 - h1 % 3 + (h1 + 1) % 3, h1)  # corner of face g
     s = sign[h0] * sign[corner_g]  # z_f = s z_g + q
     q = shift[h0] - s * shift[corner_g]
     is_regular = ~(phase.singular[f] | phase.singular[g])
@@ -248,9 +239,8 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
 def propagate_phases(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
-    """Set `signs` and `shifts` (m,) of the faces in `order`. Then sign x phase + shift has no jump between a face and
-    its predecessor. The first face gets the sign 1 and the shift 0.
-    order, predecessor : results of scipy's breadth-first search: faces, and (m,) the face before each face.
+    """Set `signs` and `shifts` (m,) of the faces in `order`, so that phases have no jumps.
+    predecessor : (m,) the face before each face.
     s, q : sign and shift between adjacent faces.    link : (m, m) 1 + index into s, q; negative in reverse."""
     child = order[1:]
     if not len(child):
@@ -271,8 +261,7 @@ def propagate_phases(
 
 
 def _seen_by_first_faces(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the same phase with other values at the vertices: the phase of the first regular face at each vertex.
-    Signs are then 1 and shifts 0, except at seams, where the phase jumps."""
+    """Return the same phase with the values of the first regular face at each vertex."""
     first_corner = np.full(len(phase.value), -1)
     corner = surface.F.ravel()
     usable = np.flatnonzero(np.repeat(~phase.singular, 3))

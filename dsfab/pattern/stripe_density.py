@@ -1,6 +1,4 @@
-"""Stripes per metre, as even as possible for stripes with a given direction.
-Stripes with gradients along g do not end if their density e^u has curl(e^u g) = 0. A least-squares solution of this
-equation gives only the derivative of u along the stripes [cf. the curl-free frame fields of Diamanti et al. 2015]."""
+"""Density of stripes, as even as possible for given directions [cf. Diamanti et al. 2015]."""
 
 from typing import NamedTuple
 
@@ -13,17 +11,16 @@ from dsfab.surface.mesh import Surface
 
 SMOOTH = 0.02  # Weight of |grad u|^2, for u = log(density). This term determines u where directions are unclear.
 EVEN = 0.3
-"""Weight of u^2 for u = log(density of stripes), divided by the surface's area: it keeps the density near its mean."""
+"""Weight of u^2 for u = log(density of stripes), divided by the area."""
 RANGE = (-2.0, 1.5)  # Bounds of u = log(density of stripes) if no lines are removed (see `Halving`).
 COARSE_RANGE = (-1.0, 3.0)
-"""Bounds of u, the logarithm of the relative density of stripes, if lines may be removed (see `Halving`)."""
+"""Bounds of u, the logarithm of the relative density, if lines may be removed."""
 MOST_HALVINGS = 3
 
 
 def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
-    """Return u (n,), the logarithm of the relative density of stripes at the vertices; its median is 0.
-    g : (n, 3) direction across the stripes, up to sign.    confidence : (m,) weight of each face, 0 to 1.
-    In each face, u satisfies p . grad u = curl g / |mean g|, by least squares; p is the direction along the stripes."""
+    """Return u (n,), the logarithm of the relative density of stripes; the median is 0.
+    g : (n, 3) direction across the stripes, up to sign.    confidence : (m,) weight of each face, 0 to 1."""
     surface = frames.surface
     grad = hat_gradients(surface)
     corners = g[surface.F]
@@ -52,8 +49,8 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
 
 class Halving(NamedTuple):
     """Halvings of the stripes' centre lines: a halving removes every second line.
-    most : largest number of halvings.    wish : (n,) wished number at each vertex, not rounded, 0 to `most`.
-    free : (n,) wished number, also below 0 or above `most`.    limits : bounds of u = log(density before halvings)."""
+    most : largest number of halvings.    wish : (n,) wished number, not rounded, 0 to `most`.
+    free : (n,) wished number without limits.    limits : bounds of u = log(density before halvings)."""
 
     most: int
     wish: Floats
@@ -62,15 +59,13 @@ class Halving(NamedTuple):
 
     @property
     def times(self) -> Floats:
-        """(n,) number of halvings at each vertex, a whole number from 0 to `most`."""
+        """(n,) number of halvings at each vertex, from 0 to `most`."""
         return np.floor(self.wish)
 
 
 def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
-    """Return the halvings (removals of every second line) that make the spacing of stripes most even.
-    u : (n,) logarithm of the density of lines.    mass : (n,) area at each vertex.    allowed : False for no halvings.
-    Lines are halved while their density stays over a limit. The best of 40 limits gives the smallest ratio of wide to
-    narrow spacing (percentiles 95 and 5). Each halving must reduce this ratio by 5 %."""
+    """Return the halvings (removals of every second line) for the most even spacing.
+    u : (n,) logarithm of the density of lines.    mass : (n,) areas.    allowed : False for no halvings."""
     if not allowed:
         return Halving(0, np.zeros_like(u), np.zeros_like(u), RANGE)
     ascending = np.argsort(u, kind="stable")  # sorted once, for fast quantiles
@@ -95,8 +90,8 @@ def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
 
 
 def density(surface: Surface, u: Floats, spacing: float, halved: Halving) -> Floats:
-    """Return the density of centre lines (n,), per metre, before halvings: removals of every second line.
-    After the halvings `halved`, the mean distance of lines is `spacing` (m). u : (n,) logarithm of the density."""
+    """Return the density of centre lines (n,), per metre, before halvings.
+    spacing : mean distance (m) of lines after halvings.    u : (n,) logarithm of the density."""
     w = np.exp(np.clip(u, *halved.limits))
     remaining = w / 2**halved.times
     mean = float(surface.vertex_areas @ remaining) / surface.area

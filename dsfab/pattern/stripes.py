@@ -1,4 +1,4 @@
-"""`Stripes`: stripes of material on an eigenmode; and the triangle wave [Diffusion Structures, section 3.5]."""
+"""Stripes of material on an eigenmode [Diffusion Structures, section 3.5]."""
 
 from dataclasses import dataclass, replace
 
@@ -9,7 +9,7 @@ from dsfab.core.errors import PatternError
 from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
-GLSL = "float wave(float t) { return 4.0 * abs(fract(t) - 0.5) - 1.0; }"  # The function `wave` for shaders.
+GLSL = "float wave(float t) { return 4.0 * abs(fract(t) - 0.5) - 1.0; }"  # `wave` for shaders
 
 
 def wave(t: Floats) -> Floats:
@@ -18,7 +18,7 @@ def wave(t: Floats) -> Floats:
 
 
 def half_width(threshold: float) -> float:
-    """Return the half width of stripes, periods: `wave` exceeds `threshold` within this distance of whole numbers."""
+    """Return the half width of stripes in periods, at which `wave` is `threshold`."""
     return (1 - threshold) / 4
 
 
@@ -27,7 +27,7 @@ class Stripes:
     """Stripes of material where p(frequency x + phase) > threshold; p is the triangle wave, x an eigenmode.
     frequency : stripes per unit of the mode; positive.
     phase     : shift in periods.
-    threshold : -1 (everything is material) to 1 (everything is void); with 0, half of each period is material.
+    threshold : -1 (all is material) to 1 (all is void).
     Raises PatternError for other values."""
 
     frequency: float
@@ -44,52 +44,50 @@ class Stripes:
 
     @property
     def half_width(self) -> float:
-        """Half width d in periods: 0 (no material) to 0.5 (all material)."""
+        """Half width in periods: 0 (no material) to 0.5 (all material)."""
         return half_width(self.threshold)
 
     def with_width_factor(self, factor: float) -> "Stripes":
         """Return stripes whose half width is `factor` times as large, up to 0.5."""
-        if factor == 1:  # return the same numbers, without rounding errors
+        if factor == 1:  # avoids rounding errors
             return self
         return replace(self, threshold=1 - 4 * min(factor * self.half_width, 0.5))
 
     def phases(self, x: Floats) -> Floats:
-        """Return z = frequency x + `phase` for a mode x (...); z is a whole number on centre lines."""
+        """Return the phases (...) of a mode x (...): whole numbers on centre lines."""
         return self.frequency * x + self.phase
 
     def band(self, x: Floats, d: Floats) -> Floats:
-        """Return pairs (n, 2): phase of the mode x (n,) plus half width d (n,), and phase minus d, in periods.
-        A point is material if a whole number lies between both numbers of its pair."""
+        """Return pairs (n, 2): phase of the mode x (n,) plus half width d (n,), and minus d."""
         z = self.phases(x)
         return np.stack([z + d, z - d], axis=1)
 
     def middles(self, x: Floats) -> Floats:
-        """Return the phases (k,) of centre lines: whole numbers in the range for x (n,), up to two more at each end."""
+        """Return the phases (k,) of centre lines for a mode x (n,), up to two more at each end."""
         z = self.phases(x)
         return np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
 
     def value(self, x: Floats) -> Floats:
-        """Return a value (...) for each value x (...) of the mode: positive in material, negative in openings."""
+        """Return values (...) for a mode x (...): positive in material, negative in openings."""
         return wave(self.frequency * x + self.phase) - self.threshold
 
     def levels(self, x: Floats) -> Floats:
-        """Return the values (k,) of a mode x (n,) at the edges of stripes, ascending, for the whole range of x.
+        """Return the values (k,) of a mode x (n,) at the edges of stripes, ascending.
         Stripes lie between the first and second value, the third and fourth, and so on."""
         d = self.half_width
         if d == 0:
             return np.empty(0)
-        if d >= 0.5:  # all is material: one level lies below all values
+        if d >= 0.5:
             return np.array([x.min() - 1.0 / self.frequency])
         k = self.middles(x)
         return (np.stack([k - d, k + d], axis=1).ravel() - self.phase) / self.frequency
 
 
 def frequency_for(surface: Surface, x: Floats, spacing: float) -> float:
-    """Return the frequency at which centre lines of stripes on a mode x (n,) have the mean distance `spacing` (metres).
-    The mean distance is the area divided by the length of the centre lines. The mean of this length for all phases is
-    the integral of |grad z|: the co-area formula [Federer 1959]. Raises PatternError for a constant mode."""
+    """Return the frequency at which stripes on a mode x (n,) have the mean distance `spacing` (metres).
+    The formula is the co-area formula [Federer 1959]. Raises PatternError for a constant mode."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), x[surface.F])
-    lines = float(surface.areas @ np.linalg.norm(gradient, axis=1))  # length (m) of all centre lines at frequency 1
+    lines = float(surface.areas @ np.linalg.norm(gradient, axis=1))
     if not lines * spacing > 0:
         raise PatternError("spacing must be a positive length in metres, and the eigenmode must not be constant")
     return surface.area / (spacing * lines)

@@ -1,4 +1,4 @@
-"""Rings and rays of stripes around small supported loops: heads of columns, and openings that a surface hangs from."""
+"""Rings and rays of stripes around small supported loops."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -15,23 +15,24 @@ from dsfab.surface import Surface, geodesic_distances
 from dsfab.surface.fields import hat_gradients
 
 REACH = 1.5
-"""Distance from a small supported loop within which stripes form rings and rays, divided by the stripes' spacing."""
+"""Largest distance of rings and rays from a loop, divided by the stripes' spacing."""
 PULL = 100.0
-"""Weight of ring and ray directions at a small supported loop, above that of the stress; 0 at the distance `REACH`."""
+"""Weight of ring and ray directions."""
 
 
 def small_loops(surface: Surface, supported: Bools, spacing: float) -> list[Ints]:
-    """Return the vertices (k,) of each boundary loop with mean radius below `spacing` (m) and support all around."""
+    """Return the vertices (k,) of each small supported boundary loop.
+    spacing : largest mean radius (m)."""
     loops = [loop for loop in surface.loops if supported[loop].all()]
     return [loop for loop in loops if polygon_perimeter(surface.V[loop]) < 2 * np.pi * spacing]
 
 
 @dataclass(frozen=True, eq=False)
 class LoopSurroundings:
-    """Surroundings of a small supported loop: one family forms rings, the other family rays.
-    weight   : (n,) weight of rings and rays at the vertices.
-    ray      : (n,) square of the unit direction of rays, complex in the frames of the vertices.
-    outwards : (m, 3) unit direction away from the loop; 0 farther away than `REACH`."""
+    """Surroundings of a small supported loop.
+    weight   : (n,) weight of rings and rays.
+    ray      : (n,) square of the unit direction of rays, complex.
+    outwards : (m, 3) unit direction away from the loop; 0 far away."""
 
     weight: Floats
     ray: Complexes
@@ -39,7 +40,7 @@ class LoopSurroundings:
 
     @classmethod
     def from_support(cls, frames: Frames, supported: Bools, spacing: float) -> tuple[Self, ...]:
-        """Return rings and rays around each small boundary loop of `supported` vertices (n,); see `small_loops`."""
+        """Return rings and rays around each small boundary loop of `supported` vertices (n,)."""
         surface, reach, surroundings = frames.surface, REACH * spacing, []
         for loop in small_loops(surface, supported, spacing):
             on_loop = np.isin(np.arange(surface.n), loop)
@@ -53,8 +54,8 @@ class LoopSurroundings:
         return tuple(surroundings)
 
     def guidance(self, frames: Frames, stress: StressDirections, turn: float) -> Guidance:
-        """Return the directions of stripes around this supported loop. Major stripes run along rays if the mean stress
-        is larger along rays than along rings. turn : rotation of both families of stripes, radians."""
+        """Return the directions of stripes around this loop.
+        turn : rotation of the two families of stripes, radians."""
         surface, cosine = frames.surface, dots(stress.direction[:, 0], self.outwards)
         ray_minus_ring_stress = (stress.stress[:, 0] - stress.stress[:, 1]) * (2 * cosine**2 - 1)
         share = surface.areas * self.weight[surface.F].mean(axis=1)

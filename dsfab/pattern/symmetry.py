@@ -1,4 +1,4 @@
-"""`Images`: makes stripes symmetric, by averaging directions, densities and phases over the images of each point."""
+"""Makes stripes symmetric, by averages over the symmetric images of each point."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,12 +11,12 @@ from dsfab.core.arrays import Bools, Complexes, Floats, Ints
 from dsfab.pattern.frames import Frames, dots
 
 Projection = Callable[[Complexes], Complexes]
-"""A function from complex numbers (n,) at the vertices to the nearest field with the symmetry of the surface."""
+"""Function from complex numbers (n,) at the vertices to the nearest symmetric field."""
 
 
 @dataclass(frozen=True, eq=False)
 class Images:
-    """A group of rotations and mirrors of a surface, and the images of its vertices.
+    """Rotations and mirrors of a surface, and the images of its vertices.
     R     : (g, 3, 3) orthogonal matrices, the identity first.
     maps  : g sparse (n, n) matrices; maps[i] @ x interpolates a field x at the images of the vertices.
     faces : (g, m) the face that contains the image of each face's centroid; None if unused."""
@@ -27,25 +27,24 @@ class Images:
 
     @classmethod
     def identity(cls, n: int) -> Self:
-        """Return the images of n vertices without symmetry: each vertex is its only image."""
+        """Return the images of n vertices without symmetry."""
         return cls(np.eye(3)[None], (csr_array(eye_array(n)),))
 
     def mean(self, x: Floats) -> Floats:
-        """Return the mean (n, ...) of a field at all symmetric images of each vertex."""
+        """Return the mean (n, ...) of a field over the symmetric images of each vertex."""
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / len(self.maps))
 
     def marked_in_any(self, marked: Bools) -> Bools:
-        """Return a mask (m,) of the marked faces and their symmetric images.
-        Marks stay unchanged if a rotation or mirror does not map vertices to vertices."""
+        """Return a mask (m,) of the marked faces and, if vertices map to vertices, of their symmetric images."""
         exact = all(T.nnz == T.shape[0] for T in self.maps)
         return np.asarray(marked[self.faces].any(axis=0)) if exact and self.faces is not None else marked
 
     def directions(self, frames: Frames, along: Floats) -> Floats:
-        """Return the symmetric field of unit tangents (n, 3), up to sign, that is nearest to the tangents `along`."""
+        """Return symmetric unit tangents (n, 3), up to sign, nearest to the tangents `along`."""
         if len(self.maps) == 1:
             return along
         n = len(along)
-        products = (along[:, :, None] * along[:, None, :]).reshape(n, 9)  # matrices v v^T, equal for v and -v
+        products = (along[:, :, None] * along[:, None, :]).reshape(n, 9)  # equal for v and -v
         total = np.zeros((n, 3, 3))
         for R, T in zip(self.R, self.maps, strict=True):
             total += R.T @ (T @ products).reshape(n, 3, 3) @ R
@@ -55,9 +54,8 @@ class Images:
         return frames.direction(np.arctan2(2 * xy, xx - yy) / 2)
 
     def projection(self, V: Floats, g: Floats, density: Floats) -> Projection:
-        """Return a function that makes complex phases symmetric: it averages them over the images of each vertex.
-        The phases have the gradient `density` (n,) x g (n, 3) at the vertices V (n, 3). If an image lies between
-        vertices, phases are extrapolated to the image. Phases are conjugated if g is reversed at the image."""
+        """Return a function that makes complex phases symmetric.
+        The phases have the gradient `density` (n,) x g (n, 3) at the vertices V (n, 3)."""
         if len(self.maps) == 1:
             return lambda x: x
         growth = density[:, None] * g
@@ -68,15 +66,14 @@ class Images:
 
     @staticmethod
     def _phase_map(R: Floats, T: csr_array, V: Floats, growth: Floats) -> tuple[csr_array, csr_array]:
-        """Return matrices A, B: values x at points V become A x + B conj(x) at the images of V. R : rotation or mirror.
-        T : interpolation at the images.    growth : gradient of the phase (periods per m), up to sign."""
+        """Return matrices A, B: values x at V become A x + B conj(x) at the images."""
         column = T.indices
         row = np.repeat(np.arange(T.shape[0]), np.diff(T.indptr))
         growth_there, growth_here = growth[row] @ R.T, growth[column]
         turned = dots(growth_there, growth_here) < 0
         sign = np.where(turned, -1.0, 1.0)
         step = (T @ V)[row] - V[column]
-        turn = np.pi * dots(growth_here + sign[:, None] * growth_there, step)  # growth of the phase along `step`
+        turn = np.pi * dots(growth_here + sign[:, None] * growth_there, step)
         value = T.data * np.exp(1j * turn)
         direct, conjugate = (
             csr_array((value * selected, column, T.indptr), shape=T.shape) for selected in (~turned, turned)

@@ -1,4 +1,4 @@
-"""Widths of stripes: from a threshold, constant in metres, from the stress, or adjusted until the energy is even."""
+"""Rules for the widths of stripes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,25 +18,25 @@ Rule = Literal["plain", "constant", "graded", "stressed"]
 SOLID = 0.5  # Half width, in periods, at which neighbouring stripes touch.
 ROUNDS = (2, 60)  # Smallest and largest number of rounds of averaging in `spread_means`.
 JUMP = 5e-3
-"""Largest accepted error of the share of material if the share jumps because loose ends appear or vanish."""
+"""Largest accepted error of the share of material at a jump."""
 
 
 class ShareJumpError(PatternError):
-    """The share of material jumps past its target: larger and smaller shares are possible, but none near it."""
+    """The share of material jumps past the target."""
 
 
 @dataclass(frozen=True)
 class Widths:
-    """Rule for the half width d of stripes at every vertex; z is their phase.
+    """Rule for the half width d of stripes at every vertex; z is the phase.
 
     rule      : "plain"     d = (1 - threshold) / 4 (see `Stripes`), as in the paper by Madan et al.;
                 "constant"  d = |grad z| member / 2: the same width in metres;
                 "graded"    d proportional to (1 - threshold) |stress|^q, the stress along the stripes of the family;
                 "stressed"  begins as "graded", then widens where the cut sheet has most energy.
-    member    : width of members, metres, for "constant".    q : 0 to 4, for "graded" and the beginning of "stressed".
+    member    : width of members, metres, for "constant".    q : 0 to 4, exponent for "graded".
     min_width, max_width : bounds on the width under any rule, metres; 0 for none.
     min_gap   : metres; narrower gaps between stripes become material; 0 for none.
-    Raises PatternError for other values, and for "constant" without `member`."""
+    Raises PatternError for invalid values."""
 
     rule: Rule = "plain"
     member: float = 0.0
@@ -60,7 +60,7 @@ class Widths:
 
     @property
     def radius(self) -> float:
-        """Radius (m) of the disc over which slopes are averaged: half of `member` if `rule` is "constant", else 0."""
+        """Radius (m) of the disc over which slopes are averaged."""
         return self.member / 2 if self.rule == "constant" else 0.0
 
     @property
@@ -70,18 +70,18 @@ class Widths:
 
     @property
     def vary(self) -> bool:
-        """True if the half width may differ from vertex to vertex."""
+        """True if the half width may vary."""
         return self.rule != "plain" or max(self.min_width, self.max_width, self.min_gap) > 0
 
     def grading(self, stress: Floats) -> Floats:
-        """Return factors (n,) on the half width of the rule "plain". stress : see `half_widths`."""
+        """Return factors (n,) on the half width of the rule "plain".
+        stress : (n,) size of the stress along the stripes."""
         return stress**self.q if self.rule == "graded" else stress if self.rule == "stressed" else np.ones_like(stress)
 
     def half_widths(self, base: float, slope: Floats, stress: Floats, factor: float = 1.0) -> Floats:
-        """Return half widths d (n,) in periods, 0 (no material) to 0.5 (no gap). A larger `factor` never reduces d.
+        """Return half widths d (n,) in periods, 0 (no material) to 0.5 (no gap).
         base   : d of the rule "plain".    slope : (n,) |grad z|, periods per metre (see `slopes`).
-        stress : (n,) size of the stress along the stripes, any unit; for "stressed" the relative half widths.
-        factor : factor on the half widths before the bounds apply."""
+        stress : (n,) size of the stress along the stripes, any unit; for "stressed" the relative half widths."""
         d = factor * (slope * (self.member / 2) if self.rule == "constant" else base * self.grading(stress))
         if self.max_width:
             d = np.minimum(d, slope * (self.max_width / 2))
@@ -90,20 +90,19 @@ class Widths:
 
 
 def vertex_means(surface: Surface, x: Floats) -> Floats:
-    """Return area-weighted means (n, ...) of values x (m, ...) of the faces around each vertex; 0 without faces."""
+    """Return area-weighted means (n, ...) of values x (m, ...) around each vertex."""
     return np.asarray(_averaging(surface) @ x)
 
 
 def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
-    """Return the mean of |grad z| around each vertex (n,): periods per metre for a phase z (n,).
-    radius : radius of the disc for the mean, m. At least two rings of faces are included."""
+    """Return the mean of |grad z| around each vertex (n,), periods per metre.
+    z : (n,) phase.    radius : of the disc for the mean, m."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), z[surface.F])
     return spread_means(surface, np.linalg.norm(gradient, axis=1), radius)
 
 
 def spread_means(surface: Surface, x: Floats, radius: float) -> Floats:
-    """Return means (n, ...) of values x (m, ...) of the faces within about `radius` metres of each vertex.
-    Each mean includes at least two rings of faces, but no faces across a gap between sheets."""
+    """Return means (n, ...) of values x (m, ...) within about `radius` metres of each vertex."""
     average = _averaging(surface)
     means = average @ x
     # each round adds a variance h^2 / 3 (mesh width h), until the sum is the variance R^2 / 4 of a disc of radius R
@@ -120,7 +119,7 @@ def _averaging(surface: Surface) -> csr_array:
 
 
 def relative_stresses(surface: Surface, principal: Floats) -> Floats:
-    """Return sizes (n, 2) of both principal stresses (m, 2) at the vertices, divided by their mean on the surface.
+    """Return sizes (n, 2) of the principal stresses (m, 2) at the vertices, divided by the mean.
     Raises PatternError if the stress is zero."""
     size = vertex_means(surface, np.abs(principal))
     mean = float(surface.vertex_areas @ size.mean(axis=1)) / surface.area
@@ -137,12 +136,11 @@ def solved_factor(
     jump: float = JUMP,
     steepest: float = 40,
 ) -> float:
-    """Return the factor at which the increasing function share(factor) differs from `target` by at most `tolerance`.
-    slope    : approximate derivative of `share`, to search from factor 1 (Newton, secants); 0 for no such search.
-    jump     : accepted error if `share` jumps from values below `target` to values above it.
-    steepest : largest growth of `share` per relative change of the factor, except at jumps.
-    The method is regula falsi with the Illinois rule [Dowell, Jarratt 1971]. Raises PatternError if no factor exists,
-    and ShareJumpError at a jump."""
+    """Return the factor at which the increasing function share(factor) is `target` [Dowell, Jarratt 1971].
+    slope    : approximate derivative of `share`, or 0.
+    jump     : accepted error at a jump of `share`.
+    steepest : largest growth of `share` per relative change of the factor.
+    Raises PatternError if no factor exists, and ShareJumpError at a jump."""
 
     @cache
     def evaluate(factor: float) -> _End:
@@ -173,7 +171,6 @@ def solved_factor(
 
 
 def _secant_interval(evaluate: Callable[[float], _End], tolerance: float, slope: float) -> tuple[_End, _End] | None:
-    """Return an interval around the factor at which share(factor) = target, by secants from factor 1, or None."""
     end = evaluate(1.0)
     for _ in range(5):
         if _miss(end) <= tolerance or end[0] * slope <= end[1]:
@@ -186,7 +183,6 @@ def _secant_interval(evaluate: Callable[[float], _End], tolerance: float, slope:
 
 
 def _bracket(evaluate: Callable[[float], _End], target: float, tolerance: float) -> tuple[_End, _End]:
-    """Return an interval around the factor that gives `target`, with ends in 0, 1, 4, 16 ...; (1, 1) if 1 gives it."""
     start = evaluate(1.0)
     if _miss(start) <= tolerance:
         return start, start
@@ -217,12 +213,10 @@ def _unreachable_error(target: float, reach: str) -> PatternError:
 def evened_grading(
     surface: Surface, grading: Floats, work: Floats, material: Floats, spacing: float, limit: float = 2.0
 ) -> Floats:
-    """Return the next relative half widths (n, k) of k families, for a more even energy. grading : the last widths.
-
-    work     : (m, k) energy, joules, of each family in each face.    material : (m, k) area of each family there, m2.
-    spacing  : metres from stripe to stripe. Averages extend over 0.4 spacings, so that neighbouring stripes do not mix.
-    limit    : largest factor by which a half width grows or shrinks in a step.
-    Widths grow with the square root of the energy per area of material; they stay where there is no material."""
+    """Return the next relative half widths (n, k) of k families, for a more even energy.
+    grading  : (n, k) the last widths.
+    work     : (m, k) energy, joules, in each face.    material : (m, k) area, m2.
+    spacing  : metres from stripe to stripe.    limit : largest factor of a change."""
     densities = np.concatenate([work, material], axis=1) / surface.areas[:, None]
     mean_work, share = np.split(spread_means(surface, densities, 0.4 * spacing), 2, axis=1)
     has_material = (share > 1e-9) & (mean_work > 0)

@@ -1,4 +1,4 @@
-"""Checks of a preset's keys, values, names of load cases and material values, with error messages."""
+"""Checks of the keys and values of a preset."""
 
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -26,7 +26,7 @@ LISTED: dict[Any, Any] = {"support": Support, "combination": Combination, "guide
 
 
 def mistakes(error: ValidationError, model: type[BaseModel]) -> str:
-    """Return all mistakes in a preset or a section as sentences, from pydantic's error; each mistake once."""
+    """Return all mistakes in a preset or a section as sentences."""
     return "; ".join(dict.fromkeys(_sentence(detail, model) for detail in error.errors()))
 
 
@@ -48,7 +48,7 @@ def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> str:
         hint = did_you_mean(str(detail["input"]), allowed)
         if allowed == ["auto"]:
             hint = f" or a number{hint}"
-    if kind == "string_pattern_mismatch" and ".-]" in detail["ctx"]["pattern"]:  # the value must be a name
+    if kind == "string_pattern_mismatch" and ".-]" in detail["ctx"]["pattern"]:
         letters = "letters a to z, digits" if "A-Z" in detail["ctx"]["pattern"] else "letters, digits, spaces"
         return f"{key} = {_short_repr(detail['input'])}: use {letters} and the marks _ . - after a letter or digit"
     text = detail["msg"].removeprefix("Input ").replace("a valid tuple", "a list")
@@ -98,7 +98,7 @@ def _known_beside(loc: tuple[int | str, ...], model: Any) -> list[str]:
             model = field.annotation
     if dataclasses.is_dataclass(model):
         return [field.name for field in dataclasses.fields(model)]
-    return list(getattr(model, "model_fields", ()))  # a table whose kind is unknown has no keys
+    return list(getattr(model, "model_fields", ()))
 
 
 def _by_stated_tag(union: Any) -> dict[str, Any]:
@@ -106,15 +106,14 @@ def _by_stated_tag(union: Any) -> dict[str, Any]:
 
 
 def combines(loads: Sequence[Load], follow: str | None) -> bool:
-    """Return True if the pattern follows the summed stresses of several cases, False for one case or combination."""
+    """Return True if the pattern follows the summed stresses of several cases."""
     return follow == COMBINED or (follow is None and len(case_names(loads)) > 1)
 
 
 def follow_weights(
     loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return the weights of the cases or combinations whose stress the pattern follows, by name. The default weight is
-    1; weights of 0 are left out."""
+    """Return the weights of the cases or combinations whose stress the pattern follows, by name."""
     cases = case_names(loads)
     if not combines(loads, follow):
         return dict.fromkeys([follow or cases[0]] if follow or cases else [], 1.0)
@@ -122,16 +121,13 @@ def follow_weights(
 
 
 def combined_names(cases: Sequence[str], combinations: Sequence[Combination]) -> list[str]:
-    """Return the names of cases or combinations whose stresses are added for a combined pattern.
-    These are all combinations except serviceability (SLS), or all if there are only SLS combinations. Without
-    combinations, these are all cases."""
+    """Return the names of cases or combinations whose stresses are added for a combined pattern."""
     strong = [combination.name for combination in combinations if combination.limit_state != "SLS"]
     return strong or [combination.name for combination in combinations] or list(cases)
 
 
 def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
-    """Return the names of the cases and combinations to check for a limit state.
-    These are names with this state; if there are none, names without any state; if there are none, all names."""
+    """Return the names of the cases and combinations to check for a limit state."""
     state_of = {combination.name: combination.limit_state for combination in combinations}
     names = list(names)
     for limit_state in (state, ""):
@@ -143,7 +139,7 @@ def judged_names(names: Iterable[str], combinations: Sequence[Combination], stat
 def case_mistakes(
     loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
 ) -> Iterator[str]:
-    """Yield an error message for each mistake in names of cases, diffusion.follow and diffusion.weights."""
+    """Yield an error message for each mistake in names of cases."""
     cases = case_names(loads)
     if COMBINED in cases:
         yield f"surface.load.{[load.case for load in loads].index(COMBINED)}.case = '{COMBINED}': {_RESERVED}"
@@ -189,22 +185,22 @@ def _no_such(what: str, name: str, existing: Iterable[str]) -> str:
 
 
 SOFTEST, LIGHTEST, WEAKEST = 1e6, 10.0, 1e3
-"""Smallest accepted modulus (Pa), density (kg/m3) and strength (Pa) of a material."""
+"""Smallest accepted modulus (Pa), density (kg/m3) and strength (Pa)."""
 
 
 def with_material(values: Any) -> Any:
-    """Return the table [statics]. Its material, if known, gives the values of keys that the table does not set."""
+    """Return the table [statics], with its material's values for the missing keys."""
     name = values.get("material") if isinstance(values, Mapping) else None
     if not isinstance(name, str):
         return values
     try:
         return {**material_named(name).values, **values}
-    except PresetError:  # `known_name` reports it later, with all other mistakes
+    except PresetError:
         return values
 
 
 def known_name(name: str | None) -> str | None:
-    """Return a material's name in the spelling of the list of materials; raises ValueError for an unknown name."""
+    """Return a material's name in the usual spelling; raises ValueError for an unknown name."""
     try:
         return None if name is None else material_named(name).name
     except PresetError as error:
@@ -212,20 +208,20 @@ def known_name(name: str | None) -> str | None:
 
 
 def own_values(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return, by key, the values in a complete table [statics] that differ from the values of its material."""
+    """Return, by key, the values in a table [statics] that differ from the values of its material."""
     material_values = MATERIALS[values["material"]].values if values.get("material") else {}
     return {key: values[key] for key in KEYS if values[key] != material_values.get(key)}
 
 
 def drop_material_values(values: Any, changes: Mapping[str, Any]) -> None:
-    """Remove the old material's values from the table [statics] if `changes` (by dotted key) set another material."""
+    """Remove the old material's values from the table [statics], in place, if `changes` set another material."""
     if "statics.material" in changes and isinstance(values, dict):
         for key in KEYS:
             if f"statics.{key}" not in changes:
                 values.pop(key, None)
 
 
-AUTO_THICKNESS = float("inf")  # Stands for `statics.thickness = "auto"`: sizing chooses the thickness.
+AUTO_THICKNESS = float("inf")  # The thickness for `statics.thickness = "auto"`.
 
 
 def thickness_or_auto(value: Any, check: Callable[[Any], float]) -> float:
@@ -241,12 +237,12 @@ def thickness_or_auto(value: Any, check: Callable[[Any], float]) -> float:
 
 
 def auto_or_metres(thickness: float) -> float | str:
-    """Return a thickness (m) in the form for preset files: a number, or "auto"."""
+    """Return a thickness (m) for preset files: a number, or "auto"."""
     return "auto" if thickness == AUTO_THICKNESS else thickness
 
 
 def modulus(value: float) -> float:
-    """Return the modulus (Pa). Raises ValueError if the value is so small that it must be in GPa or MPa."""
+    """Return the modulus (Pa). Raises ValueError if the value is too small."""
     if 0 < value < 1000:
         raise ValueError(f"{value:g} Pa is too small for a stiffness; write {value:g}e9 for {value:g} GPa")
     if 0 < value < SOFTEST:
@@ -255,7 +251,7 @@ def modulus(value: float) -> float:
 
 
 def specific_mass(value: float) -> float:
-    """Return the density (kg/m3), 0 for no weight. Raises ValueError for values that are probably in t/m3."""
+    """Return the density (kg/m3), 0 for no weight. Raises ValueError if the value is too small."""
     if 0 < value < LIGHTEST:
         raise ValueError(
             f"{value:g} kg/m3 is too little for a solid; write {1000 * value:g} if you mean {value:g} t/m3"
@@ -264,7 +260,7 @@ def specific_mass(value: float) -> float:
 
 
 def resistance(value: float) -> float:
-    """Return the strength (Pa), 0 if unknown. Raises ValueError if the value is so small that it must be in MPa."""
+    """Return the strength (Pa), 0 if unknown. Raises ValueError if the value is too small."""
     if 0 < value < WEAKEST:
         raise ValueError(f"{value:g} Pa is too small for a strength; write {value:g}e6 for {value:g} MPa")
     return value

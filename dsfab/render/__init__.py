@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    """Import `dsfab.render.members` only if a caller uses its functions, because this import is slow."""
+    """Import `dsfab.render.members` on first use."""
     if name not in __all__:
         raise AttributeError(f"module 'dsfab.render' has no attribute {name!r}")
     from dsfab.render import members

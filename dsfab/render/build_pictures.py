@@ -1,4 +1,4 @@
-"""The two pictures of a build: preview.png for clients, and analysis.png with loads and utilisation."""
+"""The pictures of a build: preview.png, and analysis.png with loads and utilisation."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 CLIENT_LOOK = Look((1600, 1600))  # default style of preview.png
 ANALYSIS_LOOK = Look((800, 760))  # default style of each half of analysis.png
-SMALLEST_BUILDING = 2.5  # size (m) below which a pencil shows the scale, otherwise a person
+SMALLEST_BUILDING = 2.5  # smallest size (m) beside a person, not a pencil
 MAIN_SHARE, WORDS_SHARE = 0.66, 0.06  # heights of main view and caption, divided by the picture's height
 MAIN_LIGHT, PANEL_LIGHT = LightQuality(8, 24, 6), LightQuality(2, 4, 1, 320, 192, (0.012, 0.05))
 """Light of the main view, and of smaller views."""
@@ -46,9 +46,9 @@ WALL_VIEW = "24,9"  # azimuth and elevation (degrees) of the view of a standing 
 
 @dataclass(frozen=True, eq=False)
 class ClientPicture:
-    """Data of the picture preview.png, which a second process can draw.
+    """Data of the picture preview.png.
     V, F    : solid, (n, 3) vertices, m, and (m, 3) faces, outward oriented.
-    half    : half of the sheet's thickness, m.    caption : line below the picture.
+    half    : half of the sheet's thickness, m.
     surface, load : uncut surface, and its loads and supports."""
 
     V: Floats
@@ -72,7 +72,7 @@ class ClientPicture:
 
     @cached_property
     def stage(self) -> Stage:
-        """Bodies and camera of the main view: first the solid, then any supports, last a person or a pencil for scale.
+        """Bodies and camera of the main view.
         Raises DsfabError for a solid without faces."""
         if not len(self.F):
             raise DsfabError("there is nothing to draw: the solid has no faces; lower the pattern's thresholds")
@@ -100,8 +100,8 @@ class ClientPicture:
         return self.look.size[0], round(MAIN_SHARE * self.look.size[1])
 
     def render(self) -> Bytes:
-        """Return the picture, (height, width, 3) bytes: main view, and below it a plan and an elevation at one scale.
-        Call `require_rendering` first, because VTK may end the process. Raises DsfabError for a solid without faces."""
+        """Return the picture, (height, width, 3) bytes. Call `require_rendering` first: VTK may end the process.
+        Raises DsfabError for a solid without faces."""
         from PIL import Image
 
         palette, stage = self.look.palette, self.stage
@@ -130,10 +130,9 @@ class ClientPicture:
 @dataclass(frozen=True, eq=False)
 class AnalysisPicture:
     """Data of the picture analysis.png: loads and supports on the left, stress on the right.
-    loaded  : picture of the left half. The right half has the same view, size and colours.
+    loaded  : picture of the left half.
     V, F    : vertices (n, 3) of the cut sheet, metres, and faces (m, 3).
-    faces   : colours of the faces, with colour bar and caption.
-    callouts: notes that point to places of the cut sheet."""
+    faces   : colours of the faces, with colour bar and caption."""
 
     loaded: StructurePicture
     V: Floats
@@ -148,7 +147,7 @@ class AnalysisPicture:
         body, annotations = Body(self.V, self.F, faces.face, casts=True), replace(loaded.annotations, layers=())
         stage = set_stage(body, loaded.side, loaded.up, loaded.half, annotations, palette, size)
         half = 0.86 * size[0] / size[1]
-        stage = replace(stage, view=fit_view(self.V, loaded.side, (-half, half, -0.6, 0.6)))  # space for notes
+        stage = replace(stage, view=fit_view(self.V, loaded.side, (-half, half, -0.6, 0.6)))
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             image = render_stage(scene, stage, palette, size, PANEL_LIGHT)
         image = with_legend(image, legend(stage, faces.words, palette, size), palette)

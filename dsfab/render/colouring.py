@@ -1,4 +1,4 @@
-"""Colours of the faces of a picture, from stress and other results, and the bar that explains these colours."""
+"""Colours of the faces of a picture, and the colour bar."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -25,24 +25,24 @@ ShownResult = Literal[
 ]  # fmt: skip
 
 STATICS_RESULTS = ("vonmises", "utilisation", "energy", "displacement", "buckling", "frequency")
-DEFORMED = ("displacement", "buckling", "frequency")  # results that are drawn as a deformed shape
+DEFORMED = ("displacement", "buckling", "frequency")  # results drawn as a deformed shape
 MODE_FIELDS = ("major_mode", "minor_mode")  # pictures of the modes of both families
-WHOLE_SHEET = ("loads", "directions", *MODE_FIELDS, *STATICS_RESULTS)  # pictures of the uncut sheet, without stripes
-COLOUR_PERCENTILE = 98.0  # percentile of the stress at the end of the colour scale; higher peaks get the last colour
+WHOLE_SHEET = ("loads", "directions", *MODE_FIELDS, *STATICS_RESULTS)  # pictures of the uncut sheet
+COLOUR_PERCENTILE = 98.0  # percentile of the stress at the end of the colour scale
 
-# blue is compression, red is tension; colour-blind people can distinguish blue and red
+# blue is compression, red is tension
 _DIVERGING = np.array(
     [(33, 80, 140), (84, 140, 190), (166, 200, 222), (240, 236, 228), (238, 190, 160), (210, 110, 80), (150, 38, 40)],
     dtype=np.float64,
 )
 
-# teal is negative and ochre is positive, for values other than stress
+# teal is negative and ochre is positive
 _SIGNED = np.array(
     [(0, 84, 82), (53, 151, 143), (160, 209, 200), (244, 241, 234), (223, 194, 125), (184, 122, 44), (112, 62, 8)],
     dtype=np.float64,
 )
 
-# larger values are darker, so that a grey print is readable
+# dark is large
 _RISING = np.array(
     [(240, 236, 228), (246, 208, 148), (232, 148, 84), (196, 80, 56), (128, 28, 52), (64, 10, 44)], dtype=np.float64
 )
@@ -52,8 +52,8 @@ _RISING = np.array(
 class ColourBar:
     """Colour scale of a picture.
     limit   : value at the right end. The left end is -limit if values can be negative, else 0.
-    labels  : labels below the left end, middle and right end.        names : labels above the left and right end.
-    colours : (k, 3) from left to right.                              bands : number of steps; 0 for a smooth scale."""
+    labels  : labels below the left end, middle and right end.    names : labels above the left and right end.
+    colours : (k, 3) from left to right.    bands : number of steps; 0 for a smooth scale."""
 
     limit: float
     labels: tuple[str, str, str]
@@ -64,8 +64,8 @@ class ColourBar:
 
 @dataclass(frozen=True, eq=False)
 class Colouring:
-    """Colours (m, 3) of a picture's faces as bytes. bar : colour bar; None if the colours have no values.
-    V : (n, 3) vertices to draw, m; None draws the vertices of the surface.    words : text for the caption."""
+    """Colours (m, 3) of faces as bytes. bar : colour bar, or None.
+    V : (n, 3) vertices to draw, m; None draws the surface.    words : text for the caption."""
 
     face: Bytes
     bar: ColourBar | None = None
@@ -74,7 +74,7 @@ class Colouring:
 
 
 def check_show(show: str) -> None:
-    """Raise DsfabError unless `show` names a picture that a `Previewer` can draw."""
+    """Raise DsfabError unless `show` names a picture."""
     if show == "fabrication":
         raise DsfabError("show 'fabrication' needs the finished solid; in dsfab preview, use it without other pictures")
     if show == "members":
@@ -85,7 +85,6 @@ def check_show(show: str) -> None:
 
 def face_colouring(design: "Design", show: str, palette: Palette) -> Colouring:
     """Return the colours of the uncut surface's faces in the picture `show`.
-    The picture `stress` shows the principal stress with the larger absolute value, tension positive.
     Raises DsfabError for a result that the preset does not request."""
     if show in STATICS_RESULTS:
         return answer_colouring(design, show)
@@ -133,7 +132,7 @@ def mode_gradient(design: "Design", show: str) -> Floats:
 
 
 def band_limit(limit: float) -> tuple[float, int]:
-    """Return a round number not below `limit`, as the end of a colour scale, and the number of its bands (4 to 10)."""
+    """Return a round number not below `limit`, and the number of colour bands (4 to 10)."""
     if not limit > 0:
         return 1.0, 4
     step = round_length(limit / 4)
@@ -142,22 +141,22 @@ def band_limit(limit: float) -> tuple[float, int]:
 
 
 def diverging_colours(share: Floats, bands: int = 0) -> Bytes:
-    """Return colours (k, 3) for stresses (k,), scaled from -1 (compression) to 1 (tension). bands : see `ColourBar`."""
+    """Return colours (k, 3) for values (k,) from -1 (compression) to 1 (tension)."""
     return ramp((np.clip(share, -1, 1) + 1) / 2, _DIVERGING, bands)
 
 
 def rising_colours(share: Floats, bands: int = 0) -> Bytes:
-    """Return colours (k, 3) for positive values (k,), scaled to 1 at the end of the colour bar."""
+    """Return colours (k, 3) for values (k,) from 0 to 1."""
     return ramp(np.clip(share, 0, 1), _RISING, bands)
 
 
 def signed_colours(share: Floats) -> Bytes:
-    """Return colours (k, 3) for values (k,) other than stress. The colour bar has -1 and 1 at its ends."""
+    """Return colours (k, 3) for values (k,) from -1 to 1, other than stress."""
     return ramp((np.clip(share, -1, 1) + 1) / 2, _SIGNED)
 
 
 def ramp(share: Floats, colours: Floats, bands: int = 0) -> Bytes:
-    """Return colours (k, 3) for values (k,) from 0 to 1, from a scale of colours (q, 3). bands : see `ColourBar`."""
+    """Return colours (k, 3) for values (k,) from 0 to 1, from a scale of colours (q, 3)."""
     if bands:
         share = np.clip(np.floor(share * bands), 0, bands - 1) / (bands - 1)
     place, positions = share * (len(colours) - 1), np.arange(len(colours))
@@ -165,21 +164,21 @@ def ramp(share: Floats, colours: Floats, bands: int = 0) -> Bytes:
 
 
 def stress_label(pascals: float) -> str:
-    """Return a stress in words with three digits: "12 MPa", "350 kPa", "0 Pa"."""
+    """Return a stress as text: "12 MPa", "350 kPa"."""
     size = abs(pascals)
     factor, unit = next(((f, u) for f, u in ((1e9, "GPa"), (1e6, "MPa"), (1e3, "kPa")) if size >= f), (1.0, "Pa"))
     return f"{pascals / factor:.3g} {unit}"
 
 
 def force_label(newtons: float) -> str:
-    """Return a force in words, rounded to three digits: "1.2 kN", "350 N". So 999.9 N become "1 kN"."""
+    """Return a force as text: "1.2 kN", "350 N"."""
     newtons = float(f"{newtons:.3g}")
     factor, unit = next(((f, u) for f, u in ((1e6, "MN"), (1e3, "kN"), (1.0, "N")) if newtons >= f), (1e-3, "mN"))
     return f"{newtons / factor:.3g} {unit}"
 
 
 def with_bar(image: "Image", bar: ColourBar, palette: Palette) -> "Image":
-    """Return the picture with the colour bar on the left, above the caption."""
+    """Return the picture with the colour bar."""
     from PIL import Image, ImageDraw, ImageFont
 
     width, height = image.size
@@ -197,12 +196,12 @@ def with_bar(image: "Image", bar: ColourBar, palette: Palette) -> "Image":
     return image
 
 
-EXAGGERATION = 0.08  # largest drawn displacement of a vertex, divided by the size of the surface
-YIELD_COLOUR = (96, 40, 150)  # violet, for faces whose stress exceeds the strength
+EXAGGERATION = 0.08  # largest drawn displacement / size of the surface
+YIELD_COLOUR = (96, 40, 150)  # faces above the strength
 
 
 def preset_with_mode(preset: "Preset", show: str) -> "Preset":
-    """Return the preset, with a request for a buckling mode or a frequency if the picture `show` needs this result."""
+    """Return the preset, with the buckling mode or frequency that the picture `show` needs."""
     from dsfab.preset.file import with_overrides
 
     key = {"buckling": "buckling", "frequency": "frequencies"}.get(show)
@@ -211,7 +210,7 @@ def preset_with_mode(preset: "Preset", show: str) -> "Preset":
 
 
 def answer_colouring(design: "Design", show: str) -> Colouring:
-    """Return the colours of the faces for the result `show` of the statics. Raises DsfabError if it is missing."""
+    """Return the colours of the faces for a result of the statics. Raises DsfabError if the result is missing."""
     if show == "displacement":
         return _displacement_colouring(design)
     if show in ("buckling", "frequency"):
@@ -231,7 +230,7 @@ def answer_colouring(design: "Design", show: str) -> Colouring:
 
 
 def utilisation_colouring(share: Floats, words: str) -> Colouring:
-    """Return colours of faces for utilisations (m,), violet above 1. words : text for the caption."""
+    """Return colours of faces for utilisations (m,). words : text for the caption."""
     limited = np.minimum(share, 1.0)
     shown = scaled_colouring(limited, lambda value: f"{value:.2g}" if value < 0.01 else f"{value:.0%}", words)
     face = np.where((share > 1)[:, None], np.array(YIELD_COLOUR, dtype=np.uint8), shown.face)
@@ -239,14 +238,14 @@ def utilisation_colouring(share: Floats, words: str) -> Colouring:
 
 
 def energy_label(joules: float) -> str:
-    """Return an energy per area in words: "12 J/m2", "3.1 kJ/m2", "40 mJ/m2"."""
+    """Return an energy per area as text: "12 J/m2", "3.1 kJ/m2"."""
     units = ((1e6, "MJ"), (1e3, "kJ"), (1.0, "J"), (1e-3, "mJ"))
     factor, unit = next(((f, u) for f, u in units if abs(joules) >= f), (1e-6, "uJ"))
     return f"{joules / factor:.3g} {unit}/m2"
 
 
 def scaled_colouring(value: Floats, label: Callable[[float], str], words: str) -> Colouring:
-    """Return colours of faces for positive values (m,), with a colour bar.
+    """Return colours of faces for positive values (m,).
     label : function that writes a value as text.    words : text for the caption."""
     limit, bands = band_limit(float(np.percentile(value, COLOUR_PERCENTILE)))
     bar = ColourBar(limit, ("0", "", label(limit)), ("", "and more" if value.max() > 1.01 * limit else ""), bands=bands)
@@ -275,7 +274,7 @@ def _shape_colouring(design: "Design", show: str) -> Colouring:
     answers = design.statics.answers
     if show == "buckling" and answers.buckling is not None and len(answers.buckling.factor):
         shape = answers.buckling.shapes[0]
-        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # it moves along the load
+        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape
         words = f"buckles at {answers.buckling.factor[0]:.3g} x the load"
     elif show == "frequency" and answers.vibration is not None:
         shape, words = answers.vibration.shapes[0], f"swings at {answers.vibration.hertz[0]:.3g} Hz"

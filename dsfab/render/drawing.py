@@ -1,4 +1,4 @@
-"""The drawing of a scene: structure, marks, ground and camera; then light, shadows and edge lines."""
+"""The drawing of a scene: structure, marks, ground and camera."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -28,10 +28,9 @@ PERSON_HEIGHT, TREE_HEIGHT = 1.75, 6.0  # heights of the person and of the tree 
 @dataclass(frozen=True, eq=False)
 class Annotations:
     """Marks beside a structure.
-    surface, load : uncut surface and its loads, for arrows, supports and the ground; give both, or neither of them.
+    surface, load : uncut surface and loads; give both or neither.
     reaction      : (n, 3) forces of the supports on the structure, N.
-    gradient      : (m, 3) gradient of a mode on each face, drawn as arrows.
-    layers        : names from `EVERY_LAYER`. A person stands only beside structures with a height in `PERSON_RANGE`."""
+    gradient      : (m, 3) gradient of a mode.    layers : names from `EVERY_LAYER`."""
 
     surface: Surface | None = None
     load: LoadCase | None = None
@@ -42,8 +41,8 @@ class Annotations:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Bodies, camera and floor of a picture, and a sphere around the structure: its `centre` (3,) and `radius`, m.
-    level : height of the floor along `view.floor`, m; None without a floor."""
+    """Bodies, camera and floor of a picture.
+    level : height of the floor along `view.floor`, m, or None.    centre, radius : sphere around the structure, m."""
 
     bodies: list[Body]
     view: View
@@ -61,8 +60,8 @@ def set_stage(
     palette: Palette,
     size: tuple[int, int],
 ) -> Stage:
-    """Return the stage of a picture: structure `body` with marks, camera and ground.
-    half : half of the structure's thickness (m).    up : (3,) upward vector of any length.    size : pixels."""
+    """Return the stage of a picture.
+    half : half of the thickness (m).    up : (3,) upward vector of any length.    size : pixels."""
     V, up = body.V, up / np.linalg.norm(up)
     low, high = V.min(axis=0), V.max(axis=0)
     centre, reach = (low + high) / 2, float(np.linalg.norm(high - low))
@@ -90,8 +89,8 @@ def set_stage(
 def page_view(
     bodies: list[Body], side: ViewSide, size: tuple[int, int], words: bool = True, scale: bool = False
 ) -> View:
-    """Return the view in which bodies fill a picture. size : pixels.
-    words, scale : True to leave space at the bottom for a caption, and for a colour scale."""
+    """Return the view in which bodies fill a picture.
+    size : pixels.    words, scale : True to leave space for a caption, and for a colour scale."""
     aspect = size[0] / size[1]
     half, bottom, top = (0.86, -0.62 if scale else -0.70, 0.88) if words else (0.92, -0.86, 0.92)
     return fit_view(np.concatenate([body.V for body in bodies]), side, (-half * aspect, half * aspect, bottom, top))
@@ -128,8 +127,8 @@ def _marks(
 def legend(
     stage: Stage, caption: str, palette: Palette, size: tuple[int, int], swatches: tuple[tuple[str, Colour], ...] = ()
 ) -> Legend:
-    """Return the legend of a picture: caption, kinds of marks in it, pixels per metre, and `swatches`.
-    size : of the picture, pixels.    swatches : names and colours."""
+    """Return the legend of a picture.
+    size : pixels.    swatches : names and colours."""
     depth = float((stage.centre - stage.view.eye) @ stage.view.forward)
     kinds: tuple[MarkName, ...] = ("load", "support", "reaction")
     colours = [body.colour for body in stage.bodies[1:]]
@@ -138,7 +137,8 @@ def legend(
 
 
 def person(foot: Floats, right: Floats, up: Floats) -> MarkMesh:
-    """Return a flat figure of a person, 1.75 m tall, that stands at `foot` (3,), m. right, up : (3,) unit vectors."""
+    """Return a flat figure of a person, 1.75 m tall, at `foot` (3,), m.
+    right, up : (3,) unit vectors."""
     strips = [[(0.0, half, y) for half, y in _BODY]]
     strips += [[(side * x, half, y) for x, half, y in limb] for limb in (_ARM, _LEG) for side in (-1.0, 1.0)]
     vertices, faces, count = [], [], 0
@@ -187,7 +187,8 @@ def render_stage(
     quality: light.LightQuality = light.FINE,
     transparent: bool = False,
 ) -> "Image":
-    """Return the picture of a stage without words. transparent : True to draw no ground, only the shadows on it."""
+    """Return the picture of a stage without words.
+    transparent : True to draw no ground."""
     from PIL import Image
 
     finer = quality.finer
@@ -258,8 +259,8 @@ def _codes(colours: Bytes) -> Ints:
 
 
 def edge_strengths(pixels: Pixels, jump: float) -> Floats32:
-    """Return the strength (h, w) of edge lines, 0..1, at sudden changes of normal or depth (Saito and Takahashi 1990).
-    An edge line lies on the pixel nearer to the eye. jump : least change of depth, in units of `Scene.radius`."""
+    """Return the strength (h, w) of edge lines, 0..1 [Saito, Takahashi 1990].
+    jump : least change of depth, in units of `Scene.radius`."""
     strong, rows = np.zeros(pixels.depth.shape, dtype=np.float32), 64
     for start in range(0, len(strong), rows):  # strips of rows need less memory than the whole picture
         columns = np.flatnonzero(np.isfinite(pixels.depth[start : start + rows]).any(axis=0))

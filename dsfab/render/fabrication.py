@@ -27,7 +27,7 @@ LIMIT_KEYS = {"member": "min_member", "gap": "min_gap", "wall": "min_wall", "edg
 
 @dataclass(frozen=True, eq=False)
 class Callout:
-    """A note on a place (3,) in metres: two lines of text, and the colour of a ring around the place."""
+    """A note on a place (3,) in metres: two lines of text, and the colour of a ring."""
 
     place: Floats
     lines: tuple[str, str]
@@ -43,8 +43,7 @@ def workshop_picture(
     ground: GroundKind = "paper",
     palette: Palette = PAPER,
 ) -> Bytes:
-    """Return a picture of a design's solid with its fabrication measures, (height, width, 3 or 4) bytes.
-    Raises DsfabError if this machine cannot draw."""
+    """Return a picture of a solid with its fabrication measures, (height, width, 3 or 4) bytes. Raises DsfabError."""
     check_ground(ground)
     require_rendering()
     palette = replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
@@ -55,7 +54,7 @@ def workshop_picture(
     half = design.preset.statics.thickness / 2
     stage = set_stage(body, side, up, half, Annotations(design.surface, design.load, layers=()), palette, size)
     aspect = size[0] / size[1]
-    stage = replace(stage, view=fit_view(V, side, (-0.86 * aspect, 0.86 * aspect, -0.76, 0.66)))  # space for notes
+    stage = replace(stage, view=fit_view(V, side, (-0.86 * aspect, 0.86 * aspect, -0.76, 0.66)))
     with Scene(stage.bodies, stage.centre, stage.radius) as scene:
         image = render_stage(scene, stage, palette, size, transparent=ground == "transparent")
     box = " x ".join(length(x) for x in measures.box)
@@ -67,12 +66,12 @@ def workshop_picture(
 def write_workshop_picture(
     path: Path, design: "Design", measures: "FabricationMeasures", size: tuple[int, int]
 ) -> Path:
-    """Write `workshop_picture` as a PNG file. After a failure no partial file remains, and this raises ExportError."""
+    """Write `workshop_picture` as a PNG file. Raises ExportError."""
     return write_png(workshop_picture(design, measures, size=size), path)
 
 
 def callouts(measures: "FabricationMeasures", palette: Palette) -> list[Callout]:
-    """Return a note for each measure, with its limit in the preset and a verdict; notes on failed limits are red."""
+    """Return a note for each measure, with its limit and a verdict."""
     features = measures.features
     measured: dict[str, tuple[float, Floats]] = {
         name: (feature.size, feature.place)
@@ -108,7 +107,7 @@ def _bed_text(measures: "FabricationMeasures") -> str:
 
 
 def with_callouts(image: "Image", callouts: list[Callout], view: View, palette: Palette) -> "Image":
-    """Return the picture with a ring at each measured place. A line joins each ring to its note; no lines cross."""
+    """Return the picture with a ring and a note at each measured place."""
     from PIL import Image, ImageDraw, ImageFont
     from scipy.optimize import linear_sum_assignment
     from scipy.spatial.distance import cdist

@@ -1,4 +1,4 @@
-"""Colours and lettering of pictures: captions, legends, scale bars and the names of members."""
+"""Colours and lettering of pictures."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -19,8 +19,7 @@ MarkName = Literal["load", "support", "reaction", "person", "masonry", "tension"
 @dataclass(frozen=True)
 class Palette:
     """Colours of a picture: red, green and blue in 0..255.
-    families : colours of members: major, minor, kept regions.    tints : stronger colours, to tell families apart.
-    ink : darkness of edge lines, 0 (invisible) to 1 (black)."""
+    families : colours of major members, minor members, kept regions.    ink : darkness of lines, 0 to 1."""
 
     paper: Colour = (253, 252, 249)
     shadow: Colour = (118, 112, 110)
@@ -48,7 +47,7 @@ PAPER = Palette()  # terracotta on white; colour-blind people can distinguish bl
 
 @dataclass(frozen=True)
 class Legend:
-    """Caption, names of marks, pixels per metre for the scale bar, and swatches: colours with names."""
+    """Caption, names of marks, pixels per metre, and swatches: colours with names."""
 
     caption: str
     names: list[MarkName]
@@ -162,7 +161,7 @@ NAME_DIRECTIONS = np.linspace(0, 2 * np.pi, 16, endpoint=False)  # angles around
 
 @dataclass(frozen=True, eq=False)
 class Nameplate:
-    """Name of a member to write into a picture. places : (k, 2) points of the member, pixels, the best first.
+    """Name of a member to write into a picture. places : (k, 2) pixels, the best first.
     visible : (k,) True for points that nothing hides."""
 
     text: str
@@ -181,7 +180,7 @@ class PlacedName:
 
 
 def place_names(plates: list[Nameplate], size: tuple[int, int], letter: float) -> list[PlacedName]:
-    """Return a place for each member's name: on the member if possible, else beside it. letter : letter height (px)."""
+    """Return a place for each member's name. letter : letter height (px)."""
     taken = np.zeros((size[1] // GRID_PIXELS + 2, size[0] // GRID_PIXELS + 2), dtype=bool)
     names = []
     for plate in sorted(plates, key=lambda one: (int(one.visible.sum()), len(one.places))):
@@ -221,7 +220,7 @@ def _is_taken(taken: Bools, middle: Floats, half: Floats) -> bool:
 
 
 def with_names(image: "Image", names: list[PlacedName], letter: float, paper: Colour) -> "Image":
-    """Return the picture with `names` written on it. letter : height of letters, pixels. paper : colour of outlines."""
+    """Return the picture with `names` written on it. letter : height of letters, pixels."""
     from PIL import ImageDraw, ImageFont
 
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=letter)

@@ -1,5 +1,4 @@
-"""Light of pictures by many lamps with shadow maps: a sun, an overcast sky, and faint light from below.
-A lamp lights the points that it sees (Williams 1978). Many lamps together give soft shadows."""
+"""Light of pictures by many lamps with shadow maps (Williams 1978)."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -11,9 +10,9 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 from dsfab.render.scene import LAMP_AWAY, LAMP_DEPTHS, Floats32, Pixels, Scene
 from dsfab.render.view import View
 
-GRAIN = 1.2  # largest random offset (map pixels) in a shadow map; hides its steps
-SURFACE_LIFT = 2.5  # height above a surface (map pixels) where its light is computed; prevents false shadows
-LARGEST_DEPTH = np.float32(0.9999)  # Largest depth of points in shadow maps: below 1, the depth of empty pixels.
+GRAIN = 1.2  # largest random offset in a shadow map (map pixels)
+SURFACE_LIFT = 2.5  # height of lit points above a surface (map pixels); prevents false shadows
+LARGEST_DEPTH = np.float32(0.9999)  # Largest depth of points; empty pixels have depth 1.
 _DEPTH_RANGE = LAMP_DEPTHS[1] - LAMP_DEPTHS[0]
 
 
@@ -26,7 +25,7 @@ def frame_towards(towards: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ShadowMaps:
-    """Shadow maps of b lamps. maps : (b, s, s) depth from each lamp, as from `Scene.lamp`.
+    """Shadow maps of b lamps. maps : (b, s, s) depth from each lamp.
     placing : (3 b, 6) matrix from (x, y, z, two random offsets up to `GRAIN`, 1) to columns, rows, depths in the maps.
     towards : (b, 3) unit vectors towards the lamps, times the strengths of the lamps."""
 
@@ -36,7 +35,7 @@ class ShadowMaps:
 
     @classmethod
     def render(cls, scene: Scene, towards: Floats, strength: Floats, side: int) -> Self:
-        """Draw the shadow maps of lamps within `with scene.lamps()`. side : pixels per side of a map.
+        """Draw the shadow maps of lamps within `with scene.lamps()`. side : pixels.
         towards : (b, 3) unit vectors to the lamps.    strength : (b,) of the lamps."""
         frames = np.stack([frame_towards(direction) for direction in towards])
         maps = np.empty((len(frames), side, side), dtype=np.float32)
@@ -57,7 +56,6 @@ class ShadowMaps:
         queries = np.ones((6, points.shape[1]), dtype=np.float32)
         np.add(points, np.float32(SURFACE_LIFT / side) * normals, out=queries[:3])
         queries[3:5] = grain[:, : points.shape[1]]
-        # points outside all shadow maps are lit, for example distant ground
         reach = np.einsum("ik,ik->k", queries[:3], queries[:3]).max()
         leaves_maps = reach >= (1 - 2 * (GRAIN + 1) / side) ** 2
         column, row, depth = (self.placing @ queries).reshape(3, count, -1)
@@ -78,18 +76,18 @@ class ShadowMaps:
         return np.asarray(light.sum(axis=0))
 
 
-LIGHT_SHARES = (0.60, 0.44, 0.14)  # light of sun, sky and floor on a surface that faces the light
-AMBIENT = 0.10  # light that every point receives in addition to the light of the lamps
-CHUNK = 1 << 15  # number of points coloured together; their arrays fit the processor's cache
-TILE = 1 << 10  # number of points lit together by twenty lamps, for the processor's cache
+LIGHT_SHARES = (0.60, 0.44, 0.14)  # light of sun, sky and floor
+AMBIENT = 0.10  # light without lamps
+CHUNK = 1 << 15  # number of points coloured together
+TILE = 1 << 10  # number of points lit together
 
 
 @dataclass(frozen=True)
 class LightQuality:
-    """Lamps and their shadow maps. sun, sky, below : number of lamps for the light of the sun, the sky, and from below.
-    sharp : side of the sun's shadow maps, pixels.    coarse : side of all other shadow maps, pixels.
-    blur  : blur of shadows on the floor / height of the picture: for the sun, and for all other lamps.
-    finer : enlargement of a picture before it is reduced, for smooth edges."""
+    """Lamps and shadow maps. sun, sky, below : numbers of lamps.
+    sharp, coarse : side of the sun's shadow maps and of other shadow maps, pixels.
+    blur  : blur of shadows on the floor / height of the picture: for the sun, and for other lamps.
+    finer : enlargement of a picture before reduction, for smooth edges."""
 
     sun: int = 10
     sky: int = 36
@@ -101,37 +99,36 @@ class LightQuality:
 
     @property
     def bytes(self) -> int:
-        """Size of all shadow maps, bytes, at four bytes a pixel."""
+        """Size of all shadow maps, bytes."""
         return 4 * (self.sun * self.sharp**2 + (self.sky + self.below) * self.coarse**2)
 
     def fitting(self, height: int) -> "LightQuality":
-        """Return a copy with smaller shadow maps for a picture of few pixels. height : rows of the picture."""
+        """Return a copy with shadow maps for a picture with `height` rows of pixels."""
         sharp, coarse = max(320, 2 * height), max(256, round(1.3 * height))
         return replace(self, sharp=min(self.sharp, sharp), coarse=min(self.coarse, coarse))
 
 
 FINE, QUICK = LightQuality(), LightQuality(5, 14, 3, 448, 256, (0.012, 0.05))
 """Quality of a single picture, and of each of many pictures."""
-ROUGH = LightQuality(3, 7, 2, 320, 192, (0.012, 0.05), finer=1)  # quality of a first, quick picture
+ROUGH = LightQuality(3, 7, 2, 320, 192, (0.012, 0.05), finer=1)  # quality of a first picture
 
 
 @dataclass(frozen=True, eq=False)
 class Lamps:
-    """Lamps in directions (k, 3), the sun's lamps first. strength : (k,) light on a surface that faces the lamp."""
+    """Lamps in directions (k, 3), the sun's lamps first. strength : (k,)."""
 
     towards: Floats
     strength: Floats
     quality: LightQuality
 
     def open_light(self, normal: Floats) -> tuple[float, float]:
-        """Return the light of the sun and of other lamps on an unshaded surface with a unit normal (3,)."""
+        """Return the light of the sun and of other lamps on a surface with a unit normal (3,)."""
         light_by_lamp = np.maximum(self.towards @ normal, 0) * self.strength
         return float(light_by_lamp[: self.quality.sun].sum()), float(light_by_lamp[self.quality.sun :].sum()) + AMBIENT
 
 
 def lamps(view: View, floor: Floats, quality: LightQuality = FINE) -> Lamps:
-    """Return the lamps of a view: the sun behind the viewer's left shoulder, the sky, and light from below.
-    floor : (3,) unit normal of the floor."""
+    """Return the lamps of a view. floor : (3,) unit normal of the floor."""
     back = -view.forward
     level = back - (back @ floor) * floor
     level /= max(float(np.linalg.norm(level)), 0.2)
@@ -149,7 +146,7 @@ def lamps(view: View, floor: Floats, quality: LightQuality = FINE) -> Lamps:
 
 
 def _cap(count: int, half_angle: float) -> Floats:
-    """Return unit vectors (count, 3), spread evenly (golden spiral) within `half_angle`, radians, of (0, 0, 1)."""
+    """Return unit vectors (count, 3), spread evenly within `half_angle`, radians, of (0, 0, 1)."""
     index = np.arange(count) + 0.5
     z = 1 - index / count * (1 - np.cos(half_angle))
     turn = index * np.pi * (3 - np.sqrt(5))
@@ -158,9 +155,8 @@ def _cap(count: int, half_angle: float) -> Floats:
 
 
 def lamp_light(scene: Scene, all_lamps: Lamps, points: Floats32, normals: Floats32, paired: int = 0) -> Floats32:
-    """Return the light (2, k) of the sun and of all other lamps on points (3, k) with normals (3, k), in scene units.
-    paired : number of points at the beginning that form pairs of neighbours. To save time, each point of
-             a pair is lit by a different half of the lamps other than the sun, with double strength."""
+    """Return the light (2, k), of the sun and of other lamps, on points (3, k).
+    normals : (3, k).    paired : number of points at the beginning that form pairs of neighbours."""
     light = np.zeros((2, points.shape[1]), dtype=np.float32)
     light[1] = AMBIENT
     quality, numbers = all_lamps.quality, np.arange(len(all_lamps.strength))
@@ -192,7 +188,7 @@ def _add_light(
 
 
 def rays(view: View, width: int, height: int) -> tuple[Floats32, Floats32]:
-    """Return slopes (w,) and (h,) of the lines of sight through the pixels, along `view.right` and `view.up`."""
+    """Return slopes (w,) and (h,) of the lines of sight through the pixels."""
     x = (2 * np.arange(width) + 1 - width) / height * view.slope
     y = -(2 * np.arange(height) + 1 - height) / height * view.slope
     return x.astype(np.float32), y.astype(np.float32)
@@ -201,14 +197,14 @@ def rays(view: View, width: int, height: int) -> tuple[Floats32, Floats32]:
 def pixel_and_floor_light(
     scene: Scene, view: View, pixels: Pixels, all_lamps: Lamps, floor: Floats, level: float | None
 ) -> tuple[Floats32, Floats32 | None]:
-    """Return the light (k,) on pixels that show a body, and the light (h, w) on the floor, 1 where nothing shades it.
+    """Return the light (k,) on pixels of a body, and the light (h, w) on the floor.
     floor : (3,) normal of the floor.    level : height along this normal, scene units; None without a floor."""
     height, width = pixels.depth.shape
     hit, paired = np.isfinite(pixels.depth), int(all_lamps.quality.finer > 1)
     if level is None:
         points, N = _points(scene, view, pixels, hit)
         return _in_row_order(lamp_light(scene, all_lamps, points, N, paired * points.shape[1]).sum(axis=0), hit), None
-    coarse = (height // 6, width // 6)  # few pixels for the floor, because its shadows are soft
+    coarse = (height // 6, width // 6)  # few pixels for soft shadows
     spots, floor_pixels = _floor_points(scene, view, floor, level, coarse)
     points, N = _points(scene, view, pixels, hit, spare=spots.shape[1])
     count = points.shape[1] - spots.shape[1]
@@ -268,15 +264,14 @@ def _floor_points(
     fall = ray @ floor
     distance = np.divide(level - eye @ floor, fall, out=np.full(fall.shape, np.inf), where=fall < 0)
     points = eye + np.where(np.isfinite(distance), distance, 0.0)[:, :, None] * ray
-    is_near = np.isfinite(distance) & (np.linalg.norm(points, axis=2) < 4.0)  # scene units; the farther floor is lit
+    is_near = np.isfinite(distance) & (np.linalg.norm(points, axis=2) < 4.0)  # scene units
     return points[is_near].T.astype(np.float32), is_near
 
 
 def _floor_share(
     light: Floats32, floor_pixels: Bools, open_light: tuple[float, float], blurs: tuple[float, float]
 ) -> Floats32:
-    """Return the light (h, w) on the floor, divided by `open_light` (without shadows). blurs : see `LightQuality`."""
-    from scipy.ndimage import gaussian_filter  # this import is slow
+    from scipy.ndimage import gaussian_filter  # slow import
 
     total = sum(open_light)
     share = np.ones(floor_pixels.shape, dtype=np.float32)

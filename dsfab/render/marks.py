@@ -1,4 +1,4 @@
-"""Marks beside a structure: load arrows, support cones, principal directions, and a tree for scale."""
+"""Marks beside a structure, such as load arrows and support cones."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -21,7 +21,7 @@ MarkMesh = tuple[Floats, Ints]  # vertices (n, 3) in metres, and faces (m, 3)
 
 @dataclass(frozen=True)
 class Spacing:
-    """Limits for marks in a picture. apart : least distance / structure's size.    most : largest number of marks."""
+    """Limits for marks in a picture. apart : least distance / structure's size.    most : largest number."""
 
     apart: float
     most: int
@@ -37,9 +37,8 @@ LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06  # lengths o
 
 
 def thin_points(points: Floats, size: float, spacing: Spacing) -> Ints:
-    """Return the indices of a few evenly spaced points among points (k, 3). size : size of the structure, m.
-    First, add the point farthest from all chosen points, again and again (Gonzalez 1985). Then, replace each chosen
-    point by the point nearest to the middle of its neighbours, 20 times (Lloyd 1982)."""
+    """Return the indices of a few evenly spaced points among points (k, 3) [Gonzalez 1985, Lloyd 1982].
+    size : size of the structure, m."""
     chosen_list = [0]
     distances = np.linalg.norm(points - points[0], axis=1)
     while len(chosen_list) < spacing.most:
@@ -66,10 +65,9 @@ class ForceArrows:
 
 
 def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye: Floats, up: Floats) -> MarkMesh:
-    """Return a few slim arrows for the loads. An arrow shows the force on the vertices nearest to it.
+    """Return a few slim arrows for the loads.
     size : size of the structure, m.    lift : half of the structure's thickness, m.
-    eye  : (3,) unit vector towards the eye; arrows along the surface lie on its visible side.
-    up   : (3,) unit vector; arrows on an open sheet lie on its upper side."""
+    eye  : (3,) unit vector towards the eye.    up : (3,) unit vector."""
     acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
     V, at_points, elsewhere = surface.V, acts & load.loaded, acts & ~load.loaded
     points = gathered_forces(V, load.force, at_points, POINT_LOAD_SPACING, LONGEST_POINT * size, size)
@@ -96,7 +94,7 @@ def _outer(surface: Surface, up: Floats) -> float:
 def gathered_forces(
     V: Floats, force: Floats, acts: Bools, spacing: Spacing, longest: float, size: float
 ) -> ForceArrows:
-    """Sum the forces (n, 3) at the vertices V in the mask `acts` (n,) into a few arrows, at most `longest` (m) long."""
+    """Sum the forces (n, 3) at the vertices in the mask `acts` (n,) into a few arrows. longest : metres."""
     vertices = np.flatnonzero(acts)
     if not len(vertices):
         return ForceArrows(vertices, np.zeros((0, 3)), np.zeros(0))
@@ -111,7 +109,8 @@ def gathered_forces(
 
 
 def support_cones(surface: Surface, load: LoadCase, size: float, up: Floats, lift: float) -> MarkMesh:
-    """Return cones that touch some supports, on the side `support_side`. size, up, lift : see `load_arrows`."""
+    """Return cones that touch some supports. size : of the structure, m.
+    up : (3,) unit vector.    lift : half of the structure's thickness, m."""
     vertices = np.flatnonzero(load.supported)
     if not len(vertices):
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
@@ -123,7 +122,7 @@ def support_cones(surface: Surface, load: LoadCase, size: float, up: Floats, lif
 
 
 def reaction_arrows(surface: Surface, load: LoadCase, reaction: Floats, size: float) -> MarkMesh:
-    """Return arrows for the forces (n, 3) of supports (N); each arrow touches the cone of its support."""
+    """Return arrows for the forces (n, 3) of supports, N. size : of the structure, m."""
     acts = load.supported & (np.linalg.norm(reaction, axis=1) > 0)
     if not acts.any():
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
@@ -137,7 +136,7 @@ def reaction_arrows(surface: Surface, load: LoadCase, reaction: Floats, size: fl
 
 
 def gradient_arrows(surface: Surface, gradient: Floats, size: float, lift: float, eye: Floats) -> MarkMesh:
-    """Return slim arrows along a gradient (m, 3), longer for larger gradients. lift, eye : as for `load_arrows`."""
+    """Return slim arrows along a gradient (m, 3). eye : (3,) unit vector towards the eye."""
     steep = np.linalg.norm(gradient, axis=1)
     if not steep.any():
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
@@ -152,7 +151,7 @@ def gradient_arrows(surface: Surface, gradient: Floats, size: float, lift: float
 
 def support_side(surface: Surface, load: LoadCase, size: float, up: Floats) -> Floats:
     """Return the unit vector (3,), along a coordinate axis, from the surface's centroid towards the supports.
-    Return -`up` if supports lie on several sides. size : size of the structure, m."""
+    Return -`up` if supports lie on several sides."""
     offsets = surface.V[load.supported] - centroid(surface)
     # evenly spaced points make the mean independent of the mesh density
     offset = offsets[thin_points(offsets, size, SUPPORT_SPACING)].mean(axis=0)
@@ -195,7 +194,7 @@ _CROWN = ((0.0, 0.0, 0.3, 0.5), (0.15, 0.05, 0.42, 0.36), (-0.13, 0.11, 0.46, 0.
 
 
 def tree(foot: Floats, up: Floats, height: float) -> MarkMesh:
-    """Return a trunk and balls of foliage at `foot` (3,), `height` metres tall along `up` (3,)."""
+    """Return a tree at `foot` (3,), `height` metres tall along `up` (3,)."""
     right = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
     right /= np.linalg.norm(right)
     balls = np.array(_CROWN)
@@ -210,7 +209,7 @@ def tree(foot: Floats, up: Floats, height: float) -> MarkMesh:
 
 def place_beside(V: Floats, side: ViewSide, up: Floats, level: float, which: float = 1.0) -> tuple[Floats, Floats]:
     """Return a place (3,) on the ground beside vertices V (n, 3), and the unit vector (3,) to the right in the picture.
-    side : view.    level : height of the ground, m.    which : 1 for right and in front, -1 for left and behind."""
+    level : height of the ground, m.    which : 1 for right and in front, -1 for left and behind."""
     right = unit_vectors(np.cross(side.up, side.towards)[None])[0]
     x, y, front = V @ right * which, V @ np.cross(right, up), np.cross(right, up)
     gap = max(0.03 * float(np.ptp(x)), min(0.6, 0.12 * float(np.ptp(x))))
@@ -222,7 +221,7 @@ PENCIL_LENGTH, PENCIL_WIDTH = 0.175, 0.007  # m
 
 
 def pencil(foot: Floats, right: Floats, up: Floats) -> MarkMesh:
-    """Return a pencil that lies on the ground near `foot` (3,) and points away. right, up : (3,) unit vectors."""
+    """Return a pencil that lies on the ground near `foot` (3,). right, up : (3,) unit vectors."""
     slender = PENCIL_WIDTH / PENCIL_LENGTH
     wood = _body_of_revolution([(0.0, 0.0), (0.0, slender / 2), (1 - 3 * slender, slender / 2), (1.0, 0.0)], 6)
     front = np.cross(right, up)
@@ -231,7 +230,7 @@ def pencil(foot: Floats, right: Floats, up: Floats) -> MarkMesh:
 
 
 def _placed_copies(template: MarkMesh, start: Floats, along: Floats, long: Floats) -> MarkMesh:
-    """Return copies of a template of length 1 along x: they begin at `start` (k, 3) and are `long` (k,) metres long."""
+    """Return copies of a template, which begin at `start` (k, 3) and are `long` (k,) metres long."""
     vertices, faces = template
     second = np.cross(along, np.eye(3)[np.argmin(np.abs(along), axis=1)])
     second /= np.linalg.norm(second, axis=1, keepdims=True)
@@ -246,9 +245,9 @@ BAR_LENGTH, BAR_WIDTH = 0.8, 0.09  # length and width of each bar of a cross, di
 
 
 def crosses(design: "Design", palette: Palette) -> Body:
-    """Return crosses of two bars along the directions of diffusion, at evenly spaced places on anisotropic faces.
-    Blue is compression, red is tension. For combined cases, red is the first direction, and blue the second.
-    Raises DsfabError if all faces are isotropic: with `diffusion.r` = 1, or without a stress."""
+    """Return crosses of two bars along the directions of diffusion. Blue is compression, red is tension.
+    For combined cases, red is the first direction, and blue the second. Raises DsfabError if all faces are isotropic.
+    """
     surface, tensors, r = design.surface, design.diffusion.tensors, design.preset.diffusion.r
     if r <= 1 or tensors.isotropic.all():
         why = f"r = {r:g}" if r <= 1 else "the stress is the same in all directions"

@@ -25,8 +25,7 @@ def member_places(draft: Design, judged: bool = False) -> dict[str, Any]:
     """Return data of all members for JSON: name, length and width (m), largest curvature (1/m), half-width `reach` (m).
     `places` are points [x, y, z, ...] on the member, m, from the middle of the surface's bounding box.
     `nearest` is the number of the nearest member at each vertex of the drawn mesh.
-    judged : True to add `utilisation` from `Design.member_utilisation`; None for members without this check.
-    Raises DsfabError if the strength is missing, nothing carries the loads, or the pattern leaves no material."""
+    judged : True to add `utilisation`, a number or None.    Raises DsfabError."""
     graph, V = draft.members, draft.surface.V
     middle = (V.min(axis=0) + V.max(axis=0)) / 2
     places = [_places(member, graph.sheet.surface.centroids) for member in graph.members]
@@ -80,8 +79,7 @@ def members_picture(
     ground: GroundKind = "paper",
     palette: Palette = PAPER,
 ) -> Bytes:
-    """Return a picture of a design's sheet with named members, (height, width, 3 or 4) bytes.
-    Names of hidden members are pale. Raises DsfabError if this machine cannot draw."""
+    """Return a picture of a design's sheet with named members, (height, width, 3 or 4) bytes. Raises DsfabError."""
     graph, palette = design.members, replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
     words = f"{design.preset.name} - {len(graph.members)} members, {len(graph.nodes)} nodes"
     names = {member.id: _colour(member.kind, member.family, palette) for member in graph.members}
@@ -92,9 +90,8 @@ def members_picture(
 def rated_members_picture(
     design: "Design", band: Ints, count: int, names: Sequence[str], *, size: tuple[int, int], palette: Palette = PAPER
 ) -> Bytes:
-    """Return a picture of a design's sheet in colour bands, with the names of chosen members, (height, width, 3) bytes.
-    band : (m,) number of each cell's band, 0 to `count` - 1, as in `band_colours`; -1 without a band.
-    Raises DsfabError if this machine cannot draw."""
+    """Return a picture of a design's sheet in colour bands, with names of members, (height, width, 3) bytes.
+    band : (m,) number of each cell's band, 0 to `count` - 1; -1 without a band.    Raises DsfabError."""
     table = np.array([*band_colours(count), palette.plain], dtype=np.uint8)
     ink = dict.fromkeys(names, palette.text)
     return _MembersDrawing(design, size, "iso", "paper", palette).picture(table[band], ink, "", ())
@@ -116,7 +113,7 @@ class _MembersDrawing:
     def picture(
         self, face: Bytes, names: Mapping[str, Colour], words: str, swatches: tuple[tuple[str, Colour], ...]
     ) -> Bytes:
-        """Return the picture. face : (m, 3) colours. names : names and colours. words : caption. swatches : legend."""
+        """Return the picture. face : (m, 3) colours. words : caption. swatches : legend."""
         check_ground(self.ground)
         require_rendering()
         design, size, palette = self.design, self.size, self.palette
@@ -128,7 +125,6 @@ class _MembersDrawing:
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             image = render_stage(scene, stage, palette, size, transparent=self.ground == "transparent")
             depth = scene.pixels(stage.view, FINER * size[0], FINER * size[1]).depth * stage.radius
-        # letters are smaller if there are over 90 members and over 12 names
         letter = size[1] / 62 * min(1.0, np.sqrt(90 / len(graph.members)) if len(names) > 12 else 1.0)
         plates = list(nameplates(graph, stage, depth, (size, names, palette)))
         image = with_names(image, place_names(plates, size, letter), letter, palette.paper)
@@ -163,8 +159,7 @@ def _swatches(graph: "MemberGraph", palette: Palette) -> tuple[tuple[str, Colour
 def nameplates(
     graph: "MemberGraph", stage: Stage, depth: np.ndarray, look: tuple[tuple[int, int], Mapping[str, Colour], Palette]
 ) -> Iterator[Nameplate]:
-    """Yield the nameplate of each member to name.
-    depth : (h, w) depth of each pixel, m.    look : size of the picture, colour of each name, palette."""
+    """Yield the nameplate of each member to name. depth : (h, w) depth of each pixel, m."""
     size, names, palette = look
     for member in (member for member in graph.members if member.id in names):
         seen = stage.view.page_coordinates(_points(graph, member, stage.view))
@@ -179,7 +174,7 @@ def nameplates(
 
 
 def _points(graph: "MemberGraph", member: "Member", view: View, count: int = 41) -> Floats:
-    """Return places (k, 3) for a member's name: first those far from nodes, and among them those near its middle."""
+    """Return places (k, 3) for a member's name, the best place first."""
     if member.axis is None or member.kind == "disc":
         places = graph.sheet.surface.centroids[member.cells]
         return np.asarray(places[np.linalg.norm(places - places.mean(axis=0), axis=1).argsort(kind="stable")[:count]])

@@ -1,4 +1,4 @@
-"""Test whether this machine can draw off screen. The test runs in a process of its own, because VTK may crash."""
+"""Test whether this machine can draw off screen."""
 
 import os
 import subprocess
@@ -11,7 +11,7 @@ from dsfab.core.errors import DsfabError
 WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"  # environment variable by which VTK chooses its kind of window
 SECONDS = 120  # time limit of the test
 
-# the test draws a red frame, because VTK loads its graphics libraries at the first frame
+# VTK loads its graphics libraries at the first frame
 PROBE = """
 from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
@@ -31,7 +31,7 @@ _PROBES: list[threading.Thread] = []  # the running test, if any
 
 
 def probe_ahead() -> None:
-    """Begin to test in the background whether this machine can draw; `require_rendering` waits for the result."""
+    """Begin to test in the background whether this machine can draw."""
     name = window_kinds(_window_choice())[0]
     if not _PROBES and name not in _KNOWN:
         _PROBES.append(threading.Thread(target=lambda: _draws(name), daemon=True))
@@ -39,7 +39,7 @@ def probe_ahead() -> None:
 
 
 def assume_window(window: str | None = None) -> str:
-    """Use a kind of VTK window without a test, by default the first candidate, and return its name."""
+    """Use a kind of VTK window without a test, and return its name."""
     name = window_kinds(os.environ.get(WINDOW, ""))[0] if window is None else window
     _KNOWN.add(name)
     if name:
@@ -50,14 +50,13 @@ def assume_window(window: str | None = None) -> str:
 
 
 def forget_windows() -> None:
-    """Forget which kinds of window can draw, also kinds set by `assume_window`. The next picture needs a new test."""
+    """Forget which kinds of window can draw."""
     _KNOWN.clear()
     _draws.cache_clear()
 
 
 def require_rendering() -> None:
-    """Raise DsfabError with the packages to install if this machine cannot draw. Each kind of window is tested once.
-    The variable VTK_DEFAULT_OPENGL_WINDOW is set to a kind that works, if VTK needs it."""
+    """Raise DsfabError with the packages to install if this machine cannot draw."""
     chosen = _window_choice()
     while _PROBES:
         _PROBES.pop().join()
@@ -85,7 +84,7 @@ def why_no_pictures() -> str:
 
 
 def window_kinds(chosen: str) -> tuple[str, ...]:
-    """Return kinds of window to try, best first. "" means VTK's choice: Cocoa, Win32, or X11 if there is a screen."""
+    """Return kinds of window to try, best first. "" means VTK's choice."""
     if chosen:
         return (chosen,)
     if not sys.platform.startswith("linux"):

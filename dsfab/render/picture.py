@@ -1,4 +1,4 @@
-"""The picture of a finished structure with its loads, supports and scale, and its PNG file."""
+"""The picture of a finished structure, and its PNG file."""
 
 import io
 from dataclasses import dataclass, replace
@@ -19,8 +19,8 @@ from dsfab.surface import LoadCase, Surface
 
 
 def write_png(pixels: Bytes, path: Path, effort: int = 4) -> Path:
-    """Write a picture as a PNG file, and return its path. After a failure no partial file remains.
-    effort : effort of compression, 1 to 9. Raises ExportError if the file cannot be written."""
+    """Write a picture as a PNG file, and return its path. Raises ExportError if the file cannot be written.
+    effort : effort of compression, 1 to 9."""
     from PIL import Image
 
     from dsfab.export.writing import atomic_file
@@ -42,7 +42,7 @@ def png_bytes(pixels: Bytes) -> bytes:
 @dataclass(frozen=True, eq=False)
 class Look:
     """Style of a picture. size : (width, height), pixels.    letters : size of letters / default size.
-    up : direction (3,) of any length; None derives the direction from the structure."""
+    up : direction (3,), or None."""
 
     size: tuple[int, int] = (1600, 1200)
     up: ArrayLike | None = None
@@ -50,7 +50,7 @@ class Look:
     letters: float = 1.0
 
 
-DEFAULT_LOOK = Look()  # white paper, and the default size of a picture
+DEFAULT_LOOK = Look()
 
 
 def picture(
@@ -63,11 +63,10 @@ def picture(
     caption: str = "",
     look: Look = DEFAULT_LOOK,
 ) -> Bytes:
-    """Return a picture (height, width, 3) of a whole solid or sheet, red green blue, from a side that suits its shape.
+    """Return a picture (height, width, 3) of a whole solid or sheet, red green blue.
     V, F    : (n, 3) vertices, m, and (m, 3) faces, outward oriented.
-    surface, load : uncut surface and its loads, for arrows, supports and the ground; give both or neither.
-    family  : (m,) index of each face into `look.palette.families`; -1 for the colour `look.palette.members`.
-    caption : line below the picture.
+    surface, load : uncut surface and its loads; give both or neither.
+    family  : (m,) index of each face into `look.palette.families`; -1 for members.
     Raises DsfabError for a solid without faces, or if this machine cannot draw. Draw in one thread at a time."""
     require_rendering()
     vertices, faces = np.asarray(V, dtype=np.float64), np.asarray(F, dtype=np.int64)
@@ -82,11 +81,10 @@ def picture(
 
 @dataclass(frozen=True, eq=False)
 class StructurePicture:
-    """Data of a picture of a finished structure from a chosen side, which a second process can draw.
+    """Data of a picture of a finished structure.
     V, F    : (n, 3) vertices, m, and (m, 3) faces, outward oriented.    half : half of the structure's thickness, m.
-    side, up: view side, and (3,) unit vector up.
-    annotations : marks beside the structure.    caption : line below the picture.
-    look    : size and colours; its `up` is not used.    clear : True for a transparent ground.
+    side, up: view side, and (3,) unit vector up.    annotations : marks beside the structure.
+    look    : size and colours; `up` is not used.    clear : True for a transparent ground.
     colours : (3,) or (m, 3) of the faces; None for the colour of members."""
 
     V: Floats
@@ -101,12 +99,12 @@ class StructurePicture:
     colours: Bytes | None = None
 
     def render(self, quality: LightQuality = FINE) -> Bytes:
-        """Return the picture, (height, width, 3 or 4) bytes. Call `require_rendering` first, or VTK may crash."""
+        """Return the picture, (height, width, 3 or 4) bytes. Call `require_rendering` first."""
         palette, size = self.look.palette, self.look.size
         colours = np.array(palette.members, dtype=np.uint8) if self.colours is None else self.colours
         body = Body(self.V, self.F, colours, casts=True)
         stage = set_stage(body, self.side, self.up, self.half, self.annotations, palette, size)
-        if self.side.towards @ self.up < 0:  # views from below have no ground
+        if self.side.towards @ self.up < 0:
             stage = replace(stage, level=None)
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             image = render_stage(scene, stage, palette, size, quality, self.clear)

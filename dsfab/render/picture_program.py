@@ -2,8 +2,8 @@
 
     python -P picture_program.py
 
-Each line of standard input is JSON: the names of a pickle file and of a PNG file. The pickle file contains a picture
-of `dsfab.render.build_pictures`. The program prints the name of each finished PNG file."""
+Each line of standard input is JSON: the names of a pickle file and of a PNG file. The program prints the name of each
+finished PNG file."""
 
 import json
 import pickle

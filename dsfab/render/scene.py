@@ -1,7 +1,4 @@
-"""The scene in VTK: an off-screen window with meshes, and depth, normal and colour of each pixel.
-
-VTK's lighting is off, so that software rendering and graphics cards give the same picture. The code uses VTK without
-pyvista, which would need more time and memory."""
+"""The scene in VTK: depth, normal and colour of each pixel."""
 
 import re
 from collections.abc import Iterator
@@ -25,8 +22,7 @@ NORMAL_STEPS = 1 << 10  # components of normals are rounded to 2 / `NORMAL_STEPS
 
 
 class Window:
-    """Off-screen window: black, without lamps, and without multisampling, which would average normals at edges.
-    Create, use and close a window in one thread."""
+    """Off-screen window with a black background. Create, use and close a window in one thread."""
 
     def __init__(self) -> None:
         import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  (VTK draws nothing without it)
@@ -43,27 +39,27 @@ class Window:
         self.closed = False
 
     def add(self, actor: Any) -> None:
-        """Draw an actor from now on."""
+        """Draw an actor in all following pictures."""
         self._renderer.AddActor(actor)
 
     def remove(self, actor: Any) -> None:
-        """Stop drawing an actor, and release its graphics memory."""
+        """Stop drawing an actor."""
         self._renderer.RemoveActor(actor)
         actor.ReleaseGraphicsResources(self.window)
 
     def close(self) -> None:
-        """Release the window; a second call does nothing."""
+        """Release the window."""
         if not self.closed:
             self.window.Finalize()
             self._renderer.RemoveAllViewProps()
             self.closed = True
 
     def resize(self, width: int, height: int) -> None:
-        """Set the size of the pictures from now on (pixels)."""
+        """Set the size of the pictures (pixels)."""
         self.window.SetSize(width, height)
 
     def release_pictures(self) -> None:
-        """Release the memory of the pictures in OpenGL, until the next picture is drawn."""
+        """Release the memory of the pictures in OpenGL."""
         width, height = self.window.GetSize()
         self.window.SetSize(64, 64)
         self._renderer.DrawOff()
@@ -80,7 +76,7 @@ class Window:
         self.window.Render()
 
     def depth(self) -> NDArray[np.float32]:
-        """Return the depth (h, w) of the picture, row 0 on top: from 0 at the nearest depth to 1 at empty pixels."""
+        """Return the depth (h, w) of the picture, row 0 on top; 1 at empty pixels."""
         from vtkmodules.vtkCommonCore import vtkFloatArray
 
         width, height = self.window.GetSize()
@@ -107,7 +103,7 @@ class Window:
 
 
 def load_renderer() -> bool:
-    """Load the drawing modules and draw a red test frame. Return True if the frame is red: drawing works."""
+    """Draw a red test picture; return True if the picture is red."""
     import PIL.ImageDraw
     import PIL.ImageFont
     import PIL.PngImagePlugin  # noqa: F401
@@ -125,8 +121,8 @@ def load_renderer() -> bool:
 
 
 def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.float32], Ints]:
-    """Return a VTK mesh of points (n, 3) and faces (m, 3), split at edges whose angle exceeds `split` degrees.
-    Also return the normals (k, 3) at the k points of the split mesh, and the original index (k,) of each point."""
+    """Return a VTK mesh, split at edges with an angle above `split` degrees; normals (k, 3); original index (k,).
+    points : (n, 3).    F : (m, 3) faces."""
     from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 
     source_mesh = _polydata(points, F)
@@ -145,7 +141,7 @@ def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.f
 
 
 def mesh_with_normals(points: Floats, F: Ints, normals: NDArray[np.float32]) -> tuple[Any, NDArray[np.float32], Ints]:
-    """Split a mesh at points where the normals (m, 3, 3) at the faces' corners differ; see `split_mesh`."""
+    """Return a VTK mesh, split where the normals (m, 3, 3) differ; results as in `split_mesh`."""
     steps = np.rint((normals.reshape(-1, 3) + 1) * (NORMAL_STEPS / 2)).astype(np.int64)
     key = np.ravel_multi_index((F.ravel(), *steps.T), (len(points), *3 * (NORMAL_STEPS + 1,)), mode="clip")
     _, first_corner, corner = np.unique(key, return_index=True, return_inverse=True)
@@ -155,7 +151,7 @@ def mesh_with_normals(points: Floats, F: Ints, normals: NDArray[np.float32]) -> 
 
 
 def set_array(attributes: Any, name: str, values: NDArray[Any]) -> None:
-    """Store numbers (k, ...) of points or cells under a name, in a mesh's `GetPointData()` or `GetCellData()`."""
+    """Store numbers (k, ...) of points or cells in a mesh, under a name."""
     array = _support().numpy_to_vtk(np.ascontiguousarray(values), deep=True)  # a copy, as numpy frees `values`
     array.SetName(name)
     attributes.AddArray(array)
@@ -195,9 +191,9 @@ LAMP_DEPTHS = 1.9, 4.1  # nearest and farthest depth that a lamp lights, scene u
 @dataclass(frozen=True, eq=False)
 class Body:
     """Mesh of vertices V (n, 3), m, and faces F (m, 3), with a colour (3,) or (m, 3) in 0..255.
-    casts   : True if the body throws shadows.    shader : shader that removes material outside a pattern.
-    half    : half of the thickness of the walls that the shader draws, m.
-    normals : (m, 3, 3) at corners of faces; None computes normals."""
+    casts   : True if the body throws shadows.    shader : removes material outside a pattern.
+    half    : half of the thickness of the walls, m.
+    normals : (m, 3, 3) at corners of faces, or None."""
 
     V: Floats
     F: Ints
@@ -209,7 +205,7 @@ class Body:
 
     @cached_property
     def encloses(self) -> bool:
-        """True for a closed mesh with outward faces, whose backs are invisible from outside."""
+        """True for a closed mesh with outward faces."""
         F = np.asarray(self.F, dtype=np.int64)
         start, end = F.ravel(), np.roll(F, -1, axis=1).ravel()
         forward, backward = start * len(self.V) + end, end * len(self.V) + start
@@ -224,8 +220,8 @@ def shading(V: Floats, F: Ints) -> Floats32:
 
 @dataclass(frozen=True, eq=False)
 class Pixels:
-    """Depth, normal and colour of the pixels (h, w) of a picture, row 0 on top; lengths in units of `Scene.radius`.
-    depth  : (h, w) along the view; infinite where the picture is empty.
+    """Depth, normal and colour of the pixels (h, w) of a picture, row 0 on top.
+    depth  : (h, w) along the view, in units of `Scene.radius`; infinite where the picture is empty.
     normal : (h, w, 3) components as bytes: 0 for -1, 255 for 1.    colour : (h, w, 3) in 0..255."""
 
     depth: Floats32
@@ -234,9 +230,8 @@ class Pixels:
 
 
 class Scene:
-    """Bodies in OpenGL, drawn from the eye and, for shadows, from each lamp; use as `with Scene(...) as scene`.
-    In scene units, `centre` is the origin, and the length 1 is `radius`: the radius of a sphere around all bodies that
-    cast shadows. Create, use and close a scene in one thread."""
+    """Bodies in OpenGL; use as `with Scene(...) as scene`. Create, use and close a scene in one thread. In scene units,
+    `centre` is the origin, and the length 1 is `radius`."""
 
     def __init__(self, bodies: list[Body], centre: Floats, radius: float) -> None:
         self.centre, self.radius = centre, radius
@@ -262,7 +257,7 @@ class Scene:
         self.window.close()
 
     def replace_body(self, index: int, body: Body) -> None:
-        """Replace the body with number `index` by a new body of the same size."""
+        """Replace the body with number `index` by a body of the same size."""
         actor = self._add(body)
         self.window.remove(self.actors[index])
         self.actors[index], self.bodies[index], self.casts[index] = actor, body, body.casts
@@ -288,7 +283,6 @@ class Scene:
 
     @contextmanager
     def _walls(self, view: View) -> Iterator[None]:
-        """Show the thickness of cut sheets in a `with` block; outside the block, sheets are drawn without thickness."""
         eye = (view.eye - self.centre) / self.radius
         shaded = [(body.shader, body.half) for body in self.bodies if body.shader]
         for shader, half in shaded:
@@ -299,19 +293,19 @@ class Scene:
 
     @property
     def renderer(self) -> str:
-        """Name of the OpenGL renderer, after the first picture."""
+        """Name of the OpenGL renderer, known after the first picture."""
         match = re.search(r"OpenGL renderer string:\s*(.+)", self.window.window.ReportCapabilities())
         return match.group(1).strip() if match else "unknown"
 
     def frame(self, view: View, width: int, height: int) -> None:
-        """Draw a picture and wait for it, without reading its pixels."""
+        """Draw a picture without reading the pixels."""
         self._aim_camera(view)
         self.window.resize(width, height)
         self.window.draw()
         self.window.wait()
 
     def mask(self, view: View, width: int, height: int) -> Bools:
-        """Return a mask (h, w) of pixels that show a body that casts shadows; all other bodies are hidden."""
+        """Return a mask (h, w) of pixels that show a body that casts shadows."""
         with self.lamps():
             self._aim_camera(view)
             self.window.resize(width, height)
@@ -319,7 +313,7 @@ class Scene:
 
     @contextmanager
     def lamps(self) -> Iterator[None]:
-        """Hide all bodies that cast no shadow, during a `with` block; draw shadow maps (`lamp`) only in this block."""
+        """Hide all bodies that cast no shadow during a `with` block, as `lamp` needs."""
         self.casting = False
         for actor, body, casts in zip(self.actors, self.bodies, self.casts, strict=True):
             actor.SetVisibility(casts)
@@ -333,9 +327,8 @@ class Scene:
             actor.GetMapper().SetScalarVisibility(True)
 
     def lamp(self, frame: Floats, side: int) -> Floats32:
-        """Return the depth (side, side) of the first body that a lamp sees in each pixel.
-        The depth is 0..1 from the nearest to the farthest of `LAMP_DEPTHS`, and 1 where the picture is empty.
-        frame : rows (3, 3): unit vectors right, up, towards the lamp. Pixels cover -1 to 1 to the right and upwards."""
+        """Return the depth (side, side) that a lamp sees, 0..1; 1 at empty pixels.
+        frame : rows (3, 3): unit vectors right, up, towards the lamp."""
         self.window.resize(side, side)
         camera = self.window.camera
         camera.SetParallelProjection(True)

@@ -1,7 +1,6 @@
-"""Shader that draws an uncut surface as if it were cut: it removes pixels outside stripes and kept regions.
+"""Shader that draws an uncut surface as if it were cut.
 
-Material is where |z - k| < d for an integer k, as in slicing. Phase z and half-width d are linear on each face.
-A new pattern changes only a few numbers of the shader."""
+Material is where |z - k| < d for an integer k. Phase z and half-width d are linear on each face."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -83,9 +82,9 @@ _WALL_NORMAL = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb = 0.5 * dsWa
 
 @dataclass(frozen=True)
 class StripeSettings:
-    """Numbers of a pattern. Each is a pair for the major and the minor family, except `reach`.
+    """Numbers of a pattern, as pairs for the major and the minor family.
     half_width : periods, 0 to 0.5, or `BY_VERTEX`.    shown : 1 for a visible family, else 0.
-    reach      : widths (m) of kept material: around loads and supports, and along the boundary; `NO_REACH` for none."""
+    reach      : widths (m) of material around loads and supports, and along the boundary; `NO_REACH` for none."""
 
     frequency: tuple[float, float] = (1.0, 1.0)
     phase: tuple[float, float] = (0.0, 0.0)
@@ -100,8 +99,8 @@ ALL_MATERIAL, NO_MATERIAL = StripeSettings(), StripeSettings(half_width=(0.0, 0.
 
 @dataclass(frozen=True)
 class ShaderProgram:
-    """Optional parts of the shader's program. vary : names in `FIELDS` of values that the shader reads at vertices.
-    walls : True for visible walls.    normals : True for normals as output.    tinted : True if families have tints."""
+    """Optional parts of the shader's program. vary : names of values at vertices.
+    tinted : True if families have tints."""
 
     vary: tuple[str, ...] = ("modes",)
     walls: bool = False
@@ -109,7 +108,7 @@ class ShaderProgram:
     tinted: bool = False
 
     def vertex(self) -> tuple[tuple[str, str], ...]:
-        """Return pairs for VTK's vertex shader: a tag (marker) in VTK's code, and the code to insert after this tag."""
+        """Return pairs for VTK's vertex shader: a tag in VTK's code, and the code to insert after this tag."""
         declared, code = [f"in vec2 {name}MC;" for name in self.vary], []
         if self.walls:
             declared.append("out vec4 stripesVS;\nout vec2 keptVS;\nout vec3 dsWhere;")
@@ -140,7 +139,7 @@ class ShaderProgram:
 
 @dataclass(eq=False)
 class StripeShader:
-    """Shader of a body; `fields` and `settings` may change between pictures.
+    """Shader of a body.
     fields : (n, 6) modes of both families, half-widths of both families (periods), distance to loads and supports, and
              distance to the boundary (m).
     tints  : colours of major, minor and remaining material; None for the colours of the faces."""
@@ -151,7 +150,7 @@ class StripeShader:
     _parts: list[dict[str, Any]] = field(default_factory=list)
 
     def attach(self, actor: Any, mapper: Any, mesh: Any, source: Ints) -> None:
-        """Put the shader on an actor. source : (k,) row in `self.fields` for each point of the actor's mesh."""
+        """Put the shader on an actor. source : (k,) row in `fields` for each point of the actor's mesh."""
         from vtkmodules.vtkCommonDataModel import vtkDataObject
 
         self._parts.append({"actor": actor, "mesh": mesh, "source": source, "program": None})
@@ -168,7 +167,7 @@ class StripeShader:
         self.colour_by("colour")
 
     def replace_fields(self, fields: Floats) -> None:
-        """Replace modes, half-widths and distances (n, 6) on the same geometry."""
+        """Replace the fields (n, 6)."""
         self.fields = fields
         values: Floats32 = np.where(np.isfinite(fields), fields, INFINITE_DISTANCE).astype(np.float32)
         for part in self._parts:
@@ -182,7 +181,7 @@ class StripeShader:
             set_array(part["mesh"].GetCellData(), "colour", face)
 
     def set(self, settings: StripeSettings) -> None:
-        """Replace the settings; this takes microseconds unless the shader needs another program."""
+        """Replace the settings."""
         shown_widths = [d if s > 0.5 else 0.0 for d, s in zip(settings.half_width, settings.shown, strict=True)]
         widths, reads_kept = min(shown_widths) < 0, max(settings.reach) > NO_REACH
         self._change_program(vary=("modes", *(("widths",) if widths else ()), *(("kept",) if reads_kept else ())))
@@ -195,8 +194,8 @@ class StripeShader:
             uniforms.SetUniform2f("dsShown", settings.shown)
 
     def show_walls(self, eye: Floats | None, half: float) -> None:
-        """Show the walls of a sheet as seen from `eye` (3,), scene units; None hides them. half : half the thickness.
-        Walls are approximate: each triangle is drawn as a flat slab. The boundary of the surface has no wall."""
+        """Show approximate walls of a sheet as seen from `eye` (3,), scene units; None hides the walls.
+        half : half the thickness."""
         walls = eye is not None and half > 0
         self._change_program(walls=walls)
         for uniforms in self._uniforms():

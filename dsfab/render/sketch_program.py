@@ -1,4 +1,4 @@
-"""Program that draws pictures of a design; it starts before the first request.
+"""Program that draws pictures of a design.
 
 Each request on standard input is a number n in 8 bytes, then n bytes of pickle. A closed input ends the program.
 The pickle contains
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def main(sketches: bool) -> None:
-    """Draw each picture requested on standard input. sketches : True to load the modules for sketches at the start."""
+    """Draw each picture requested on standard input. sketches : True to load modules for sketches."""
     requests: SimpleQueue[bytes] = SimpleQueue()
     threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
     window = assume_window()  # if this machine cannot draw, the process crashes silently
@@ -50,7 +50,7 @@ def _draw(what: Any, path: Any, size: tuple[int, int] = (0, 0), options: Any = N
 
 
 def sketch_caption(previewer: "Previewer", show: str) -> str:
-    """Return the caption of a design's first picture. show : the previewer's option `show`."""
+    """Return the caption of a design's first picture."""
     from dsfab.render.colouring import WHOLE_SHEET
 
     words = previewer.words or (show.replace("_", " ") if show in WHOLE_SHEET else "")

@@ -1,7 +1,4 @@
-"""The mesh on which a pattern is drawn, values at its vertices, and the settings of its shader.
-
-Stripes from diffusion modes are drawn on the surface. Evenly spaced stripes are drawn on their chart
-(`dsfab.slicing.Chart`): only there, their phases are consistent. The shader takes these phases in place of modes."""
+"""The mesh on which a pattern is drawn, with the settings of the shader."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -26,8 +23,8 @@ REGION_FACTOR = 1e33  # factor on distances from drawn regions, so that `keep` a
 
 @dataclass(frozen=True, eq=False)
 class StripedMesh:
-    """Mesh on which stripes are drawn: n' vertices, m' faces. For stripes of diffusion modes: the uncut surface, with
-    n vertices and m faces. For evenly spaced stripes: this surface, cut open where phases of faces do not match."""
+    """Mesh on which stripes are drawn: n' vertices, m' faces.
+    The mesh is the uncut surface (n vertices, m faces), cut open where phases of evenly spaced stripes do not match."""
 
     uncut: Surface
     even: EvenStripes | None
@@ -39,11 +36,11 @@ class StripedMesh:
 
     @property
     def surface(self) -> Surface:
-        """Surface (n', m') to draw; its shape is that of the uncut surface."""
+        """Surface (n', m') to draw."""
         return self.even.chart.surface if self.even else self.uncut
 
     def is_same_mesh(self, mesh: "StripedMesh") -> bool:
-        """Return True if two meshes, and the phases of evenly spaced stripes on them, are equal."""
+        """Return True if two meshes, and the stripe phases on these meshes, are equal."""
         if self.uncut is not mesh.uncut or (self.even is None) != (mesh.even is None):
             return False
         if self.even is None or mesh.even is None or self.even is mesh.even:
@@ -53,15 +50,15 @@ class StripedMesh:
         return all(np.array_equal(x, y) for x, y in pairs)
 
     def carry(self, x: Floats) -> Floats:
-        """Return values (n', ...) at the vertices of this mesh, from values (n, ...) at the uncut vertices."""
+        """Return values (n', ...) on this mesh, from values (n, ...) on the uncut surface."""
         return self.even.chart.carry(x) if self.even else x
 
     def on_faces(self, x: Bytes) -> Bytes:
-        """Return colours (m', 3) of the faces of this mesh, from colours (m, 3) of faces of the uncut surface."""
+        """Return colours (m', 3) on this mesh, from colours (m, 3) on the uncut surface."""
         return x[self.even.chart.parent] if self.even else x
 
     def at_corners(self, x: Floats32) -> Floats32:
-        """Interpolate corner normals (m, 3, 3) of the uncut faces; return corner normals (m', 3, 3) of this mesh."""
+        """Return corner normals (m', 3, 3) on this mesh, from (m, 3, 3) on the uncut surface."""
         if self.even is None:
             return x
         return np.asarray(self._corner_weights @ x[self.even.chart.parent], dtype=np.float32)
@@ -75,11 +72,11 @@ class StripedMesh:
 
     @cached_property
     def normals(self) -> Floats:
-        """Unit normals (n', 3) of `surface`; equal on both sides of cuts in the mesh of evenly spaced stripes."""
+        """Unit normals (n', 3) of `surface`."""
         return self.uncut.vertex_normals if self.even is None else unit_vectors(self.carry(self.uncut.vertex_normals))
 
     def phases(self, design: Design) -> Floats:
-        """Return a diffusion mode for each family of stripes, or the phases of evenly spaced stripes: (n', 2)."""
+        """Return diffusion modes, or phases of evenly spaced stripes: (n', 2)."""
         if self.even:
             return self.even.chart.z
         mode, modes = design.pattern.mode, design.diffusion
@@ -87,13 +84,13 @@ class StripedMesh:
 
     @cached_property
     def shares(self) -> Floats:
-        """Factor (n', 2) from half-widths in `PatternResult` to half-widths in units of phase; 0 without a phase."""
+        """Factor (n', 2) from half-widths to units of phase; 0 without a phase."""
         if self.even is None:
             return np.ones((self.uncut.n, 2))
         return self.carry(self.even.slope / self.even.density) * self.even.chart.scale
 
     def half_widths(self, pattern: PatternResult) -> Floats:
-        """Return half-widths (n', 2) of both families, in units of phase: 1 is one period of the finest stripes."""
+        """Return half-widths (n', 2) of the two families, in units of phase."""
         local = [pattern.half_width(name) for name in FAMILIES]
         if self.even is None:
             return np.stack(local, axis=1)
@@ -105,8 +102,8 @@ class StripedMesh:
 
 @derived
 def distances(design: Design) -> tuple[Floats, Floats]:
-    """Return distances (n,) to loads and supports, and distances (n,) to the boundary, m; long distances are inexact.
-    If the user drew regions, the first array has distances to regions and kept material, times `REGION_FACTOR`."""
+    """Return distances (n,) to loads and supports, and distances (n,) to the boundary, m. With drawn regions, the first
+    array has scaled distances to the regions."""
     surface, load, pattern = design.surface, design.load, design.preset.pattern
     reach = max(EXACT_REACH_SHARE * surface.size, pattern.keep, pattern.rim)
     to_held = distance_to_vertices(surface, load.supported | load.loaded, reach)
@@ -116,7 +113,7 @@ def distances(design: Design) -> tuple[Floats, Floats]:
 
 
 def _distances_outside(design: Design, to_held: Floats) -> Floats:
-    """Return rough distances (n,), m, to drawn regions and to kept material at loads and supports; negative inside."""
+    """Return rough distances (n,), m, to kept material; negative inside."""
     surface, pattern = design.surface, design.preset.pattern
     outside = np.where(np.isfinite(to_held) & (pattern.keep > 0), to_held - pattern.keep, surface.size)
     for field in design.pattern.fields[: pattern.drawn_regions]:
@@ -132,18 +129,18 @@ def _distances_outside(design: Design, to_held: Floats) -> Floats:
 
 
 def vertex_fields(design: Design, mesh: StripedMesh, distances: tuple[Floats, Floats]) -> Floats:
-    """Return the columns (n', 6) of `StripeShader.fields`: two of phases, two of half-widths, two of `distances`."""
+    """Return the columns (n', 6) of `StripeShader.fields`."""
     reaches = mesh.carry(finite_distances(distances))
     return np.concatenate([mesh.phases(design), mesh.half_widths(design.pattern), reaches], axis=1)
 
 
 def finite_distances(distances: tuple[Floats, Floats], limit: float = INFINITE_DISTANCE) -> Floats:
-    """Return distances (n, 2), with `limit` in place of infinity, because infinity times 0 is not a number."""
+    """Return distances (n, 2), with `limit` in place of infinity."""
     return np.where(np.isfinite(distances), distances, limit).T
 
 
 def needs_only_settings(drawn_preset: Preset, preset: Preset) -> bool:
-    """Return True if a new preset differs from the drawn preset only in numbers of its `StripeSettings`."""
+    """Return True if two presets differ only in numbers of the shader's settings."""
     old_pattern, new_pattern = drawn_preset.pattern, preset.pattern
     first_section = preset.first_difference(drawn_preset)
     if first_section is None or STAGES.index(first_section) > STAGES.index("pattern"):
@@ -172,7 +169,7 @@ def _without_reaches(pattern: Pattern) -> dict[str, object]:
 
 
 def shader_settings(preset: Preset, result: PatternResult, show: str) -> StripeSettings:
-    """Return the shader settings of a preset. Numbers that the preset omits come from the result of its pattern."""
+    """Return the shader settings of a preset."""
     pattern = preset.pattern
     pair, width = (pattern.major, pattern.minor), pattern.width
     nothing = 0.0 if pattern.drawn_regions else NO_REACH  # with `NO_REACH` the shader ignores the user's regions

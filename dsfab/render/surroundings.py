@@ -1,4 +1,4 @@
-"""The surroundings of a structure in preview.png: its supports as parts of a building, and the ground."""
+"""The surroundings of a structure in preview.png: supports and the ground."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -14,24 +14,24 @@ from dsfab.surface import LoadCase, Surface, link_components
 
 PartKind = Literal["column", "wall", "hanger", "abutment"]
 
-HEADROOM = 2.2  # smallest height (m) of a structure above a ground at height 0
-PLINTH = 0.012  # height of the lowest columns and walls, divided by the structure's size
-COLUMN_EXTENT = 0.08  # a support becomes a column if it is smaller in plan than this share of the structure's size
-LOW_SHARE = 0.25  # a support below this share of the structure's height is never an abutment
-STEEP = 0.2  # a structure hangs only from supports to which it rises with a slope (sine of the angle) above this
-UPRIGHT = 3.0  # an edge is upright if its height / its extent in plan is larger than this
-SOIL_SHARE = 0.5  # a slab lies on soil if its supported area / its whole area is larger
-CORNERS, MOST_PARTS = 20, 40  # corners of a round column; largest number of columns or rods of a support
+HEADROOM = 2.2  # smallest height (m) of a structure above the ground
+PLINTH = 0.012  # height of the lowest columns and walls / size of the structure
+COLUMN_EXTENT = 0.08  # largest plan size of a column / size of the structure
+LOW_SHARE = 0.25  # largest height of a low support / height of the structure
+STEEP = 0.2  # least slope (sine of the angle) from a structure up to a hanger
+UPRIGHT = 3.0  # least height of an upright edge / extent of the edge in plan
+SOIL_SHARE = 0.5  # least supported area of a slab on soil / area of the slab
+CORNERS, MOST_PARTS = 20, 40  # corners of a round column; largest number of columns or rods
 ABUTMENT_DEPTH, HANGER_LENGTH = 0.04, 0.14  # divided by the structure's size
-HANGERS, COLUMNS = 0.05, 0.12  # spacings of rods, and of columns below an edge, divided by the structure's size
-TALL = 4.5  # height (m) above which a long edge has a beam and columns instead of a wall
+HANGERS, COLUMNS = 0.05, 0.12  # spacings of rods and of columns, divided by the structure's size
+TALL = 4.5  # least height (m) of a long edge with columns instead of a wall
 WIDTH, FOOTING_WIDTH, ROD = 0.01, 0.02, 0.004  # widths, divided by the structure's size
 
 
 @dataclass(frozen=True, eq=False)
 class SupportPart:
     """A connected support of a surface, drawn as a part of a building. vertices : (k,) of the support.
-    edges    : (e, 2) edges of the support on the boundary; all its edges if none is on the boundary.
+    edges    : (e, 2) edges of the support.
     along    : (3,) unit vector from the structure into the part.
     outwards : (k, 3) horizontal unit vectors away from the structure; 0 for a part below the structure."""
 
@@ -43,9 +43,7 @@ class SupportPart:
 
 
 def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[SupportPart]:
-    """Return a part of a building for each connected support. up : (3,) unit vector. A slab on soil has no parts.
-    Inner supports become hangers if the structure slopes down from them. Supports on one side become abutments.
-    All other supports reach the ground: small supports as columns, long edges as walls."""
+    """Return a part of a building for each connected support; none for a slab on soil. up : (3,) unit vector."""
     supported = _upward_supports(load, up)
     if not supported.any() or surface.areas @ supported[surface.F].all(axis=1) > SOIL_SHARE * surface.area:
         return []
@@ -73,21 +71,20 @@ def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[Supp
 
 
 def _open_side(surface: Surface, load: LoadCase, groups: list[Ints], up: Floats) -> Floats | None:
-    """Return the horizontal direction (3,) to the supports if all are on one side and none is low, else None."""
+    """Return the horizontal direction (3,) to supports on one side; None for other supports."""
     side, heights = support_side(surface, load, surface.size, up), surface.V @ up
     low = heights.min() + LOW_SHARE * np.ptp(heights)
     return side if abs(side @ up) < 0.5 and all(heights[group].mean() >= low for group in groups) else None
 
 
 def _upward_supports(load: LoadCase, up: Floats) -> Bools:
-    """Return a mask (n,) of supported vertices, without vertices held only sideways, as at a plane of symmetry."""
     axis = int(np.argmax(np.abs(up)))
     upwards = load.fixed[:, axis] | (load.spring[:, axis] > 0)
     return np.asarray(upwards if upwards.any() else load.supported)
 
 
 def _from_free_neighbours(surface: Surface, supported: Bools) -> Floats:
-    """Return the mean unit vector (n, 3) to each supported vertex from its free neighbours; 0 if it has none."""
+    """Return the mean unit vector (n, 3) to each supported vertex from its free neighbours."""
     ends = surface.edges.ends[supported[surface.edges.ends].sum(axis=1) == 1]
     ends = np.where(supported[ends[:, :1]], ends, ends[:, ::-1])
     sums = group_sums(ends[:, 0], unit_vectors(surface.V[ends[:, 0]] - surface.V[ends[:, 1]]), surface.n)
@@ -99,8 +96,7 @@ def _extent(points: Floats, axis: Floats) -> float:
 
 
 def ground_level(surface: Surface, supports: Sequence[SupportPart], up: Floats, half: float) -> float:
-    """Return the height of the ground, m: 0 if the structure has headroom, else `PLINTH` below its lowest point.
-    If all supports are hangers, the ground is lower, for headroom. half : half of the structure's thickness, m."""
+    """Return the height of the ground, m. half : half of the structure's thickness, m."""
     lowest, size = float((surface.V @ up).min()) - half, surface.size
     if HEADROOM < lowest < size:
         return 0.0
@@ -109,9 +105,10 @@ def ground_level(surface: Surface, supports: Sequence[SupportPart], up: Floats, 
 
 
 def support_part(surface: Surface, support: SupportPart, half: float, ground: float) -> MarkMesh:
-    """Return the mesh of a support, metres. ground : height of the ground, m. half : half the structure's thickness."""
+    """Return the mesh of a support, metres. ground : height of the ground, m.
+    half : half of the structure's thickness, m."""
     size, along, among = surface.size, support.along, support.vertices
-    begin = surface.V @ along + half * np.abs(surface.vertex_normals @ along)  # the outer face's coordinate on `along`
+    begin = surface.V @ along + half * np.abs(surface.vertex_normals @ along)
     deepest, V = float(begin[among].max()), surface.V.copy()
     if support.kind == "hanger":
         return _prisms(
@@ -119,7 +116,7 @@ def support_part(surface: Surface, support: SupportPart, half: float, ground: fl
         )
     end = deepest + ABUTMENT_DEPTH * size if support.kind == "abutment" else -ground
     width = max((FOOTING_WIDTH if end - deepest < 2 * PLINTH * size else WIDTH) * size, 2 * half)
-    if support.outwards.any():  # the column or wall stands beside the structure, not below it
+    if support.outwards.any():
         V[among] += support.outwards * (half + width / 2)
         begin[among] = begin[among].min() if support.kind == "column" else begin[among]
     direction = unit_vectors(V[support.edges[:, 1]] - V[support.edges[:, 0]])

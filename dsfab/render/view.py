@@ -1,4 +1,4 @@
-"""The view of a picture: the direction up, the side of the structure, and its place on the page."""
+"""The view of a picture."""
 
 from dataclasses import dataclass
 
@@ -8,13 +8,13 @@ from dsfab.core.arrays import Floats
 from dsfab.core.errors import DsfabError
 from dsfab.surface import LoadCase, Surface
 
-VIEW_DEGREES = 24.0  # degrees; vertical view angle, small for a weak perspective
+VIEW_DEGREES = 24.0  # vertical view angle, degrees
 
 
 @dataclass(frozen=True, eq=False)
 class View:
     """Camera at `eye` that looks along `forward`; `right` and `up` span the picture. slope : tan(half the view angle).
-    floor : unit normal of the floor.    front : True for a plate seen from the front, with a board as its floor."""
+    floor : unit normal of the floor.    front : True for a plate seen from the front."""
 
     eye: Floats
     right: Floats
@@ -33,8 +33,7 @@ class View:
 
 
 def up_axis(V: Floats, surface: Surface | None, load: LoadCase | None) -> Floats:
-    """Return the unit vector (3,) that points up for vertices V (n, 3): z, or y if the loads point along -y.
-    Even then, up is z for a plate with normal y, and for other surfaces with supports far above the lowest y."""
+    """Return the unit vector (3,) that points up for vertices V (n, 3): y or z."""
     z, y = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
     if load is None or surface is None:
         return z
@@ -48,7 +47,6 @@ def up_axis(V: Floats, surface: Surface | None, load: LoadCase | None) -> Floats
 
 
 def _principal_spread(V: Floats) -> tuple[Floats, Floats]:
-    """Return standard deviations (3,) of points along their principal axes, largest first, and the axes as rows."""
     values, axes = np.linalg.eigh(np.cov((V - V.mean(axis=0)).T))
     return np.sqrt(np.maximum(values[::-1], 0.0)), axes.T[::-1]
 
@@ -64,7 +62,7 @@ def _normal(V: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ViewSide:
-    """Side from which a picture shows a structure. towards : (3,) direction to the eye. Further fields : see `View`."""
+    """Side from which a picture shows a structure. towards : (3,) direction to the eye."""
 
     towards: Floats
     up: Floats
@@ -73,12 +71,11 @@ class ViewSide:
 
 
 def best_side(V: Floats, up: Floats) -> ViewSide:
-    """Return the three-quarter view of vertices V (n, 3) from a little above, or the front view of a standing plate."""
+    """Return the view of vertices V (n, 3) from a little above, or the front view of a standing plate."""
     if _is_plate(V) and abs(_normal(V) @ up) < 0.7:
         return _face_on(_normal(V), up)
     front, right = _plan_axes(V, up)
     depth, width, height = np.ptp(V @ np.stack([front, right, up], axis=1), axis=0)
-    # the eye looks down on low structures, and almost horizontally at towers
     lift = np.radians(np.interp(height / max(width, depth), [0.0, 0.15, 0.35, 1.0, 2.0], [40.0, 32.0, 24.0, 17.0, 9.0]))
     turn = np.radians(32.0)
     level = np.cos(turn) * front + np.sin(turn) * right
@@ -86,13 +83,12 @@ def best_side(V: Floats, up: Floats) -> ViewSide:
 
 
 NAMED_ANGLES = {"top": (0.0, 90.0), "front": (0.0, 4.0), "side": (90.0, 4.0)}
-"""Azimuth and elevation (degrees) of named views. Front and side are raised slightly to show the ground."""
+"""Azimuth and elevation (degrees) of named views."""
 
 
 def named_side(V: Floats, up: Floats, name: str) -> ViewSide:
     """Return the view of vertices V (n, 3) with a name: iso, top, front, side, or 'azimuth,elevation' in degrees.
-    iso is `best_side`. Azimuth turns from the front to the right. Elevation is measured from the ground.
-    Raises DsfabError for any other name."""
+    Azimuth turns from the front to the right. Elevation is measured from the ground. Raises DsfabError."""
     if name == "iso":
         return best_side(V, up)
     azimuth, elevation = NAMED_ANGLES[name] if name in NAMED_ANGLES else _angles(name)
@@ -126,7 +122,6 @@ def _face_on(normal: Floats, up: Floats) -> ViewSide:
 
 
 def _plan_axes(V: Floats, up: Floats) -> tuple[Floats, Floats]:
-    """Return the directions (3,) to the front and to the right. The front shows the long side of the plan."""
     vertical = int(np.argmax(np.abs(up)))
     right = np.eye(3)[{0: 1, 1: 0, 2: 0}[vertical]]
     front = np.cross(right, up)
@@ -162,8 +157,7 @@ def fit_view(points: Floats, side: ViewSide, box: tuple[float, float, float, flo
 
 
 def plan_and_elevation(V: Floats, up: Floats) -> tuple[ViewSide, ViewSide]:
-    """Return views of vertices V (n, 3), from above and facing the long side of the smallest rectangle around the plan.
-    Both align with this rectangle. A rectangle along the coordinate axes is preferred if up to 2 % larger in area."""
+    """Return views of vertices V (n, 3) from above and facing the long side."""
     across = np.eye(3)[{0: 1, 1: 0, 2: 0}[int(np.argmax(np.abs(up)))]]
     turns = np.radians(np.arange(90.0))
     rights = np.outer(np.cos(turns), across) + np.outer(np.sin(turns), np.cross(up, across))
@@ -174,16 +168,16 @@ def plan_and_elevation(V: Floats, up: Floats) -> tuple[ViewSide, ViewSide]:
     return ViewSide(up, -front, up, False), ViewSide(front, up, up, False)
 
 
-FAR = 400.0  # distance of the eye in a parallel view, divided by the diagonal of the box around all points
+FAR = 400.0  # distance of the eye in a parallel view, divided by the diagonal of the points' box
 
 
 def plane_extents(points: Floats, side: ViewSide) -> Floats:
-    """Return width and height (2,) of points (n, 3), in metres, seen from a side in parallel projection."""
+    """Return width and height (2,) of points (n, 3) in parallel projection, metres."""
     return np.asarray(np.ptp(points @ _picture_frame(side)[:2].T, axis=0))
 
 
 def parallel_view(points: Floats, side: ViewSide, size: tuple[int, int], pixels_per_metre: float) -> View:
-    """Return the view of points (n, 3) from far away, in the middle of a picture of `size` pixels (width, height)."""
+    """Return the view of points (n, 3) from far away. size : width and height of the picture, pixels."""
     frame = _picture_frame(side)
     places = points @ frame.T
     middle = (places.min(axis=0) + places.max(axis=0)) / 2
@@ -194,7 +188,6 @@ def parallel_view(points: Floats, side: ViewSide, size: tuple[int, int], pixels_
 
 
 def _picture_frame(side: ViewSide) -> Floats:
-    """Return three unit vectors as rows: right and up in the picture, and towards the eye."""
     right = np.cross(side.up, side.towards)
     right /= np.linalg.norm(right)
     return np.stack([right, np.cross(side.towards, right), side.towards])

@@ -1,1 +1,1 @@
-"""Reports: pages, charts and folders of results, for the user and the engineer."""
+"""Reports for the user and the engineer."""

@@ -18,14 +18,14 @@ from dsfab.study.variations import Values
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-GAP, MARGIN, FOOT, HEAD = 22, 48, 54, 104  # pixels between tiles, around the sheet, for a tile's label, for the title
+GAP, MARGIN, FOOT, HEAD = 22, 48, 54, 104  # pixels
 MAX_COLUMNS = 8  # Largest number of tiles in a row.
 PAGE_NAME, SHEET_NAME = "index.html", "sheet.png"
 
 
 @dataclass(frozen=True, eq=False)
 class ContactTile:
-    """A variant of a design on a contact sheet. number : from 1.    parameters : short names and values, as text.
+    """A variant of a design on a contact sheet. number : from 1.
     command : command line that makes the variant.    png : content of a PNG file; None after an error."""
 
     number: int
@@ -36,7 +36,7 @@ class ContactTile:
 
     @property
     def picture(self) -> "Image | None":
-        """The picture; each access decodes the PNG file again."""
+        """The picture, decoded at each access."""
         from PIL import Image
 
         return None if self.png is None else Image.open(BytesIO(self.png))
@@ -53,7 +53,7 @@ class ContactTile:
 
 
 def column_count(count: int, runs: Sequence[int]) -> int:
-    """Return how many of `count` tiles stand in a row. runs : number of values of each varied key, in order."""
+    """Return how many of `count` tiles stand in a row. runs : number of values of each key."""
     row, columns_of_runs = 1, 1
     for run in reversed(runs[1:]):
         row *= run
@@ -70,7 +70,7 @@ def contact_sheet(
     aspect: float,
     palette: Palette,
 ) -> "Image":
-    """Return a sheet of tiles with title and subtitle. tile_width : pixels. aspect : width / height of a tile."""
+    """Return a sheet of tiles with title and subtitle. tile_width : pixels.    aspect : width / height of a tile."""
     from PIL import Image, ImageDraw, ImageFont
 
     tile_height, rows = round(tile_width / aspect), -(-len(tiles) // columns)
@@ -117,7 +117,7 @@ def _mixed_colour(start: tuple[int, int, int], end: tuple[int, int, int], share:
 
 
 def tile_label(tile: ContactTile, room: float, font: Any) -> str:
-    """Return the label of a tile, with names shortened until it fits into `room` (pixels)."""
+    """Return the label of a tile, shortened to fit into `room` (pixels)."""
     labels = (tile.label(letters) for letters in (None, 6, 5, 4, 3, 2, 1))
     return next((text for text in labels if font.getlength(text) <= room), _shortened(tile.label(1), room, font))
 
@@ -142,7 +142,7 @@ def _wrapped_lines(text: str, room: float, font: Any) -> list[str]:
 
 
 def contact_page(tiles: Sequence[ContactTile], title: str, subtitle: str, columns: int) -> str:
-    """Return the contact sheet as HTML: picture, parameters and command of each variant. Pictures stay in files."""
+    """Return the contact sheet as HTML, without the pictures."""
     figures = "\n".join(_figure(tile) for tile in tiles)
     body = f"<header><h1>{escape(title)}</h1><p>{escape(subtitle)}</p></header>\n<main>\n{figures}\n</main>\n{_FOOT}"
     across = columns if columns <= 4 else next((k for k in (4, 3) if columns % k == 0), 4)
@@ -163,7 +163,7 @@ def _figure(tile: ContactTile) -> str:
 
 
 def pictures_on_page(folder: Path) -> set[str]:
-    """Return the names of the pictures on a folder's page, so that a new page can remove them."""
+    """Return the names of the pictures on a folder's page."""
     try:
         return set(re.findall(r'src="(\d{3,}\.png)"', (folder / PAGE_NAME).read_text(encoding="utf-8")))
     except (OSError, UnicodeDecodeError):
@@ -171,7 +171,7 @@ def pictures_on_page(folder: Path) -> set[str]:
 
 
 def save(tiles: Sequence[ContactTile], folder: Path) -> None:
-    """Write the pictures of the tiles to a folder. Tiles without a picture are skipped."""
+    """Write the pictures of the tiles to a folder."""
     for tile in tiles:
         if tile.png is not None:
             (folder / tile.file).write_bytes(tile.png)
@@ -196,7 +196,7 @@ before it is cut: pieces that reach no support may still be there, and the thick
 
 
 def check_film(values: Values, fps: float) -> None:
-    """Raise DsfabError unless exactly one key has several values, and `fps` is a possible number of frames a second."""
+    """Raise DsfabError unless exactly one key has several values and `fps` is possible."""
     several = [key for key, listed in values.items() if len(listed) > 1]
     if len(several) != 1:
         raise DsfabError(
@@ -208,11 +208,11 @@ def check_film(values: Values, fps: float) -> None:
 
 
 def write_film(tiles: Sequence[ContactTile], path: Path, name: str, fps: float, palette: Palette) -> None:
-    """Write all tiles with a picture as an endless film, forwards and backwards. name : text in the lower right."""
+    """Write all tiles with a picture as a film. name : text in the lower right."""
     frames = [_frame(shown, tile.label(), name, palette) for tile in tiles if (shown := tile.picture) is not None]
     order = [*range(len(frames)), *range(len(frames) - 2, 0, -1)]
     ends = {0, len(frames) - 1}
-    durations = [round(1000 / fps * (4 if place in ends else 1)) for place in order]  # the film pauses at both ends
+    durations = [round(1000 / fps * (4 if place in ends else 1)) for place in order]
     if path.suffix == ".gif":
         frames = _with_shared_palette(frames)
     first_frame, *rest = [frames[place] for place in order]

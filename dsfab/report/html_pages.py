@@ -1,4 +1,4 @@
-"""Blocks of a document, and HTML pages that load nothing from the network."""
+"""HTML pages that load nothing from the network."""
 
 import base64
 import re
@@ -21,7 +21,7 @@ COLOURS: Mapping[str, tuple[int, int, int]] = {
     "bad": (168, 50, 26),
     "open": (138, 90, 0),
 }
-"""Red, green and blue from 0 to 255 by the names of CSS variables, for pages and PDFs."""
+"""Red, green and blue (0 to 255) by CSS variable."""
 
 _STYLE = """
 * { box-sizing: border-box; }
@@ -57,7 +57,7 @@ def page_style() -> str:
 
 
 def html_page(title: str, body: str, page_rules: str = "") -> str:
-    """Return a whole HTML file: `title` is plain text, `body` is markup, `page_rules` is CSS."""
+    """Return an HTML file: `title` is plain text, `body` is markup, `page_rules` is CSS."""
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
@@ -82,7 +82,7 @@ PageColour = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class Paragraph:
-    """A paragraph. kind : '' for normal, 'quiet' for grey, or 'lead' for the larger first paragraphs."""
+    """A paragraph. kind : '' for normal, 'quiet' for grey, or 'lead' for larger text."""
 
     text: str
     kind: str = ""
@@ -104,7 +104,7 @@ class Code:
 
 @dataclass(frozen=True)
 class Banner:
-    """A verdict in large type: status `pass`, `fail` or `unknown`, title, and explanation."""
+    """A verdict in large type. status : `pass`, `fail` or `unknown`."""
 
     status: str
     title: str
@@ -113,7 +113,7 @@ class Banner:
 
 @dataclass(frozen=True)
 class Table:
-    """A table; verdicts such as `pass` are coloured.    left_columns : number of columns that are flush left.
+    """A table.    left_columns : number of columns that are flush left.
     widths : relative widths of the columns; empty if equal.    note : text below the table.
     strong : indices of emphasised rows."""
 
@@ -128,7 +128,7 @@ class Table:
 
 @dataclass(frozen=True)
 class ColourScale:
-    """A legend of colour bands from left to right, with labels at their borders and a title."""
+    """A legend of colour bands."""
 
     title: str
     colours: Sequence[PageColour]
@@ -165,7 +165,7 @@ Block = Paragraph | Bullets | Code | Banner | Table | ReportFigure | FigureRow
 
 @dataclass(frozen=True)
 class ReportSection:
-    """A numbered section. own_page : whether the section begins on a new printed page."""
+    """A numbered section. own_page : True if the section begins on a new page."""
 
     title: str
     blocks: Sequence[Block]
@@ -174,7 +174,7 @@ class ReportSection:
 
 @dataclass(frozen=True)
 class Document:
-    """A document: title, subject, names and values of the title block, sections, and the footer of all pages."""
+    """A document with a title block, sections and a footer."""
 
     title: str
     subject: str
@@ -202,7 +202,7 @@ class CaptionNumbers:
 
 
 def escaped_text(text: str) -> str:
-    """Return plain text as HTML: &, < and > are escaped."""
+    """Return plain text with &, < and > escaped."""
     return escape(text, quote=False)
 
 
@@ -341,5 +341,4 @@ footer { border-top: 1px solid var(--hair); margin-top: 8mm; padding-top: 2mm; c
   .across { grid-template-columns: 1fr; } th, td { padding: .9mm 1mm; }
   caption { max-width: calc(100vw - 2.4rem); } }
 """
-"""CSS of a document: an A4 sheet on screen and on paper. RUNNING and FOOTER stand for texts at the edges of printed
-pages. QUIET stands for a colour, because CSS variables do not work at the edges of a page."""
+"""CSS of a document. RUNNING, FOOTER and QUIET stand for two texts and a colour."""

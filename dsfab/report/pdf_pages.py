@@ -61,19 +61,20 @@ class PdfStyles:
 
     @classmethod
     def from_text(cls, text: str) -> Self:
-        """Return styles with fonts that have all letters of a text; see `fonts`."""
+        """Return styles with fonts that have all letters of a text."""
         names = fonts(text)
         return cls(_styles(*names), names[0])
 
     def text(self, markup: str, kind: str, **named: Any) -> Any:
-        """Return a reportlab paragraph in the style `kind`. named : further arguments of the paragraph."""
+        """Return a reportlab paragraph in the style `kind`."""
         from reportlab.platypus import Paragraph
 
         code = f'<font face="{self.by_kind["code"].fontName}">'
         return Paragraph(markup.replace("<code>", code).replace("</code>", "</font>"), self.by_kind[kind], **named)
 
     def cell(self, markup: str, kind: str, is_left: bool) -> Any:
-        """Return a cell of a table; verdicts are coloured. kind : style. is_left : True for left-aligned text."""
+        """Return a cell of a table.
+        kind : style.    is_left : True for left-aligned text."""
         if markup in MARKS:
             markup = f'<font color="{hex_colour(COLOURS[markup])}"><b>{markup}</b></font>'
         if not is_left and kind != "head" and "<" not in markup:
@@ -82,7 +83,7 @@ class PdfStyles:
 
 
 def fonts(text: str) -> tuple[str, str, str]:
-    """Return regular, bold and monospaced font: Helvetica and Courier for Western letters, else DejaVu Sans."""
+    """Return the names of the regular, bold and monospaced font for a text."""
     try:
         text.encode("cp1252")
     except UnicodeEncodeError:
@@ -148,7 +149,7 @@ FRAME_PADDING = 6.0  # Padding of reportlab's frames, points.
 
 
 def write_document(document: Document, folder: Path) -> tuple[list[str], list[str]]:
-    """Write a document as report.html and report.pdf; return their names, and a sentence if the PDF failed."""
+    """Write a document as report.html and report.pdf; return the file names, and a sentence if the PDF failed."""
     (folder / FILES[0]).write_text(document_html(document), encoding="utf-8")
     try:
         (folder / FILES[1]).write_bytes(document_pdf(document))
@@ -166,7 +167,8 @@ def require_pdf() -> None:
 
 
 def document_pdf(document: Document) -> bytes:
-    """Return a document as a PDF; the same document gives the same bytes. Raises ExportError without reportlab."""
+    """Return a document as a PDF.
+    Raises ExportError without reportlab."""
     require_pdf()
     from reportlab.platypus import SimpleDocTemplate
 
@@ -191,7 +193,6 @@ def document_pdf(document: Document) -> bytes:
 
 
 def _numbered_canvas(document: Document, styles: PdfStyles, *arguments: Any, **named: Any) -> Any:
-    """Return a canvas that draws headers and footers after the last page, when the number of pages is known."""
     from reportlab.pdfgen.canvas import Canvas
 
     class NumberedCanvas(Canvas):  # type: ignore[misc]

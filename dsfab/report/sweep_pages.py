@@ -41,19 +41,18 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 MEMBERS = np.array(PAPER.members, dtype=np.uint8)
-_stages = threading.local()  # Each thread keeps its last surface, `SheetDrawer`, and stage.
+_stages = threading.local()  # last surface, `SheetDrawer` and stage of each thread
 
 
 def require_view(name: str) -> None:
     """Raise DsfabError if no view has this name."""
-    if name != "iso":  # the view iso depends on the surface
+    if name != "iso":
         named_side(np.eye(3), np.array([0.0, 0.0, 1.0]), name)
 
 
 @dataclass(frozen=True)
 class SheetDrawer:
     """Tool that draws a design's cut sheet as PNG; it can be pickled. size : pixels.    view : as in `dsfab preview`.
-    The uncut surface fills the picture. So a place of the surface is at the same pixel in all pictures.
     Raises DsfabError for an unknown view, or if this machine cannot draw."""
 
     size: tuple[int, int]
@@ -76,7 +75,7 @@ class SheetDrawer:
             half = design.preset.statics.thickness / 2
             stage = set_stage(uncut_body, side, up, half, Annotations(surface, load, layers=()), PAPER, self.size)
             stage = replace(stage, view=page_view([uncut_body], side, self.size, words=False))
-            if side.towards @ up < 0:  # seen from below, the ground is transparent
+            if side.towards @ up < 0:
                 stage = replace(stage, level=None)
             # while a surface is stored, no other surface gets its id
             _stages.of, _stages.surface, _stages.stage = (id(design.surface), self), surface, stage
@@ -85,20 +84,20 @@ class SheetDrawer:
 
 
 USUAL = (("compliance", "compliance_quick", "displacement"), ("mass", "sheet_mass", "kept_share", "area"))
-"""Usual metrics of the two axes of a sweep's chart, in order of preference: of stiffness, then of weight."""
+"""Usual metrics of the two axes of a sweep's chart, in order of preference."""
 
 PAGE = "index.html"
 
 
 def first_metric(plan: Plan) -> str:
-    """Return the metric that ranks the runs: the metric of the search, or a usual metric of stiffness."""
+    """Return the metric that ranks the runs."""
     if plan.search is not None:
         return plan.search.metric
     return next((name for name in USUAL[0] if name in plan.measured_metrics), plan.measured_metrics[0])
 
 
 def second_metric(plan: Plan) -> str:
-    """Return the metric on the second axis of a sweep's chart: a usual metric of weight, if measured."""
+    """Return the metric on the second axis of a sweep's chart."""
     metric, measured = first_metric(plan), plan.measured_metrics
     candidates = [name for name in measured if name != metric]
     return next((name for name in USUAL[1] if name in candidates), candidates[0] if candidates else metric)
@@ -187,8 +186,7 @@ def sweep_summary(folder: SweepFolder) -> str:
 
 
 def loss_sentence(folder: SweepFolder) -> str:
-    """Return a sentence if a simple alternative is stiffer than the best run of a search; else ''.
-    If the runs did not compute the alternatives, dsfab computes them for the best design."""
+    """Return a sentence if a simple alternative is stiffer than the best run; else ''."""
     ranked = best(folder.rows(), first_metric(folder.plan), folder.plan.limits)
     if not ranked:
         return ""
@@ -198,13 +196,13 @@ def loss_sentence(folder: SweepFolder) -> str:
     try:
         alternatives = design_alternatives(draft(with_overrides(folder.preset, row.changes)))
     except DsfabError:
-        return ""  # the best run's record has the reason for the error
+        return ""
     losing_words = losing_line(alternatives)
     return sentence(f"the best is run {row.number}, and {losing_words}") if losing_words else ""
 
 
 def missing_runs_line(folder: SweepFolder) -> str:
-    """Return a text line: how many runs have no result, and the numbers of killed runs; '' if no run is missing."""
+    """Return a text line: how many runs have no result; '' if no run is missing."""
     rows = folder.rows()
     killed = [row.number for row in rows if row.state == "killed"]
     missing = len(killed) + sum(row.state in ("waiting", "running") for row in rows)
@@ -216,8 +214,8 @@ def missing_runs_line(folder: SweepFolder) -> str:
 
 
 def sweep_page(folder: SweepFolder, rows: Sequence[RunRow], y_metric: str, x_metric: str) -> str:
-    """Return index.html, an offline page with all numbers, also of failed runs. Pictures are separate files.
-    y_metric, x_metric : metrics that its chart shows first."""
+    """Return the text of index.html.
+    y_metric, x_metric : metrics that the chart shows first."""
     facts = _page_facts(folder, rows, y_metric, x_metric)
     text = json.dumps(facts, ensure_ascii=False, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
     template = files("dsfab.report").joinpath("sweep_page.html").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Checks of captions in the paper by Madan, Jacobson and Levin: numbers of rings, spokes and beams."""
+"""Checks of captions in the paper by Madan, Jacobson and Levin."""
 
 from dataclasses import dataclass
 
@@ -25,12 +25,12 @@ class Web:
 
     @property
     def is_web(self) -> bool:
-        """True if at least `RINGS` rings around the load are each crossed by at least `SPOKES` lines (spokes)."""
+        """True if enough rings are crossed by enough spokes."""
         return sum(count >= SPOKES for count in self.crossed) >= RINGS
 
     @property
     def sentence(self) -> str:
-        """Clause about the web of rings and spokes, for the caption of a figure."""
+        """Clause about rings and spokes, for a caption."""
         rings = [count for count in self.crossed if count >= SPOKES]
         if self.is_web:
             spokes = f"{min(rings)} to {max(rings)}" if min(rings) < max(rings) else f"{rings[0]}"
@@ -48,7 +48,7 @@ class Web:
 
 
 def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
-    """Return the rings around a load, from the family of stripes that has more rings with at least `SPOKES` spokes.
+    """Return the rings around a load.
     phases : (n, 2) phases of the major and the minor family; a whole number at the middle of each member.
     load, supported : (n,) True for vertices under the load, and for vertices at supports."""
     webs = []
@@ -62,7 +62,7 @@ def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
 
 
 def links(surface: Surface, phases: Floats, start: Bools, end: Bools) -> tuple[int, int]:
-    """Return how many major and how many minor members run unbroken between the marked vertices `start`, `end` (n,)."""
+    """Return how many major and how many minor members connect the marked vertices `start`, `end` (n,)."""
     counts = [0, 0]
     for k, z in enumerate(phases.T):
         for level in _levels(z):
@@ -73,14 +73,14 @@ def links(surface: Surface, phases: Floats, start: Bools, end: Bools) -> tuple[i
 
 
 def design_phases(design: Design) -> Floats:
-    """Return phases (n, 2) of major and minor stripes along eigenmodes: frequency x eigenmode + constant phase."""
+    """Return phases (n, 2) of major and minor stripes along modes."""
     pattern, modes = design.pattern, (design.diffusion.major, design.diffusion.minor)
     x = np.stack([family.mode(number) for family, number in zip(modes, pattern.mode, strict=True)], axis=1)
     return np.asarray(x * np.array(pattern.frequency) + np.array(pattern.phase))
 
 
 def loaded_patches(surface: Surface, loaded: Bools) -> list[Bools]:
-    """Return masks (n,) of the connected parts of the loaded vertices (n,), the largest part first."""
+    """Return masks (n,) of the connected parts of the loaded vertices, the largest part first."""
     a, b = surface.edges.ends.T
     is_loaded = loaded[a] & loaded[b]
     label = _labels(a[is_loaded], b[is_loaded], surface.n)
@@ -97,8 +97,7 @@ def _labels(a: Ints, b: Ints, n: int) -> Ints:
 
 
 def _disc_around(surface: Surface, z: Floats, level: int, load: Bools, supported: Bools) -> Bools | None:
-    """Return a mask (n,) of the part of the surface around the load, inside the contour z = `level`.
-    Return None if the contour crosses the load, or if the part contains supports or is no disc."""
+    """Return a mask (n,) of the surface around the load, inside the contour z = `level`, or None."""
     a, b = surface.edges.ends.T
     above = z >= level
     same_side = above[a] == above[b]
@@ -117,8 +116,6 @@ def _is_disc(surface: Surface, region: Bools) -> bool:
 
 
 def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
-    """Count how often middles of members cross a ring: the contour `ring` = 0 around `region`.
-    z : (n,) phase of the members, a whole number at their middles.    ring : (n,).    region : (n,) mask."""
     F = surface.F
     faces = np.flatnonzero(region[F].any(axis=1) & ~region[F].all(axis=1))
     crossing_values = np.empty((len(faces), 3))
@@ -157,7 +154,7 @@ ANGLE, EVENNESS = 60.0, 3.0  # limits for a grid: least crossing angle, degrees;
 
 
 def finding(claim: str, rendition: Rendition) -> str:
-    """Return a clause that says if dsfab's figure shows what the paper claims; '' without a claim or a design."""
+    """Return a clause that says if dsfab's figure shows the paper's claim; or ''."""
     if not claim or rendition.design is None:
         return ""
     if claim == "grid":

@@ -1,4 +1,4 @@
-"""Comparisons in the paper (Madan et al.): Michell's truss, anisotropy, von Mises stress, earlier work, edit speed."""
+"""Comparisons in the paper (Madan et al.)."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -106,7 +106,7 @@ CHANGES: Mapping[str, Mapping[str, Any]] = {
     "Both frequencies 25": {"pattern.major.frequency": 25.0, "pattern.minor.frequency": 25.0},
     "Both thresholds -0.4: wider": {"pattern.major.threshold": -0.4, "pattern.minor.threshold": -0.4},
 }
-"""Titles and settings of three pictures of one design; the modes are the same in all pictures."""
+"""Titles and settings of three pictures of one design."""
 
 PAPER = 37  # Frames a second in the pattern editor of Madan, Jacobson and Levin, on a laptop of 2015.
 
@@ -141,7 +141,7 @@ def editing_comparison(design: Design, folder: Path) -> PaperComparison:
 
 
 def frames_a_second(change: Callable[[int], None], frames: int = 24) -> float:
-    """Return frames a second of `change`, which draws a frame; a median without the first two frames."""
+    """Return the frames a second (median) of `change`, which draws a frame."""
     taken = list[float]()
     for number in range(frames):
         begin = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Pictures of the paper's figures in files: size, view and marks."""
+"""Pictures of the paper's figures in files."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,15 +23,15 @@ VIEWS = {
     "mouse": "40,40",
     "boys_surface": "30,25",
 }
-"""Views of figures whose default view hides their subject; see `dsfab.render.view`."""
+"""Views of figures whose default view hides their subject."""
 
 MARKS = ("loads", "supports", "person", "gradients")  # Marks in the pictures; "gradients" appear only with modes.
-SCALE = {"pavilion": "tree"}  # These figures show a tree instead of a person for scale, as in the published figure.
+SCALE = {"pavilion": "tree"}  # These figures show a tree instead of a person for scale.
 
 
 @dataclass(frozen=True, eq=False)
 class PaperPicture:
-    """A picture in a file, or the reason why it is missing.
+    """A picture in a file, or the reason why the picture is missing.
     file  : name in the folder of the page; '' without a picture.
     title : subject of the picture.     words : caption, or the reason.     bar : legend of colours."""
 
@@ -44,7 +44,7 @@ class PaperPicture:
 
 @dataclass(frozen=True, eq=False)
 class PaperComparison:
-    """A comparison from the paper of Madan, Jacobson and Levin, with rows of pictures that dsfab draws."""
+    """A comparison from the paper of Madan, Jacobson and Levin."""
 
     title: str
     words: str
@@ -52,7 +52,7 @@ class PaperComparison:
 
 
 def paper_picture(design: Design, folder: Path, show: str, stem: str, title: str = "") -> PaperPicture:
-    """Draw a design into the file `stem`-`show`.webp. show : subject, such as 'structure' or 'loads'."""
+    """Draw a design into the file `stem`-`show`.webp. show : subject, such as 'loads'."""
     size = LARGE if show == "structure" and not title else SMALL
     title = title or _title(design, show)
     file = f"{stem}-{show.replace('_', '-')}.webp"
@@ -67,14 +67,14 @@ def paper_picture(design: Design, folder: Path, show: str, stem: str, title: str
 
 
 def previewer_of(design: Design, show: str = "structure") -> Previewer:
-    """Return a previewer with the view and the marks of a figure; the caller must close it."""
+    """Return a previewer of a figure; the caller must close the previewer."""
     name = design.preset.name
     marks = {*MARKS} - {"person"} | {SCALE.get(name, "person")}
     return Previewer(design, show=show, view=VIEWS.get(name, "iso"), marks=marks)
 
 
 def save_picture(pixels: Bytes, path: Path) -> None:
-    """Write a picture as WebP, in the lowest quality at which compression is not visible."""
+    """Write a picture as WebP."""
     from PIL import Image
 
     Image.fromarray(pixels).save(path, format="WEBP", quality=82, method=6)

@@ -1,4 +1,4 @@
-"""Earlier methods: stripes of one field that follows chosen directions, and lines traced along principal stresses."""
+"""Earlier methods: stripes of one field, and lines along principal stresses."""
 
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
@@ -18,8 +18,8 @@ from dsfab.surface import Surface, hat_gradients
 
 
 class DrawnFamily(NamedTuple):
-    """A family of stripes along level lines of a diffusion mode. D : (m, 3, 3) diffusion tensors.
-    number : number of the mode.    mode : (n,) values of the mode.    frequency : stripes per unit of these values."""
+    """A family of stripes along level lines of a diffusion mode.
+    D : (m, 3, 3) diffusion tensors.    mode : (n,) values.    frequency : stripes per unit of these values."""
 
     D: Floats
     number: int
@@ -28,7 +28,7 @@ class DrawnFamily(NamedTuple):
 
 
 def drawn_families(design: Design) -> tuple[DrawnFamily, DrawnFamily]:
-    """Return the major and the minor family of stripes, for a design whose preset gives the numbers of the modes."""
+    """Return the major and the minor family of stripes, for a preset with numbers of modes."""
     diffusion, pattern = design.diffusion, design.preset.pattern
     major, minor = (
         DrawnFamily(D, number := int(family.mode), modes.mode(number), family.frequency)
@@ -41,7 +41,7 @@ def drawn_families(design: Design) -> tuple[DrawnFamily, DrawnFamily]:
 
 
 def integrated_design(design: Design) -> Design:
-    """Return a design whose stripes follow `integrated_field` instead of modes, but are as dense as in `design`."""
+    """Return a design with stripes along `integrated_field` instead of modes."""
     surface, tensors, modes = design.surface, design.diffusion.tensors, []
     for family in drawn_families(design):
         field = integrated_field(surface, weakest_directions(family.D), ~tensors.isotropic)
@@ -52,20 +52,18 @@ def integrated_design(design: Design) -> Design:
 
 
 def strongest_directions(D: Floats) -> Floats:
-    """Return unit directions (m, 3) of the largest diffusion, for tensors D (m, 3, 3); stripes follow them."""
+    """Return unit directions (m, 3) of the largest diffusion, for tensors D (m, 3, 3)."""
     return np.asarray(np.linalg.eigh(D)[1][:, :, 2])
 
 
 def weakest_directions(D: Floats) -> Floats:
-    """Return unit directions (m, 3) of the least diffusion in the plane of each face, for tensors D (m, 3, 3).
-    They are the eigenvectors of the second largest eigenvalue; the normal has eigenvalue 0. Stripes run across them."""
+    """Return unit directions (m, 3) of the least diffusion in each face, for tensors D (m, 3, 3)."""
     return np.asarray(np.linalg.eigh(D)[1][:, :, 1])
 
 
 def integrated_field(surface: Surface, direction: Floats, clear: Bools) -> Floats:
-    """Return the field u (n,), m, whose gradient fits given directions on clear faces by least squares.
-    direction : (m, 3) unit vectors, whose sign does not count.
-    clear     : (m,) True for faces that have a direction. On all other faces, the field is as flat as possible."""
+    """Return the field u (n,), m, with gradients along given directions, by least squares.
+    direction : (m, 3) unit vectors, up to sign.    clear : (m,) True for faces with a direction."""
     target = consistent_directions(surface, direction) * clear[:, None]
     pull = np.einsum("mik,mk->mi", hat_gradients(surface), target) * surface.areas[:, None]
     K = diffusion_operator(surface, np.broadcast_to(np.eye(3), (surface.m, 3, 3)))
@@ -76,7 +74,7 @@ def integrated_field(surface: Surface, direction: Floats, clear: Bools) -> Float
 
 
 def consistent_directions(surface: Surface, direction: Floats) -> Floats:
-    """Return directions (m, 3) of faces, some reversed: on neighbouring faces they point the same way if possible."""
+    """Return directions (m, 3) of faces, some reversed, so that neighbouring directions agree."""
     i, j = surface.edges.pairs.T // 3
     dot = np.einsum("ek,ek->e", direction[i], direction[j])
     turn = coo_array((1.0 + 1e-6 - np.abs(dot), (i, j)), shape=(surface.m, surface.m)).tocsr()
@@ -92,7 +90,7 @@ def consistent_directions(surface: Surface, direction: Floats) -> Floats:
 
 
 def typical_slope(surface: Surface, value: Floats) -> float:
-    """Return the median length of the gradient of values (n,), weighted by area, per metre."""
+    """Return the median length of the gradient of values (n,), per metre."""
     slope = np.linalg.norm(np.einsum("mik,mi->mk", hat_gradients(surface), value[surface.F]), axis=1)
     return quantile(slope, surface.areas, 0.5)
 
@@ -103,9 +101,9 @@ End = Literal["boundary", "inside", "round"]
 
 @dataclass(frozen=True, eq=False)
 class StressLine:
-    """A line that was traced along a principal stress.
-    points : (k, 3) in order, m. A closed line repeats its first point at the end.
-    faces  : (k - 1,) face of each segment.    loose : number of ends that are not on the boundary."""
+    """A line along a principal stress.
+    points : (k, 3) in order, m. A closed line repeats the first point at the end.
+    faces  : (k - 1,) face of each segment.    loose : number of ends inside the surface."""
 
     points: Floats
     faces: tuple[int, ...]
@@ -118,7 +116,7 @@ class StressLine:
 
 
 def traced_lines(design: Design) -> tuple[list[StressLine], list[StressLine]]:
-    """Return the traced lines of both families, as far apart as the stripes of the design."""
+    """Return the traced lines of the major and of the minor family."""
     surface, clear = design.surface, ~design.diffusion.tensors.isotropic
     major, minor = (
         stress_lines(
@@ -130,8 +128,8 @@ def traced_lines(design: Design) -> tuple[list[StressLine], list[StressLine]]:
 
 
 def stress_lines(surface: Surface, direction: Floats, clear: Bools, apart: float) -> list[StressLine]:
-    """Return lines along unit directions (m, 3), whose sign does not count, about `apart` metres from each other.
-    clear : (m,) True for faces that have a direction. Each line is longer than `apart`."""
+    """Return lines along unit directions (m, 3), up to sign, about `apart` metres from each other.
+    clear : (m,) True for faces with a direction."""
     walk = _Walk(surface, direction, clear, apart)
     centres = surface.centroids
     distance = np.where(clear, np.inf, 0.0)
@@ -154,7 +152,6 @@ class _Walk:
     others: cKDTree | None = None
 
     def line(self, seed: int) -> StressLine:
-        """Return the stress line through the centre of the face `seed`, traced in both directions."""
         start = self.surface.centroids[seed]
         ahead, faces, end = self._half(seed, start, self.direction[seed])
         if end == "round":
@@ -212,7 +209,8 @@ class _Walk:
 
 
 def ribbons(surface: Surface, lines: list[StressLine], width: float, lift: float) -> tuple[Floats, Ints]:
-    """Return lines as flat bands, `lift` metres above the surface: vertices (n, 3), metres, and faces (m, 3)."""
+    """Return lines as flat bands above the surface: vertices (n, 3), metres, and faces (m, 3).
+    lift : height of the bands, metres."""
     V, F, count = [], [], 0
     for line in lines:
         normal = surface.normals[[*line.faces, line.faces[-1]]]

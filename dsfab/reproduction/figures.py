@@ -1,4 +1,4 @@
-"""Figures of the paper by Madan, Jacobson and Levin, computed by dsfab: pictures, measures and texts."""
+"""Figures of the paper by Madan, Jacobson and Levin, computed by dsfab."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -18,17 +18,16 @@ from dsfab.reproduction.renditions import Rendition, renditions
 from dsfab.results import Piece
 
 STEPS = ("loads", "directions", "vonmises", "major_mode", "major", "minor_mode", "minor")
-"""Pictures of a figure in the order of the method; the picture of the final structure is not among them."""
+"""Pictures of a figure in the order of the method."""
 
-RUNS = 3  # Number of runs; the page reports their median seconds.
+RUNS = 3  # Number of runs for median seconds.
 RENDITION_TITLES = {"letter": "Exactly as in the paper", "preset": "The preset", "stripes": "dsfab's stripes"}
 """Titles of the three renditions of a figure."""
 
 
 @dataclass(frozen=True, eq=False)
 class RenditionPicture:
-    """A version (rendition) of a figure, and its picture. edge : edge length of its mesh, m; 0 without a design.
-    found : text on whether the picture shows the figure's claim (see `finding`), or ''."""
+    """A version of a figure, and its picture. edge : edge length of its mesh, m; 0 without a design."""
 
     rendition: Rendition
     picture: PaperPicture
@@ -38,9 +37,9 @@ class RenditionPicture:
 
 @dataclass(frozen=True, eq=False)
 class FigurePictures:
-    """A figure of the paper, computed by dsfab. After a failure, `error` is the reason, and all other fields are empty.
+    """A figure of the paper, computed by dsfab. error : reason for a failure, or ''.
     seconds : processor seconds by step.    carried : text on how the loads reach the supports.
-    ways    : versions of the figure.    coarser : edge length of the mesh / edge length in the preset."""
+    coarser : edge length of the mesh / edge length in the preset."""
 
     figure: PaperFigure
     vertices: int = 0
@@ -62,7 +61,7 @@ class FigurePictures:
 
 def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> FigurePictures:
     """Make a figure and write its pictures into `folder`; an error becomes part of the result.
-    coarser : wanted edge length / preset's edge length. It is reduced until the mesh has all details."""
+    coarser : wanted edge length / preset's edge length."""
     try:
         design, coarser = coarsened_draft(load_preset(figure.preset), coarser)
         results = renditions(design)
@@ -77,7 +76,7 @@ def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> Figu
 
 
 def processor_seconds(design: Design) -> dict[str, float]:
-    """Return processor seconds by columns of Table 2 (Madan et al.), from surface to modes: medians of `RUNS` runs."""
+    """Return median processor seconds by columns of Table 2 (Madan et al.)."""
     runs = []
     for _ in range(RUNS):
         log = Log(None, clock=time.process_time)
@@ -87,8 +86,8 @@ def processor_seconds(design: Design) -> dict[str, float]:
 
 
 def coarsened_draft(preset: Preset, coarser: float) -> tuple[Design, float]:
-    """Return a design up to its pattern, with mesh edges `coarser` times as long, and the factor that was used.
-    The factor falls until the mesh is fine enough for shape and loads. Raises DsfabError if factor 1 also fails."""
+    """Return a design up to its pattern, with mesh edges up to `coarser` times as long, and the used factor.
+    Raises DsfabError if factor 1 also fails."""
     edge = preset.surface.model_dump()["edge"]
     while True:
         try:
@@ -128,7 +127,7 @@ def _count(pieces: int) -> str:
 
 
 def supports_text(pieces: Sequence[Piece]) -> str:
-    """Describe through how many pieces the loads reach the supports."""
+    """Return a text on the number of pieces through which the loads reach the supports."""
     loaded = [piece for piece in pieces if piece.loaded]
     if not loaded:
         lost = sum(not piece.held for piece in pieces)

@@ -1,4 +1,4 @@
-"""HTML page of `dsfab reproduce`: three versions of each published figure, with measures; a test of the stiffness."""
+"""HTML page of `dsfab reproduce`."""
 
 import base64
 import io
@@ -23,11 +23,11 @@ from dsfab.reproduction.volumes import RIVALS
 Row = Mapping[str, Any]  # Row of sphere_volumes.json.
 OURS = ("row", "design", "stripes")
 OTHERS = (("isotropic", "the best isotropic stripes"), ("thinner", "a thinner sheet"))
-"""Diffusion structures (`OURS`), and their competitors (`OTHERS`), whose stiffness the HTML page compares."""
+"""Diffusion structures (`OURS`), and competitors (`OTHERS`), on the HTML page."""
 
 
 def claim_section(rows: Sequence[Row]) -> str:
-    """Return HTML about the compliance of the sphere `sphere_graded` at several masses; '' without rows."""
+    """Return HTML about the compliance of the sphere at several masses; '' without rows."""
     if not rows:
         return ""
     row_by_key = {(row["name"], row["volume"]): row for row in rows}
@@ -52,7 +52,7 @@ def claim_section(rows: Sequence[Row]) -> str:
 
 
 def stiffness_ratio(own_row: Row | None, rival: Row | None) -> tuple[float, float, float] | None:
-    """Return a design's stiffness / its rival's, with lower and upper bound; None if one of them carries no loads."""
+    """Return a design's stiffness / a rival's stiffness, with lower and upper bound, or None."""
     if not own_row or not rival or not own_row["compliance_J"] or not rival["compliance_J"]:
         return None
     ratio = rival["compliance_J"] / own_row["compliance_J"]
@@ -112,7 +112,7 @@ COLUMNS = (
 
 
 def rendition_section(pictures: FigurePictures, coarser: float) -> str:
-    """Return HTML that compares the versions of a figure (paper, preset, dsfab). coarser : factor on the mesh edges."""
+    """Return HTML that compares the versions of a figure. coarser : factor on the mesh edges."""
     if not pictures.ways:
         return ""
     name = pictures.figure.preset
@@ -132,12 +132,12 @@ def rendition_section(pictures: FigurePictures, coarser: float) -> str:
 
 
 def command_html(name: str, coarser: float) -> str:
-    """Return, as HTML, the `dsfab reproduce` command that makes a figure again."""
+    """Return the `dsfab reproduce` command of a figure as HTML."""
     return f"<code>{escape(f'dsfab reproduce {name}' + (f' --coarser {coarser:g}' if coarser != 1 else ''))}</code>"
 
 
 def rendition_facts(rendition: Rendition) -> tuple[str, ...]:
-    """Return the measures of a rendition (version) of a figure as texts, in the order of `COLUMNS`."""
+    """Return the measures of a version of a figure as texts, in the order of `COLUMNS`."""
     if rendition.refused:
         return ("none", *("" for _ in COLUMNS[1:]))
     pieces = f"{rendition.pieces} ({rendition.loose} loose)" if rendition.loose else f"{rendition.pieces}"
@@ -210,7 +210,7 @@ PARAMETERS = (
 
 @dataclass(frozen=True)
 class PageFacts:
-    """Facts about a page. coarser : factor on the mesh edges of presets.    load : how busy the machine was."""
+    """Facts about a page. coarser : factor on the mesh edges.    load : how busy the machine was."""
 
     coarser: float
     machine: str
@@ -218,7 +218,7 @@ class PageFacts:
 
 
 def page(figures: Sequence[FigurePictures], about: PageFacts, volumes: Sequence[Mapping[str, Any]] = ()) -> str:
-    """Return the page with the paper's figures; pictures are files beside it. volumes : rows of sphere_volumes.json."""
+    """Return the page with the paper's figures as HTML. volumes : rows of sphere_volumes.json."""
     compared = [
         _comparison_section(comparison, command_html(figure.figure.preset, about.coarser))
         for figure in figures
@@ -230,7 +230,7 @@ def page(figures: Sequence[FigurePictures], about: PageFacts, volumes: Sequence[
 
 
 def pictures_of(folder: Path) -> set[str]:
-    """Return the names of the pictures on a folder's page, so that a new page can remove them."""
+    """Return the names of the pictures on a folder's page."""
     try:
         return set(re.findall(r'src="([\w.-]+\.webp)"', (folder / PAGE_NAME).read_text(encoding="utf-8")))
     except (OSError, UnicodeDecodeError):
@@ -360,7 +360,7 @@ section > .why { aspect-ratio: auto; padding: 2rem; }
 .tables th:first-child, .tables td:first-child { padding-left: 0; } .tables td + td { padding-left: .6rem; }
 @media print { section { break-inside: avoid; } }
 """
-"""CSS of the page: four columns; the picture of the structure is two columns wide."""
+"""CSS of the page."""
 
 SMALL_NAME = "small.html"
 LINKED = re.compile(r'<a href="[\w.-]+\.webp">(<img[^>]*>)</a>')
@@ -368,8 +368,8 @@ PICTURE = re.compile(r'src="([\w.-]+\.(?:webp|svg))"')
 
 
 def small_page(text: str, folders: Sequence[Path]) -> str:
-    """Return the page as one file, with its pictures at half their width and height.
-    text : the page. folders : folders that may hold its pictures."""
+    """Return the page as one file with small pictures.
+    text : the page.    folders : folders that may hold its pictures."""
     data_by_name: dict[str, str] = {}
 
     def inside(match: re.Match[str]) -> str:

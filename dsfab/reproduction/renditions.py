@@ -1,5 +1,4 @@
-"""Three versions (renditions) of a figure by Madan et al., and their measures. The versions have all settings of the
-paper, the preset's settings, or dsfab's evenly spaced stripes. All have the same surface, supports and loads."""
+"""Three versions (renditions) of a figure by Madan et al., with measures."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,7 +21,7 @@ LETTER: Mapping[str, Any] = {
     "pattern.rim": 0.0,
     "pattern.width": {"rule": "plain"},
 }
-"""Settings of the paper by Madan et al. that presets may change. Its Table 1 has modes, frequencies and phases."""
+"""Settings of the paper by Madan et al. that presets may change."""
 
 DEPARTURES: Mapping[str, tuple[Any, str]] = {
     "diffusion.labelling": (
@@ -33,7 +32,7 @@ DEPARTURES: Mapping[str, tuple[Any, str]] = {
     "pattern.keep": (0.0, "material kept around loads and supports"),
     "pattern.rim": (0.0, "a rim of solid material along the boundary"),
 }
-"""Keys for which presets may differ from Madan et al.: the value in their paper, and a text about any other value."""
+"""Keys for which presets may differ from Madan et al."""
 
 SHARES = (0.3, 0.5)  # least and largest share of material in the design with evenly spaced stripes
 
@@ -42,18 +41,17 @@ SHARES = (0.3, 0.5)  # least and largest share of material in the design with ev
 class Rendition:
     """A version (rendition) of a figure, with measures. After a failure, `refused` is the reason; measures are nan.
 
-    name         : letter (as in the paper), preset or stripes.    departures : differences from the paper, in words.
-    settings     : changes of the preset by key. `dsfab build` makes the rendition with these changes.
-    share        : share of the surface that is kept, loose pieces included.     pieces : number of pieces.
+    name         : letter (as in the paper), preset or stripes.    departures : differences from the paper.
+    settings     : changes of the preset by key.
+    share        : share of the surface that is kept.     pieces : number of pieces.
     loose        : number of pieces without a support.
     carried      : share of the loads on pieces with a support; nan without loads.
-    over_uncut   : compliance divided by the compliance of the uncut sheet, with an error of up to 15 %; infinite if
-                   the design does not carry its loads.
-    over_thinner : compliance divided by the compliance of a thinner sheet of the same mass.
-    deviation    : angle between members and principal directions, degrees, of the worse family.
-    evenness     : spacing of stripes at percentile 95 / at percentile 5, of the worse family.
+    over_uncut   : compliance / compliance of the uncut sheet; infinite if the design does not carry the loads.
+    over_thinner : compliance / compliance of a thinner sheet of the same mass.
+    deviation    : angle between members and principal directions, degrees.
+    evenness     : widest / narrowest spacing of stripes (percentiles 95 and 5).
     crossing     : smallest angle between crossing members, degrees.
-    uncarried    : reason why the design does not carry its loads, if `over_uncut` is infinite."""
+    uncarried    : reason why the design does not carry the loads."""
 
     name: str
     settings: Mapping[str, Any]
@@ -73,13 +71,13 @@ class Rendition:
 
     @property
     def command(self) -> str:
-        """Options of `dsfab build` that change the preset into this rendition (version) of the figure."""
+        """Options of `dsfab build` that make this version of the figure."""
         return "".join(f" --set {quote(f'{key}={_toml_value(value)}')}" for key, value in self.settings.items())
 
 
 def renditions(design: Design) -> tuple[Rendition, ...]:
-    """Return three versions of a figure: the paper's settings, the unchanged preset, and evenly spaced stripes.
-    design : design of a preset of the paper, computed up to its pattern."""
+    """Return three versions of a figure: the paper's settings, the preset, and evenly spaced stripes.
+    design : computed up to the pattern."""
     uncut: dict[str, float] = {}
     letter = measured_rendition("letter", design, LETTER, uncut)
     shipped = measured_rendition("preset", design, {}, uncut)
@@ -95,7 +93,7 @@ def renditions(design: Design) -> tuple[Rendition, ...]:
 
 
 def departures(preset: Preset) -> tuple[str, ...]:
-    """Return a text for each setting in which a preset differs from the paper by Madan et al."""
+    """Return a text for each setting of a preset that differs from Madan et al."""
     texts = []
     for key, (paper, words) in DEPARTURES.items():
         section, name = key.split(".")
@@ -109,8 +107,8 @@ def departures(preset: Preset) -> tuple[str, ...]:
 def measured_rendition(
     name: str, base_design: Design, settings: Mapping[str, Any], uncut_compliance: dict[str, float] | None = None
 ) -> Rendition:
-    """Make a rendition (version) of a figure, and measure it. Unchanged stages of `base_design` are used again.
-    uncut_compliance : compliances of the uncut sheet by material law; this function stores new values in it."""
+    """Make a version (rendition) of a figure, with measures.
+    uncut_compliance : compliances of the uncut sheet by material law; new values are stored in place."""
     try:
         preset = with_overrides(base_design.preset, dict(settings)) if settings else base_design.preset
         design = draft(preset, earlier=base_design)
@@ -126,7 +124,6 @@ def measured_rendition(
 
 
 def _carried_share(design: Design) -> float:
-    """Return the share of the loads on pieces with a support. Loads on void act on the nearest material."""
     if not any(load.force.any() for load in design.statics.loads(design.preset.followed_weights).values()):
         return np.nan
     try:
@@ -142,7 +139,7 @@ def _carried_share(design: Design) -> float:
 
 
 def _compliances(design: Design, share: float, uncut_compliance: dict[str, float]) -> tuple[float, float, str]:
-    """Return the compliance divided by the uncut sheet's, and by a thinner sheet's; and a reason if infinite."""
+    """Return compliance / uncut sheet's, compliance / thinner sheet's, and a reason if infinite."""
     statics, weights = design.preset.statics, design.preset.followed_weights
     uncut_loads = design.statics.loads(weights)
     if not any(load.force.any() for load in uncut_loads.values()):

@@ -1,4 +1,4 @@
-"""Comparison of the cut by upsampling (Madan et al.) with the exact cut: errors and numbers of triangles."""
+"""Comparison of the cut by upsampling (Madan et al.) with the exact cut."""
 
 import io
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class StripedField(NamedTuple):
-    """Stripes of a family, and the mode that these stripes follow: x (n,), values at the vertices."""
+    """Stripes of a family. x : (n,) mode that the stripes follow, at the vertices."""
 
     stripes: Stripes
     x: Floats
@@ -30,9 +30,9 @@ class StripedField(NamedTuple):
 
 class UpsampledCut(NamedTuple):
     """A cut by upsampling: triangles that several stripe edges cross (crowded triangles) are divided before the cut.
-    rounds    : how often all crowded triangles were divided.    triangles : in the cut sheet, material and void.
+    rounds    : number of divisions.    triangles : number of triangles of the cut sheet.
     crowded   : number of crowded triangles that remain.
-    wrong     : share of the surface on which this cut and the exact cut differ."""
+    wrong     : share of the surface where this cut is wrong."""
 
     rounds: int
     triangles: int
@@ -41,14 +41,14 @@ class UpsampledCut(NamedTuple):
 
 
 class CutComparison(NamedTuple):
-    """Cuts after 0, 1, 2 ... rounds of division (see `UpsampledCut`), and the number of triangles of the exact cut."""
+    """Cuts after 0, 1, 2 ... divisions, and the number of triangles of the exact cut."""
 
     upsampled: tuple[UpsampledCut, ...]
     exact: int
 
 
 def compare_design_cuts(design: Design, rounds: int = 6) -> CutComparison:
-    """Compare the cut by upsampling with the exact cut, for a design's stripes on modes with the width rule "plain"."""
+    """Compare the cut by upsampling with the exact cut of a design's stripes."""
     settings = (design.preset.pattern.major, design.preset.pattern.minor)
     families = [
         StripedField(Stripes(family.frequency, float(options.phase), options.threshold), family.mode)
@@ -58,8 +58,7 @@ def compare_design_cuts(design: Design, rounds: int = 6) -> CutComparison:
 
 
 def compare_cuts(surface: Surface, families: Sequence[StripedField], rounds: int = 6) -> CutComparison:
-    """Cut stripes on a surface exactly, and by upsampling: division of triangles that several stripe edges cross.
-    Division ends after `rounds` rounds, or when no triangle needs it, or above 200 000 triangles."""
+    """Compare the cut by upsampling with the exact cut of stripes on a surface."""
     exact = _cut(surface, [family.x for family in families], [family.stripes.levels(family.x) for family in families])
     cuts: list[UpsampledCut] = []
     for number in range(rounds + 1):
@@ -88,7 +87,7 @@ def lines_through(surface: Surface, families: Sequence[StripedField]) -> Ints:
 
 
 def division(surface: Surface, families: Sequence[StripedField], crowded: Bools) -> tuple[Surface, list[StripedField]]:
-    """Return surface and stripes after the triangles `crowded` (m,) are divided into four, and neighbours to match."""
+    """Return surface and stripes after division of the triangles `crowded` (m,)."""
     edges = surface.edges
     marked = np.zeros(len(edges.ends), dtype=bool)
     marked[edges.of[crowded]] = True
@@ -98,8 +97,6 @@ def division(surface: Surface, families: Sequence[StripedField], crowded: Bools)
 
 
 def _wrong_share(surface: Surface, families: Sequence[StripedField], value: Sequence[Floats], side: int = 9) -> float:
-    """Return the share of the area where interpolation of `value` swaps material and void.
-    value : stripe values at the vertices, by family.    side : number of samples along each side of a triangle."""
     i, j = np.meshgrid(*[np.arange(side)] * 2, indexing="ij")
     inside = i + j < side
     u, v = (i[inside] + 1 / 3) / side, (j[inside] + 1 / 3) / side
@@ -112,7 +109,7 @@ def _wrong_share(surface: Surface, families: Sequence[StripedField], value: Sequ
 
 
 def upsampled_beside_exact(design: Design, folder: Path) -> PaperComparison:
-    """Compare a design's exact cut with interpolated cuts after 0, 1, 2 ... divisions; save a chart in `folder`."""
+    """Compare the cut by upsampling with the exact cut of a design; save a chart in `folder`."""
     title = "Adaptive upsampling compared with the exact cut"
     try:
         comparison = compare_design_cuts(design)
@@ -146,7 +143,7 @@ def _write_chart(comparison: CutComparison, path: Path) -> None:
     from PIL import Image
 
     wide, tall = drawing.LARGE
-    inches = 8.6  # at this width the chart's text is as large as the page's
+    inches = 8.6
     figure = Figure((inches, inches * tall / wide), dpi=wide / inches, layout="constrained")
     _draw_chart(figure.subplots(), comparison)
     buffer = io.BytesIO()

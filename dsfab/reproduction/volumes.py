@@ -1,4 +1,4 @@
-"""Test of a claim by Madan et al. on a sphere: compliance of diffusion structures and competitors of equal mass."""
+"""Test of a claim by Madan et al. on a sphere."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ ON_MODES = {
     "pattern.major": {"mode": 1, "frequency": 14.0, "phase": 0.875},
     "pattern.minor": {"mode": 3, "frequency": 14.0, "phase": 0.5625},
 }
-"""Settings of a design with graded stripes on eigenmodes; a search (`phase = "auto"`) chose the phases."""
+"""Settings of a design with graded stripes on eigenmodes."""
 ROW = {
     "pattern.method": "modes",
     "pattern.keep": 0.0,
@@ -29,7 +29,7 @@ ROW = {
     "pattern.major": {"mode": 1, "frequency": 10.0, "phase": 0.0},
     "pattern.minor": {"mode": 1, "frequency": 10.0, "phase": 0.0},
 }
-"""Settings of the sphere in Table 1, Madan et al., without kept regions; families by stress sign, not magnitude."""
+"""Settings of the sphere in Table 1, Madan et al., without kept regions."""
 LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # `ROW` with labels and law of Madan et al.
 SHARES = (0.3, 0.5, 0.7)  # Shares of material; each takes a few minutes.
 
@@ -47,9 +47,8 @@ RIVALS = {
 
 
 def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, shares: Sequence[float] = SHARES) -> None:
-    """Write data and a chart: compliance of a sphere with graded stripes, and of other structures (`RIVALS`).
-    Every structure is judged on finer and finer meshes.
-    coarser : length of mesh edges / `EDGE`.    shares : shares of material for all structures."""
+    """Write data and a chart of the compliance of spheres.
+    coarser : length of mesh edges / `EDGE`.    shares : shares of material."""
     from dsfab.study import compare_at, full_at_many_shares
 
     graded = sphere_draft(ON_MODES, coarser)
@@ -66,7 +65,7 @@ def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, share
 
 
 def sphere_draft(changes: Mapping[str, Any], coarser: float = 1.0) -> Design:
-    """Return the sphere's design with changes, up to its pattern; without fillets, which would make thin triangles."""
+    """Return the sphere's design with changes, up to the pattern."""
     from dsfab.design import draft
     from dsfab.preset.file import load_preset, with_overrides
 
@@ -75,7 +74,8 @@ def sphere_draft(changes: Mapping[str, Any], coarser: float = 1.0) -> Design:
 
 
 def sphere_rivals(coarser: float = 1.0) -> dict[str, Design]:
-    """Return designs `plain`, `row`, `letter`, `stripes` of the sphere (see `RIVALS`). coarser : mesh edge / `EDGE`."""
+    """Return designs `plain`, `row`, `letter`, `stripes` of the sphere.
+    coarser : mesh edge / `EDGE`."""
     plain_widths = {**ON_MODES, "pattern.width": {"solid_fraction": 0.5}}
     settings: dict[str, Mapping[str, Any]] = {"plain": plain_widths, "row": ROW, "letter": LETTER, "stripes": {}}
     return {name: sphere_draft(changes, coarser) for name, changes in settings.items()}
@@ -84,8 +84,8 @@ def sphere_rivals(coarser: float = 1.0) -> dict[str, Design]:
 def rival_rows(
     rivals: Mapping[str, Design], share: float, design: float | None, judge: "Judge"
 ) -> list[dict[str, Any]]:
-    """Judge each of the designs `rivals` at a share of material; return a row of results for each design.
-    design : compliance of the reference design, J; None if the reference design does not carry its loads."""
+    """Return a row of results for each of the designs `rivals`.
+    design : compliance of the reference design, J, or None."""
     from dsfab.study import compare_at
 
     rows = []

@@ -1,4 +1,4 @@
-"""Stage 5, slicing: from stripes to a sheet that is cut along their edges."""
+"""Stage 5, slicing: from stripes to a cut sheet."""
 
 from dsfab.slicing.cutting.cut import cut, cut_polygons, divided_field_values, sheet_of
 from dsfab.slicing.cutting.halving import LineHalving, halve_lines

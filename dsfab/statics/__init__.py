@@ -69,8 +69,7 @@ def solve_statics(
     sheet: SheetModel, load: LoadCase, elements: Elements = PAPER, spread: SpreadLoad | None = None
 ) -> Equilibrium:
     """Return displacements, reactions and compliance of a thin elastic sheet [Madan, Jacobson and Levin, section 3.1].
-    A flat sheet with loads in its plane is solved without bending.    spread : part of the load on faces and edges.
-    Raises StaticsError for mechanisms and for loads on vertices without faces."""
+    spread : part of the load on faces and edges.    Raises StaticsError for mechanisms."""
     spreads = None if spread is None else {"load": spread}
     return solve_cases(sheet, {"load": load}, elements, spreads)["load"]
 
@@ -79,8 +78,8 @@ def solve_for(
     sheet: SheetModel, loads: Mapping[str, LoadCase], use: Quantity | Aid, bars: bool = False
 ) -> dict[str, Equilibrium]:
     """Solve load cases with elements that suit a purpose. Return the equilibria by name of the case.
-    use  : the purpose, a key of `USES`. If its elements fail on very flat triangles, simpler elements solve the sheet.
-    bars : True if ribs twist like rectangular bars. Raises StaticsError as `solve_cases`."""
+    use  : the purpose, a key of `USES`.    bars : True if ribs twist like rectangular bars.
+    Raises StaticsError as `solve_cases`."""
     elements = elements_of(use)
     try:
         return solve_cases(sheet, loads, elements, bars=bars)
@@ -99,10 +98,10 @@ def solve_cases(
     bars: bool = False,
 ) -> dict[str, Equilibrium]:
     """Solve load cases that have the same supports. Return the equilibria of cases and combinations by name.
-    spreads      : part of each case's load on faces and edges, by name of the case; None without loads on them.
+    spreads      : part of each case's load on faces and edges, by name of the case.
     combinations : factor of each case, by name of the combination, then by name of the case.
-    bars         : True if ribs twist like rectangular bars (`with_barlike_ribs`).
-    Raises StaticsError as `solve_statics`, for cases on different supports, and for combinations of unknown cases."""
+    bars         : True if ribs twist like rectangular bars.
+    Raises StaticsError, also for cases on different supports and for combinations of unknown cases."""
     sums = dict(combinations or {})
     for name, factors in sums.items():
         if unknown := [case for case in factors if case not in loads]:

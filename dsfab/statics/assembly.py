@@ -1,4 +1,4 @@
-"""Assembly of a stiffness matrix from 3 x 3 blocks, one for each pair of vertices. Hinges between faces."""
+"""Assembly of a stiffness matrix from 3 x 3 blocks, one for each pair of vertices."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -30,9 +30,8 @@ def hinges(surface: Surface) -> Ints:
 
 
 def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
-    """Return the gradients (i, 4, 3), 1/m, of fold angles for displacements of the four vertices of each hinge (i, 4).
-    Return also weights (i,), l^2 / (A1 + A2): l is the length of the common edge, A1 and A2 are the areas of the faces.
-    The gradients at the opposite vertices are n2 / h2 and n3 / h3, with normals n and heights h of the faces."""
+    """Return the gradients (i, 4, 3), 1/m, of fold angles for displacements of the vertices of hinges (i, 4).
+    Return also weights (i,), l^2 / (A1 + A2): l, length of the common edge; A1, A2, areas of the faces."""
     p0, p1, p2, p3 = (surface.V[hinge[:, k]] for k in range(4))
     edge = p1 - p0
     length = np.linalg.norm(edge, axis=1)
@@ -47,18 +46,18 @@ def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
 
 
 Index = npt.NDArray[np.integer[Any]]
-"""Indices of a sparse matrix. They have four bytes to save memory, because every entry of the matrix has an index."""
+"""Indices of a sparse matrix, four bytes."""
 
 CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
-"""The six pairs of the four vertices of a hinge, see `hinges`."""
+"""The six pairs of the four vertices of a hinge."""
 
 
 @dataclass(frozen=True, eq=False)
 class VertexPairs:
     """Pairs of vertices that have a 3 x 3 block in a stiffness matrix. A hinge is two faces with a common edge.
-    ends     : (p, 2) vertices of each pair, lower number first: ends of edges, and opposite vertices of hinges.
+    ends     : (p, 2) vertices of each pair, lower number first.
     of_edge  : (e,) number of the pair of each edge.
-    opposite : (i,) pair of each hinge's opposite vertices; p if both are the same vertex; empty without hinges."""
+    opposite : (i,) pair of each hinge's opposite vertices; p for a single vertex; empty without hinges."""
 
     n: int
     ends: Ints
@@ -67,7 +66,7 @@ class VertexPairs:
 
     @classmethod
     def from_surface(cls, surface: Surface, hinge: Ints | None = None) -> Self:
-        """Return the pairs of vertices: both ends of each edge, and both opposite vertices of each hinge (i, 4)."""
+        """Return the pairs of vertices at edges and hinges (i, 4)."""
         n, ends = surface.n, surface.edges.ends
         edge = ends[:, 0] * n + ends[:, 1]
         if hinge is None:
@@ -79,12 +78,12 @@ class VertexPairs:
         return cls(n, np.stack(np.divmod(keys, n), axis=1), np.searchsorted(keys, edge), opposite)
 
     def of_hinge(self, surface: Surface, hinge: Ints) -> Ints:
-        """Return the numbers (6, i) of the six vertex pairs of each hinge, in the order of `CORNERS`."""
+        """Return the numbers (6, i) of the vertex pairs of each hinge, in the order of `CORNERS`."""
         edge = self.of_edge[surface.edges.of.ravel()]
         h0, h1 = surface.edges.pairs.T
         next0, next1 = (next_half_edge(h) for h in (h0, h1))
         last0, last1 = (next_half_edge(h, 2) for h in (h0, h1))
-        from0 = surface.F.ravel()[h1] == hinge[:, 0]  # true if both faces list the edge in the same direction
+        from0 = surface.F.ravel()[h1] == hinge[:, 0]
         second_face = np.where(from0, last1, next1), np.where(from0, next1, last1)
         return np.stack([edge[h0], edge[last0], edge[next0], edge[second_face[0]], edge[second_face[1]], self.opposite])
 
@@ -92,7 +91,6 @@ class VertexPairs:
     def _block_positions(self) -> tuple[Index, Index, Index]:
         low, high = self.ends.T.astype(np.int32)
         vertex, pair = np.arange(self.n, dtype=np.int32), np.arange(len(low), dtype=np.int32)
-        # this order gives ascending columns in each row without sorting
         row, column = np.concatenate([high, vertex, low]), np.concatenate([low, vertex, high])
         begin = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=self.n))]).astype(np.int32)
         order = np.argsort(row, kind="stable")
@@ -100,7 +98,7 @@ class VertexPairs:
         return begin, column[order], number
 
     def matrix(self, blocks: "PairBlocks") -> csr_array:
-        """Return the stiffness matrix (3 n, 3 n) of these blocks. The columns in each row are in ascending order."""
+        """Return the stiffness matrix (3 n, 3 n) of these blocks."""
         begin, column, number = self._block_positions
         all_blocks = np.concatenate([blocks.between.T, _transposed_blocks(blocks.between).T, blocks.own.T])
         values = all_blocks[number].reshape(-1, 3, 3)
@@ -109,8 +107,8 @@ class VertexPairs:
 
 @dataclass(frozen=True, eq=False)
 class PairBlocks:
-    """A stiffness matrix as 3 x 3 blocks, one for each pair of vertices and one for each vertex.
-    between : (9, p) block of each pair, row by row, N/m. Its rows belong to the vertex with the lower number.
+    """A stiffness matrix as 3 x 3 blocks for pairs of vertices and for vertices.
+    between : (9, p) block of each pair, row by row, N/m. The rows belong to the vertex with the lower number.
     own     : (9, n) symmetric blocks on the diagonal, N/m."""
 
     pairs: VertexPairs
@@ -119,7 +117,7 @@ class PairBlocks:
 
     @classmethod
     def without_shifts(cls, pairs: VertexPairs, between: Floats) -> Self:
-        """Return the stiffness from blocks (9, p) of vertex pairs. Its rows sum to 0: rigid shifts cause no force."""
+        """Return the stiffness from blocks (9, p) of vertex pairs."""
         low, high = np.ascontiguousarray(pairs.ends.T)
         diagonal = np.empty((3, 3, pairs.n))
         for entry, upper, lower in zip(diagonal.reshape(9, -1), between, _transposed_blocks(between), strict=True):
@@ -132,7 +130,7 @@ class PairBlocks:
         return type(self)(self.pairs, self.between + other.between, self.own + other.own)
 
     def matrix(self) -> csr_array:
-        """Return the stiffness (3 n, 3 n), N/m. Matrices with the same `pairs` of vertices have the same sparsity."""
+        """Return the stiffness (3 n, 3 n), N/m."""
         return self.pairs.matrix(self)
 
 
@@ -141,7 +139,7 @@ def _transposed_blocks(blocks: Floats) -> Floats:
 
 
 def summed_blocks(u: Floats, v: Floats, pair: Ints, count: int) -> Floats:
-    """Return the sums (9, count) of k blocks u v^T (3 x 3), one sum for each pair of vertices. u, v : (3, k).
+    """Return the sums (9, count) of blocks u v^T (3 x 3) for each pair of vertices. u, v : (3, k).
     pair : (k,) number of each block's pair; blocks with the number `count` are left out."""
     return np.stack([np.bincount(pair, u[a] * v[b], count + 1)[:count] for a in range(3) for b in range(3)])
 
@@ -152,8 +150,7 @@ def ascending_pairs(a: Floats, b: Floats, ascending: Bools) -> tuple[Floats, Flo
 
 
 def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
-    """Return the vertex pairs that have a block in the stiffness; they are computed once for each surface.
-    Pairs: ends of edges and, if `hinge` (i, 4) is given, opposite vertices of hinges."""
+    """Return the vertex pairs that have a block in the stiffness. hinge : (i, 4) hinges."""
     results, key = derived_results(surface), (VertexPairs, hinge is None)
     if key not in results:
         results[key] = VertexPairs.from_surface(surface, hinge)
@@ -162,7 +159,7 @@ def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
 
 
 def matrix_sum(A: csr_array, B: csr_array) -> csr_array:
-    """Return the sum A + B of two sparse matrices; fast if nonzero values have the same places in both."""
+    """Return the sum of two sparse matrices."""
     if A.shape == B.shape and np.array_equal(A.indptr, B.indptr) and np.array_equal(A.indices, B.indices):
         return csr_array((A.data + B.data, A.indices, A.indptr), shape=A.shape)
     return csr_array(A + B)

@@ -1,4 +1,4 @@
-"""Bending stiffness: hinge energy, Morley's plate, and the element of Hellan, Herrmann and Johnson."""
+"""Bending stiffness of hinges, Morley's plate, and the element of Hellan, Herrmann and Johnson."""
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -35,13 +35,12 @@ def curvatures(surface: Surface) -> Floats:
 
         kappa = 1/A sum over half-edges j -> k of  -s l omega m m^T + (w_k - w_j) sym(t m^T)
 
-    t is the direction of the half-edge, m = t x n points out of the face, and w = u . n is the deflection. omega is
-    the rotation about the edge in its global direction; s = 1 if the half-edge has this direction, else -1."""
+    t : direction of the half-edge. m = t x n points out of the face. w = u . n : deflection.
+    omega : rotation about the edge. s : sign of the half-edge."""
     frame = tangents(surface)
     length, t, m = half_edge_frames(surface)
     rows = np.empty((surface.m, 12, 3))
     step = voigt(t, m)
-    # half-edge c begins at corner c, half-edge c - 1 ends there
     corner = np.roll(step, 1, axis=1) - step
     normal = np.cross(frame[:, 0], frame[:, 1])
     rows[:, :9] = (corner[:, :, None, :] * normal[:, None, :, None]).reshape(-1, 9, 3)
@@ -50,8 +49,7 @@ def curvatures(surface: Surface) -> Floats:
 
 
 def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
-    """Return the lengths (m, 3) of the three sides of each face. Return also their directions and outward normals
-    (m, 3, 2), in the frame of the face."""
+    """Return the lengths (m, 3) of the three sides of each face, and their directions and outward normals (m, 3, 2)."""
     frame = tangents(surface)
     P = surface.V[surface.F]
     edge = np.einsum("mck,mak->mca", np.roll(P, -1, axis=1) - P, frame)
@@ -62,15 +60,14 @@ def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
 
 def midedge_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return the bending stiffness, N/m, of `midedge` elements: the energy of a face is A/2 kappa : D kappa.
-    A : area. kappa : curvature. D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3) for each face.
-    Deflections converge to those of Kirchhoff's plate on every mesh. Coarse meshes are too soft."""
+    A : area. kappa : curvature. D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3) for each face."""
     B = curvatures(surface)
     blocks = B.transpose(0, 2, 1) @ (D @ B) * surface.areas[:, None, None]
     return assemble_blocks(blocks, elements.columns(surface, "rotation"), elements.unknowns(surface))
 
 
 GAUSS = (0.5 - 0.5 / np.sqrt(3), 0.5 + 0.5 / np.sqrt(3))
-"""Positions of two-point quadrature on an edge from 0 to 1, exact for cubics."""
+"""Positions of two-point quadrature on an edge from 0 to 1."""
 
 
 def moment_loads(surface: Surface) -> Floats:
@@ -80,11 +77,11 @@ def moment_loads(surface: Surface) -> Floats:
 
         integral of lambda_a M : hess w  -  sum over half-edges of  integral of lambda_a (m M m) (dw/dm + s theta)
 
-    m points out of the face, and s is the sign of the half-edge (`half_edge_signs`) for the edge's rotation theta
+    m : direction out of the face. s : sign of the half-edge. theta : rotation of the edge
     [Hellan 1967; Herrmann 1967; Johnson 1973; Neunteufel and Schoeberl 2019, shells]."""
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
-    across = np.einsum("mia,mca->mci", slope, outward)  # (faces, half-edge, corner): slope of lambda_a along normal m
+    across = np.einsum("mia,mca->mci", slope, outward)  # (faces, half-edge, corner): slope of lambda_a along m
     sign = half_edge_signs(surface)
     rows = np.zeros((surface.m, 3, 3, 12))
     rows[..., 3:6] = (8 / 3 * surface.areas[:, None, None] * voigt(slope, np.roll(slope, -1, axis=1))).transpose(
@@ -104,9 +101,8 @@ def moment_loads(surface: Surface) -> Floats:
 
 
 def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
-    """Return the bending stiffness, N/m, of `hhj` elements, with the moments eliminated on each face.
-    D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3), one for each face.
-    Of the edge bubbles (`BUBBLES`), only "normal" bends faces; else coarse curved meshes would be too stiff."""
+    """Return the bending stiffness, N/m, of `hhj` elements.
+    D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3), one for each face."""
     rows = moment_loads(surface)
     normal, edge = surface.normals, surface.edges.of
     normal_share = np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], normal)
@@ -129,8 +125,8 @@ def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
 def bending_stiffness(
     surface: Surface, material: Material, thickness: float, elements: Elements = PAPER, rigidity: Floats | None = None
 ) -> csr_array:
-    """Return the bending stiffness K_b, N/m, over the unknowns of `elements`; by default (3 n, 3 n).
-    rigidity : see `SheetModel`; `hinge` does not use it.    Raises ValueError for elements without bending."""
+    """Return the bending stiffness, N/m, over the unknowns of `elements`; by default (3 n, 3 n).
+    rigidity : see `SheetModel`.    Raises ValueError for elements without bending."""
     D = material.bending(thickness) if rigidity is None else rigidity
     if elements.bending == "hinge":
         return zero_padded(hinge_blocks(surface, material, thickness).matrix(), elements.unknowns(surface))
@@ -144,8 +140,7 @@ def bending_stiffness(
 def hinge_blocks(surface: Surface, material: Material, thickness: float) -> PairBlocks:
     """Return the bending stiffness, N/m, of hinges: edges between two faces that resist a change of their fold angle.
     The energy of a hinge is 1/2 D l^2 / (A1 + A2) (change of the angle)^2 [Wardetzky et al. 2007].
-    D : bending stiffness of the sheet. l : length of the edge. A1, A2 : areas of both faces.
-    Stress directions are accurate, but deflections do not converge: for clamped plates, they are 20 to 45 % wrong."""
+    D : bending stiffness of the sheet. l : length of the edge. A1, A2 : areas of both faces."""
     h = hinges(surface)
     gradients, weight = angle_gradients(surface, h)
     g = np.ascontiguousarray((gradients * np.sqrt(material.bending_stiffness(thickness) * weight)[:, None, None]).T)

@@ -1,6 +1,6 @@
-"""Bending moments on each face from a solved sheet, for the bending elements `hinge`, `midedge` and `hhj`.
+"""Bending moments on each face, for the bending elements `hinge`, `midedge` and `hhj`.
 
-A positive moment compresses the side to which the normals point, and stretches the opposite side."""
+A positive moment compresses the side to which the normals point."""
 
 import numpy as np
 
@@ -15,9 +15,8 @@ from dsfab.surface.mesh import Surface
 
 
 def facet_number(surface: Surface, thickness: float) -> float:
-    """Return the median, over inner edges, of length times fold angle / thickness. The number measures an error.
-    In a mesh of a curved sheet, a load bends each flat face between its edges. This bending is not real.
-    On spheres under pressure, the largest stress of `hhj` elements is too large by about 0.9 times the number."""
+    """Return the median, over inner edges, of length times fold angle / thickness.
+    The error of stresses due to flat faces grows with this number."""
     faces = surface.edges.pairs // 3
     if not len(faces):
         return 0.0
@@ -27,12 +26,8 @@ def facet_number(surface: Surface, thickness: float) -> float:
 
 
 def face_moments(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> Floats:
-    """Return moments per length (m, 3 corners, 3), (xx, yy, xy), newtons, at each face's corners in its tangent frame.
-    answer : solution by `elements`. A sheet that was solved in its plane has no moments.
-    `midedge` : constant on each face. A mean of many faces has an error in proportion to the mesh width.
-    `hhj`     : linear on each face, computed again from the displacements [Hellan 1967].
-    `hinge`   : constant on each face, for pictures only. Single faces have errors of 8 to 60 %. Moments at free edges
-                are too small, because only edges between two faces have a hinge."""
+    """Return moments per length (m, 3 corners, 3), (xx, yy, xy), newtons, at faces' corners in tangent frames.
+    `hinge` moments are for pictures only. A sheet that was solved in its plane has no moments."""
     surface = sheet.surface
     if elements.bending is None:
         return np.zeros((surface.m, 3, 3))
@@ -46,7 +41,7 @@ def face_moments(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> 
 
 
 def hinge_energy(surface: Surface, material: Material, thickness: float, answer: Equilibrium) -> Floats:
-    """Return the bending energy (m,) of each face, J: half of the energy of the hinges at its edges."""
+    """Return the bending energy (m,) of each face, J."""
     hinge = hinges(surface)
     gradients, weight = angle_gradients(surface, hinge)
     turned = np.einsum("ikx,ikx->i", gradients, answer.u[hinge])
@@ -68,14 +63,12 @@ def _midedge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
-    """Return the curvature (m, 3), (xx, yy, 2 xy): sum of l theta n n^T / (2 A) over edges [Grinspun et al. 2006].
-    theta : change of the fold angle at an edge. l, n : length and normal of the edge. A : area of the face."""
+    """Return the curvature (m, 3), (xx, yy, 2 xy) [Grinspun et al. 2006]."""
     length, _, out = half_edge_frames(surface)
     hinge, pairs = hinges(surface), surface.edges.pairs
     angle = np.einsum("ikx,ikx->i", angle_gradients(surface, hinge)[0], answer.u[hinge])
     half = np.zeros(3 * surface.m)
     half[pairs[:, 0]] = angle / 2
-    # the fold angle changes its sign in the second face if the two faces have opposite normals
     along = half_edge_signs(surface).ravel()
     half[pairs[:, 1]] = -angle / 2 * along[pairs[:, 0]] * along[pairs[:, 1]]
     bent = (half.reshape(-1, 3) * length)[:, :, None] * voigt(out, out)

@@ -1,4 +1,4 @@
-"""Boundary conditions of a sheet: supports, springs, spread loads, and checks for free rigid motions."""
+"""Boundary conditions of a sheet."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,12 +16,12 @@ from dsfab.surface import coincident, pieces
 from dsfab.surface.loads.load_case import Force, Line, Load, LoadCase
 from dsfab.surface.mesh import Surface
 
-FREE_MOTION = 1e-9  # A rigid motion is free if it moves the supports by less than this fraction of the motion.
+FREE_MOTION = 1e-9  # Largest move of the supports in a free motion, as a fraction of the motion.
 MOTIONS = ("move along x", "move along y", "move along z", "turn about x", "turn about y", "turn about z")
 
 
 def rigid_motions(points: Floats) -> Floats:
-    """Return displacements (n, 3, 6) of points (n, 3) by the six rigid `MOTIONS`; the largest values are about 1."""
+    """Return displacements (n, 3, 6) of points (n, 3) by the six rigid `MOTIONS`."""
     centred = points - points.mean(axis=0)
     reach = np.abs(centred).max() or 1.0
     motion = np.zeros((len(points), 3, 6))
@@ -33,8 +33,7 @@ def rigid_motions(points: Floats) -> Floats:
 
 def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools | None = None) -> None:
     """Raise StaticsError if a piece of the sheet can move without deforming.
-    fixed   : (n, 3) fixed directions of the vertices. A spring of `load` holds its direction, too.
-    clamped : (e,) edges that do not rotate."""
+    fixed   : (n, 3) fixed directions of the vertices.    clamped : (e,) edges that do not rotate."""
     count, label = pieces(surface.F, surface.edges)
     stopped = fixed | (load.spring > 0)
     unheld = [k for k in range(count) if not load.supported[surface.F[label == k]].any()]
@@ -76,8 +75,7 @@ def _merge_hint(surface: Surface) -> str:
 
 
 def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list[str]:
-    """Return the names of the rigid motions of `vertices` that neither fixed directions nor clamped edges prevent.
-    A motion has the name of its largest component.
+    """Return the names of the free rigid motions of `vertices`.
     fixed   : (n, 3) fixed directions of the vertices.    clamped : (k, 2) ends of the edges that do not rotate."""
     at_supports = rigid_motions(V[vertices])[fixed[vertices]]  # (fixed directions, 6)
     along = V[clamped[:, 1]] - V[clamped[:, 0]]
@@ -85,12 +83,11 @@ def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list
     stopped = np.concatenate([at_supports, np.pad(along, ((0, 0), (3, 0))), np.zeros((6, 6))])
     _, values, basis = np.linalg.svd(stopped, full_matrices=False)
     null = basis[values <= FREE_MOTION * max(values.max(), 1.0)]
-    # find rotations first: a rotation about a line of supports also shifts the centre, and so looks like a translation
     mix, turns, _ = np.linalg.svd(null[:, 3:])
     turns = np.concatenate([turns, np.zeros(len(null) - len(turns))]) > FREE_MOTION
     parts = np.abs(mix.T @ null)
     largest = np.where(turns, 3 + parts[:, 3:].argmax(axis=1), parts[:, :3].argmax(axis=1))
-    return [MOTIONS[k] for k in sorted(largest)]  # sorted, because the order of equal values depends on the machine
+    return [MOTIONS[k] for k in sorted(largest)]  # sorted: the order of equal values depends on the machine
 
 
 def require_loads_on_faces(surface: Surface, load: LoadCase) -> None:
@@ -106,10 +103,7 @@ def require_loads_on_faces(surface: Surface, load: LoadCase) -> None:
 
 def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: Bools | None) -> Bools:
     """Return a mask (e, k) of the fixed unknowns of edges. The k unknowns of an edge are `elements.on_edges`.
-    fixed   : (n, 3) fixed directions of the vertices.
-    clamped : (e,) edges that do not rotate: built-in edges, and edges on a plane of symmetry.
-    Edges of a face that is fixed in all directions do not rotate, either. An unknown that moves an edge's middle along
-    a direction is fixed if the direction lies mostly within the fixed directions of the middle."""
+    fixed   : (n, 3) fixed directions of the vertices.    clamped : (e,) edges that do not rotate."""
     faces, held_directions = held_faces(surface, fixed), held_middles(surface, fixed)
     no_rotation = np.zeros(len(held_directions), dtype=bool)
     no_rotation[surface.edges.of[faces.all(axis=1)]] = True
@@ -121,8 +115,8 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
 
 
 def held_middles(surface: Surface, fixed: Bools) -> Bools:
-    """Return a mask (e, 3) of the fixed directions of edges' middles, from those of the vertices, `fixed` (n, 3).
-    The middle of a boundary edge is fixed if both ends are. A face with fixed corners fixes its edges' middles."""
+    """Return a mask (e, 3) of the fixed directions of edges' middles.
+    fixed : (n, 3) fixed directions of the vertices."""
     edges, faces = surface.edges, held_faces(surface, fixed)
     is_held = fixed[edges.ends].all(axis=1) & edges.boundary[:, None]
     for axis in range(3):
@@ -137,7 +131,7 @@ def held_faces(surface: Surface, fixed: Bools) -> Bools:
 
 
 def require_clampable(surface: Surface, elements: Elements, clamped: Bools | None) -> None:
-    """Raise StaticsError if edges are clamped (e,), but `elements` bend by hinges and have no rotations of edges."""
+    """Raise StaticsError if `elements` cannot hold clamped edges (e,)."""
     if clamped is None:
         return
     if clamped.shape != (len(surface.edges.ends),):
@@ -152,12 +146,12 @@ def require_clampable(surface: Surface, elements: Elements, clamped: Bools | Non
 
 
 def all_clamped(load: LoadCase) -> Bools | None:
-    """Return a mask (e,) of the edges that do not rotate; None if the load case has no clamped edges."""
+    """Return a mask (e,) of the edges that do not rotate, or None."""
     return load.clamped if len(load.clamped) else None
 
 
 def with_springs(K: csr_array, load: LoadCase) -> csr_array:
-    """Return K (u, u), N/m, with the springs of `load` added to the diagonal of the first 3 n unknowns."""
+    """Return K (u, u), N/m, with the springs of a load case."""
     if not load.spring.any():
         return K
     springs = np.zeros(K.shape[0])
@@ -192,15 +186,14 @@ class SpreadLoad:
         return cls(face, edge)
 
     def vertex_forces(self, surface: Surface) -> Floats:
-        """Return forces (n, 3), N: each corner gets a third of a face's force, each end half of an edge's force."""
+        """Return forces (n, 3), N, on the vertices."""
         force = np.zeros((surface.n, 3))
         np.add.at(force, surface.F.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))
         np.add.at(force, surface.edges.ends.ravel(), np.repeat(self.edge * _lengths(surface) / 2, 2, axis=0))
         return force
 
     def bubble_forces(self, surface: Surface, elements: Elements) -> Floats:
-        """Return forces (e, k), N, on the k edge unknowns of `elements`: the work of the load on unit edge bubbles.
-        The integral of an edge bubble (`BUBBLES`) is A / 3 on a face, and 2 l / 3 on an edge."""
+        """Return forces (e, k), N, on the k edge unknowns of `elements`."""
         work = self.edge * _lengths(surface) * 2 / 3
         np.add.at(work, surface.edges.of.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))
         in_frame = np.einsum("edx,ex->ed", edge_frames(surface), work)
@@ -212,8 +205,7 @@ class SpreadLoad:
 
 
 def spread_load(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> SpreadLoad:
-    """Return the part of `loads` that acts on faces and lines. It leaves out forces on picked vertices.
-    weight : weight of the sheet, N/m2."""
+    """Return the part of `loads` that acts on faces and lines. weight : weight of the sheet, N/m2."""
     face, edge = np.zeros((surface.m, 3)), np.zeros((len(surface.edges.ends), 3))
     for load in loads:
         if isinstance(load, Line):

@@ -1,4 +1,4 @@
-"""Finite elements by name: their unknowns, the pair of elements for each use, and needles (very flat triangles)."""
+"""Finite elements of sheets by name, and needles (very flat triangles)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -16,24 +16,22 @@ from dsfab.surface.mesh import Surface
 Membrane = Literal["constant", "quadratic", "hybrid"]
 Bending = Literal["hinge", "midedge", "hhj"]
 BUBBLES = ("along", "across", "normal")
-"""Edge bubbles (quadratic displacements, zero at both ends of an edge), in the order of the rows of an edge frame."""
+"""Edge bubbles (quadratic displacements, zero at both ends), in the order of edge frames."""
 
 
 @dataclass(frozen=True)
 class Elements:
-    """Elements of a sheet, for membrane and bending.
-    membrane : `constant` strain, `quadratic` (the common six-node triangle), or `hybrid`, with the unknowns of
-               `quadratic` and stresses in equilibrium. `hybrid` has a third to a half of the errors of `quadratic`.
-               `constant` is 5 to 15 % too stiff for slender parts that bend in their plane.
-    bending  : `hinge` (see `PAPER`), used only for directions of the stress. `midedge` converges, and is too soft on
-               coarse meshes. `hhj` is one order more accurate. None for a sheet that is solved in its plane."""
+    """Elements of a sheet.
+    membrane : `constant` strain, `quadratic` (six-node triangle), or the more accurate `hybrid`.
+    bending  : `hinge`, only for directions of the stress; `midedge`; the more accurate `hhj`; None for a sheet that is
+               solved in its plane."""
 
     membrane: Membrane = "constant"
     bending: Bending | None = "hinge"
 
     @classmethod
     def from_name(cls, name: str) -> Self:
-        """Return the `Elements` with this name, such as "quadratic+hhj". Raises StaticsError for any other name."""
+        """Return the `Elements` of a name, such as "quadratic+hhj". Raises StaticsError for an unknown name."""
         pairs = [cls(membrane, bending) for membrane in get_args(Membrane) for bending in get_args(Bending)]
         match = next((pair for pair in pairs if str(pair) == name), None)
         if match is None:
@@ -45,7 +43,7 @@ class Elements:
 
     @property
     def is_reported(self) -> bool:
-        """True if reports may show results of these elements; False if the elements serve internal purposes only."""
+        """True if reports may show results of these elements."""
         return any(self in (pair, pair.in_plane) for pair in REPORTED)
 
     @property
@@ -55,42 +53,39 @@ class Elements:
 
     @property
     def on_edges(self) -> tuple[str, ...]:
-        """Names of the unknowns of every edge. Unknown k of edge e has the number 3 n + k (number of edges) + e."""
+        """Names of the unknowns of every edge."""
         bending = {"midedge": ("rotation",), "hhj": ("rotation", "slope")}.get(self.bending or "", ())
         membrane = ("along", "across") if self.membrane != "constant" else ()
         return bending + membrane + (("normal",) if self.bending == "hhj" else ())
 
     def unknowns(self, surface: Surface) -> int:
-        """Return the number of unknowns: 3 n displacements, then one unknown per edge for each name in `on_edges`."""
+        """Return the number of unknowns: 3 n displacements, then the unknowns of edges."""
         return 3 * surface.n + len(self.on_edges) * len(surface.edges.ends)
 
     def columns(self, surface: Surface, *names: str) -> Ints:
         """Return the numbers (m, 9 + 3 len(names)) of the unknowns of each face: displacements x, y, z of its corners,
-        then the unknowns `names` of its edges."""
+        then unknowns of its edges."""
         corners = (3 * surface.F[:, :, None] + np.arange(3)).reshape(-1, 9)
         count = len(surface.edges.ends)
         groups = [3 * surface.n + self.on_edges.index(name) * count + surface.edges.of for name in names]
         return np.concatenate([corners, *groups], axis=1)
 
 
-PAPER = Elements("constant", "hinge")  # Elements of [Madan, Jacobson and Levin]; `USES` lists elements for each result.
+PAPER = Elements("constant", "hinge")  # Elements of [Madan, Jacobson and Levin].
 INVERSE_MASS = 12 * (np.eye(3) - 0.25)  # Inverse mass matrix of linear functions on a triangle, times its area.
 
 
 def half_edge_signs(surface: Surface) -> Floats:
-    """Return signs (m, 3): 1 for a side of a face that runs from a lower to a higher vertex number, else -1."""
+    """Return signs (m, 3): 1 for a side of a face from a lower to a higher vertex number, else -1."""
     return np.where(np.roll(surface.F, -1, axis=1) > surface.F, 1.0, -1.0)
 
 
 @derived
 def edge_frames(surface: Surface) -> Floats:
-    """Return unit vectors (e, 3, 3), read-only, of each edge: along it, across it in the sheet, normal to the sheet.
-    The normal is the area-weighted mean of the two faces' normals, turned to one side of the sheet. If an edge has over
-    two faces or folds over 145 degrees, the normal is the eigenvector of sum A n n^T with the largest eigenvalue."""
+    """Return unit vectors (e, 3, 3), read-only, of each edge: along it, across it in the sheet, normal to the sheet."""
     edges = surface.edges
     t = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
     t = t / np.linalg.norm(t, axis=1, keepdims=True)
-    # this product does not depend on the orientation of the face; its values in an edge's two faces are opposite
     area_normal = surface.normals * surface.areas[:, None]
     signed = (half_edge_signs(surface)[:, :, None] * area_normal[:, None, :]).reshape(-1, 3)
     n = signed[edges.order[edges.start[:-1]]]
@@ -101,7 +96,6 @@ def edge_frames(surface: Surface) -> Floats:
         tensors = np.zeros((len(edges.ends), 3, 3))
         np.add.at(tensors, edges.of.ravel(), np.repeat(_outer(surface.normals, area_normal), 3, axis=0))
         first_face = edges.order[edges.start[undefined]] // 3
-        # more weight for the first face makes the eigenvector unique for three faces at 120 degrees
         tensors[undefined] += 0.01 * _outer(surface.normals[first_face], area_normal[first_face])
         n[undefined] = np.linalg.eigh(tensors[undefined])[1][:, :, -1]
     n = n / np.linalg.norm(n, axis=1, keepdims=True)
@@ -111,7 +105,7 @@ def edge_frames(surface: Surface) -> Floats:
 
 
 def voigt(a: Floats, b: Floats) -> Floats:
-    """Return the symmetric part (..., 3) of a b^T for a, b (..., 2), as (xx, yy, 2 xy)."""
+    """Return the symmetric part (..., 3) of a b^T for vectors a, b (..., 2), as (xx, yy, 2 xy)."""
     return np.stack([a[..., 0] * b[..., 0], a[..., 1] * b[..., 1], a[..., 0] * b[..., 1] + a[..., 1] * b[..., 0]], -1)
 
 
@@ -123,14 +117,13 @@ def tensor_matrices(planar: Floats) -> Floats:
 
 def assemble_blocks(blocks: Floats, columns: Ints, size: int) -> csr_array:
     """Return the sparse matrix (size, size) that sums the blocks (m, c, c) of all faces.
-    columns : (m, c) number of the unknown that belongs to each row and column of a block."""
-    # sparse product S^T Z, which needs no sorting: Z has the rows of all blocks, S selects the unknowns
+    columns : (m, c) number of the unknown for each row and column of a block."""
     m, c = columns.shape
     columns = columns.astype(np.int32 if max(m * c * c, size) < 2**31 else np.int64)
     count = np.arange(m * c + 1, dtype=columns.dtype)
     Z = csr_array((blocks.ravel(), np.repeat(columns, c, axis=0).ravel(), c * count), (m * c, size))
     S = csr_array((np.ones(m * c), columns.ravel(), count), (m * c, size))
-    K = csr_array(csr_array(S.T) @ Z)  # convert S.T to CSR here; else scipy would convert the larger matrix Z
+    K = csr_array(csr_array(S.T) @ Z)
     K.sort_indices()
     return K
 
@@ -149,15 +142,13 @@ Quantity = Literal["compliance", "compliance_once", "displacement", "stress", "f
 """Quantities in reports."""
 
 Aid = Literal["needles", "spread", "ranking", "directions"]
-"""Internal purposes of elements, described in `USES`. Results of these elements never appear in reports."""
+"""Internal purposes of elements. Reports never show results of these elements."""
 
 
 @dataclass(frozen=True)
 class Use:
     """The purpose of a pair of membrane and bending elements.
-    pair      : the elements. If the sheet is solved in its plane, only the membrane elements are used.
-    tolerance : largest accepted relative error on the finest mesh of a test; None for a pair without tests.
-    about     : the purpose in words."""
+    tolerance : largest accepted relative error on the finest mesh of a test; None without tests."""
 
     pair: Elements
     tolerance: float | None
@@ -181,7 +172,7 @@ USES: Mapping[Quantity | Aid, Use] = MappingProxyType(
         "directions": Use(PAPER, None, "directions of the stress, as in [Madan, Jacobson and Levin]"),
     }
 )
-"""Elements for each use. Bounds of compliances in `dsfab.study.verdict.estimates` are calibrated for these elements."""
+"""Elements for each use."""
 
 REPORTED: tuple[Elements, ...] = tuple(dict.fromkeys(use.pair for use in USES.values() if use.tolerance is not None))
 """Elements whose results may appear in reports."""
@@ -193,14 +184,14 @@ def elements_of(use: Quantity | Aid) -> Elements:
 
 
 def tolerance_of(quantity: Quantity) -> float:
-    """Return the accepted relative error of a reported quantity on the finest mesh of a verification test."""
+    """Return the accepted relative error of a reported quantity."""
     tolerance = USES[quantity].tolerance
-    assert tolerance is not None  # every quantity has a tolerance
+    assert tolerance is not None
     return tolerance
 
 
 NEEDLE = 0.02
-"""A triangle is a needle if its smallest height is less than this fraction of its longest edge."""
+"""Largest ratio of smallest height to longest edge of a needle."""
 
 
 def _longest_edges(surface: Surface) -> Floats:
@@ -214,12 +205,12 @@ def heights(surface: Surface) -> Floats:
 
 
 def flatness(surface: Surface) -> Floats:
-    """Return the ratio (m,) of each triangle's smallest height to its longest edge; 0.87 if it is equilateral."""
+    """Return the ratio (m,) of each triangle's smallest height to its longest edge."""
     return np.asarray(2 * surface.areas / _longest_edges(surface) ** 2)
 
 
 def needle_message(surface: Surface) -> str:
-    """Return a text about needles (very flat triangles): their number, and the place of the worst; '' without any."""
+    """Return a text about needles (very flat triangles); '' without needles."""
     shape = flatness(surface)
     count = int((shape < NEEDLE).sum())
     if not count:

@@ -1,4 +1,4 @@
-"""Factorisation of a stiffness, with a cache for repeated solves, and iterative refinement of solutions."""
+"""Factorisation of a stiffness, and iterative refinement of solutions."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,15 +15,15 @@ from dsfab.statics.boundary_conditions import rigid_motions
 from dsfab.surface.mesh import Surface
 
 ACCURATE = 1e-9
-"""Largest relative residual of a solution that is not refined: a tenth of the limit `REPORTED_RESIDUAL`."""
+"""Largest relative residual of a solution that is not refined."""
 
 REFINEMENTS = 6  # Largest number of refinement steps; two or three usually suffice.
 ROWS = 1 << 16
-"""Number of rows in one product of high precision; a product of all rows would take three times the memory."""
+"""Number of rows in one product of high precision."""
 
 
 class LinearMap(Protocol):
-    """A matrix that multiplies vectors. `astype` returns a copy in another precision."""
+    """A matrix that multiplies vectors."""
 
     def __matmul__(self, x: Any, /) -> Any: ...
 
@@ -32,8 +32,7 @@ class LinearMap(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ScaledStiffness:
-    """The matrix diag(scale) K diag(scale) of the unknowns `free`, which is not stored but multiplies vectors.
-    free, scale : see `Factor`.    dtype : type of the numbers in the product."""
+    """The matrix diag(scale) K diag(scale) of the unknowns `free`."""
 
     K: csr_array
     free: Ints
@@ -53,7 +52,7 @@ class ScaledStiffness:
         return np.concatenate([self.K[i : i + ROWS].astype(self.dtype) @ x for i in starts])
 
     def astype(self, dtype: Any) -> Self:
-        """Return a copy of this matrix whose numbers have the type `dtype`."""
+        """Return a copy of this matrix with numbers of type `dtype`."""
         return type(self)(self.K, self.free, self.scale.astype(dtype), dtype)
 
 
@@ -61,8 +60,7 @@ class ScaledStiffness:
 class Factor:
     """A factorised stiffness.
     K     : stiffness of all unknowns.    free : (N,) unknowns that move.
-    scale : (N,) 1 / square root of the diagonal of K at `free`.
-    solve : function that solves the scaled equations for a right-hand side."""
+    scale : (N,) 1 / square root of the diagonal of K.    solve : solves the scaled equations."""
 
     K: csr_array
     free: Ints
@@ -71,18 +69,18 @@ class Factor:
 
     @property
     def map(self) -> ScaledStiffness:
-        """Stiffness (N, N) of the free unknowns, scaled to a unit diagonal, as a linear map."""
+        """Stiffness (N, N) of the free unknowns, scaled to a unit diagonal."""
         return ScaledStiffness(self.K, self.free, self.scale)
 
     def displacements(self, forces: Floats) -> Floats:
-        """Return K^-1 F (u, k) for forces F (u, k), without refinement; 0 for unknowns that do not move."""
+        """Return K^-1 F (u, k) for forces F (u, k); 0 for unknowns that do not move."""
         x, scale = np.zeros(forces.shape), self.scale[:, None]
         x[self.free] = scale * self.solve(scale * forces[self.free])
         return x
 
 
 def stiffness_factor(surface: Surface, K: csr_array, is_held: Bools) -> Factor:
-    """Factorise K (u, u) for the unknowns that move (`is_held` (u,) is false) and have stiffness.
+    """Factorise K (u, u). is_held : (u,) True for unknowns that do not move.
     Raises StaticsError if the matrix is not positive definite."""
     diagonal = K.diagonal()
     free = np.flatnonzero(~is_held & (diagonal > 0))
@@ -107,7 +105,7 @@ FactorFunction = Callable[[Surface, csr_array, Bools], Factor]
 
 
 class FactorCache:
-    """A cache of the last `count` factors. Equal stiffnesses with equal fixed unknowns share one factorisation."""
+    """A cache of the last `count` factors."""
 
     def __init__(self, count: int = 1) -> None:
         self._kept: list[tuple[csr_array, Bools, Factor]] = []
@@ -135,9 +133,8 @@ def _restriction(K: csr_array, free: Ints, scale: Floats) -> csr_array:
 
 
 def refined_solution(K: LinearMap, b: Floats, solve: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
-    """Return the solution x of K x = b, b (N,) or (N, k), and its relative residual sqrt(r . K^-1 r / b . x).
-    solve : applies an approximate inverse of K. If the residual is above `ACCURATE`, x is refined iteratively in the
-            machine's highest precision [Wilkinson 1963]."""
+    """Return the solution x of K x = b, b (N,) or (N, k), and its relative residual [Wilkinson 1963].
+    solve : applies an approximate inverse of K."""
     x = solve(b)
     r = b - K @ x
     error = _energy_share(r, solve(r), b, x)
@@ -161,7 +158,7 @@ def refined_solution(K: LinearMap, b: Floats, solve: Callable[[Floats], Floats])
 
 
 def _energy_share(r: Floats, step: Floats, b: Floats, x: Floats) -> Floats:
-    """Return each column's relative residual sqrt(|r . step| / b . x); 0 if b . x <= 0. r: b - K x, step: K^-1 r."""
+    """Return each column's relative residual. r: b - K x, step: K^-1 r."""
     energy = np.sum(b * x, axis=0)
     share = np.abs(np.sum(r * step, axis=0)) / np.where(energy > 0, energy, np.inf)
     return np.asarray(np.sqrt(share))

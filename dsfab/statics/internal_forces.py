@@ -1,4 +1,4 @@
-"""Internal forces of a sheet per length: normal forces, moments, and shear forces recovered from moments."""
+"""Internal forces of a sheet per length."""
 
 from dataclasses import dataclass
 from typing import NamedTuple, Self
@@ -15,18 +15,16 @@ from dsfab.statics.stress import SMOOTH, SheetStress, principal_values, vertex_a
 from dsfab.surface import Surface, hat_gradients, link_components, next_half_edge
 
 CROWDED = 0.25
-"""A face is a splinter if its height is less than CROWDED times the mean size of faces.
-Gradients of moments are meaningless in splinters. So the load of a splinter is spread over points up to CROWDED times
-the mean size away. With a larger distance, some of the shear in ribs would get lost."""
+"""Largest height of a splinter (a very flat face) / mean size of faces."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShearRecovery:
-    """Data of a surface to compute shear forces q from moments, for any load case. q is the gradient of a potential M.
-    columns : unknowns of M, (m, 6) at corners and middles of half-edges, or (m, 3) at corners if M is linear on faces.
-    sign    : (m, 6) -1 if the face's normal is opposite to the normal of the first face with this unknown, else 1.
-    rim     : (m, 3) 1 on half-edges of free edges and folds, which transfer no shear; else 0.
-    spread  : (N, N) matrix that spreads the load of unknowns at splinters over neighbours; columns sum to 1."""
+    """Data of a surface to compute shear forces q from moments. q is the gradient of a potential M.
+    columns : unknowns of M, (m, 6) at corners and middles of half-edges, or (m, 3) at corners.
+    sign    : (m, 6) -1 if the face's normal is opposite to that of the first face with the unknown, else 1.
+    rim     : (m, 3) 1 on half-edges that transfer no shear; else 0.
+    spread  : (N, N) matrix that spreads the load of unknowns at splinters over neighbours."""
 
     surface: Surface
     columns: Ints
@@ -37,7 +35,7 @@ class ShearRecovery:
 
     @classmethod
     def for_surface(cls, surface: Surface, linear: bool = True) -> Self:
-        """Return the data for a surface. linear : True for moments that are linear on faces, False for constant."""
+        """Return the data for a surface. linear : True for moments linear on faces, False for constant."""
         side_a, side_b = surface.edges.pairs.T
         lean = np.abs(np.einsum("ix,ix->i", surface.normals[side_a // 3], surface.normals[side_b // 3]))
         side_a, side_b = side_a[lean > SMOOTH], side_b[lean > SMOOTH]
@@ -57,12 +55,12 @@ class ShearRecovery:
         return cls(surface, columns, sign, rim.reshape(-1, 3), spread, factorise(K, points))
 
     def forces(self, moments: Floats, twist: Floats) -> Floats:
-        """Return the mean shear force (m, 3), N/m, on each face, as a vector in space tangent to the face.
+        """Return the mean shear force (m, 3), N/m, on each face, as a vector in space.
         moments : (m, 3 corners, 3) moments of the elements, in `SheetStress.frame`, N.
-        twist   : (m, 3 corners, 3) moments averaged at vertices, N. Their part m_nt acts on free edges and folds."""
+        twist   : (m, 3 corners, 3) moments averaged at vertices, N."""
         nodes = self.columns.shape[1]
         work = np.einsum("mai,maij->mj", -moments, moment_loads(self.surface)[..., :6]) + self._at_rims(twist)
-        if nodes == 6:  # change from bubbles to quadratic functions that are 1 at one of the six nodes
+        if nodes == 6:  # from bubbles to quadratic functions that are 1 at one of the six nodes
             work[:, :3] -= (work[:, 3:] + np.roll(work[:, 3:], 1, axis=1)) / 2
         load = np.bincount(self.columns.ravel(), (self.sign * work[:, :nodes]).ravel(), self.spread.shape[0])
         M = self.sign * self.factor(self.spread @ load)[self.columns]
@@ -82,7 +80,7 @@ class ShearRecovery:
 
 def _shared_unknowns(surface: Surface, side_a: Ints, side_b: Ints) -> tuple[Ints, Floats]:
     begins = surface.F.ravel()
-    alike = begins[side_a] == begins[side_b]  # true if both faces list the edge in the same direction
+    alike = begins[side_a] == begins[side_b]
     next_one, next_other = next_half_edge(side_a), next_half_edge(side_b)
     i = np.concatenate([side_a, next_one])
     j = np.concatenate([np.where(alike, side_b, next_other), np.where(alike, next_other, side_b)])
@@ -112,7 +110,6 @@ def _gradient_stiffness(surface: Surface, linear: bool) -> Floats:
 
 
 def _spread_matrix(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> csr_array:
-    """Return the matrix (N, N) by which points of splinters (`CROWDED`) share load with points nearby, by area."""
     size, nodes = len(points), columns.shape[1]
     weight = np.array([1 / 12] * 3 + [1 / 4] * 3) if nodes == 6 else np.full(3, 1 / 3)
     area = np.bincount(columns.ravel(), (surface.areas[:, None] * weight).ravel(), size)
@@ -141,14 +138,14 @@ CONVENTION = (
     "direction local x, positive q_x acts opposite to the normal",
     "a free edge also carries a line force as large as m_xy (Kirchhoff): include it in the sum over a section",
 )
-"""Definitions of the components, for the first lines of files."""
+"""Definitions of the components."""
 
 
 class PrincipalForces(NamedTuple):
     """Principal values and directions of forces or moments.
     values    : (m, 2) principal values, the algebraically larger first.
     angle     : (m,) degrees from local x to the first direction, towards local y, from -90 to 90.
-    direction : (m, 3) unit vectors of the first direction. The second is the cross product of normal and first."""
+    direction : (m, 3) unit vectors of the first direction."""
 
     values: Floats
     angle: Floats
@@ -157,13 +154,13 @@ class PrincipalForces(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SectionForces:
-    """Forces and moments per length of section, one value per face. `CONVENTION` defines the frame and the signs.
+    """Forces and moments per length of section on each face; signs: `CONVENTION`.
     frame : (m, 2, 3) local x and local y of each face.
     n     : (m, 3) normal forces x, y and shear in the sheet xy, N/m.
     m     : (m, 3) moments x, y and twist xy, N m/m.
     q     : (m, 2) shear forces normal to the sheet, on sections normal to local x and to local y, N/m.
-    corners : (m, 3, 3) n at the corners of each face, not averaged, N/m.
-    corner_moments : (m, 3, 3) m at the corners, N m/m. The twist m_xy is also a line force on free edges."""
+    corners : (m, 3, 3) n at the corners of each face, N/m.
+    corner_moments : (m, 3, 3) m at the corners, N m/m."""
 
     frame: Floats
     n: Floats
@@ -188,9 +185,7 @@ def section_forces(
     surface: Surface, thickness: float, stress: SheetStress, recovery: ShearRecovery | None = None
 ) -> SectionForces:
     """Return n, m and q of a sheet from its stress. thickness : metres.
-    recovery : data for this surface; several cases can share them. Default: computed.
-    n is the thickness times the mean stress of the middle surface. m is averaged around each vertex. q balances the
-    moments; sums of q across ribs have errors of 2.5 %."""
+    recovery : data for this surface, if known."""
     stress_frame, scale = stress.frame, thickness**2 / 6
     moments = scale * vertex_averages(surface, stress_frame, stress.bending, sided=True)
     across = np.zeros((surface.m, 3))
@@ -209,7 +204,7 @@ def section_forces(
 
 
 def local_frames(surface: Surface) -> Floats:
-    """Return two perpendicular unit vectors (m, 2, 3) in each face: local x and local y, as in `CONVENTION`."""
+    """Return two perpendicular unit vectors (m, 2, 3) in each face: local x and local y."""
     normal = surface.normals
     # local x follows global y if the normal is within 8 degrees of global x
     axis = np.where((np.abs(normal[:, 0]) > 0.99)[:, None], np.eye(3)[1], np.eye(3)[0])

@@ -1,4 +1,4 @@
-"""Membrane stiffness in the plane of each triangle: constant, quadratic or hybrid elements."""
+"""Membrane stiffness in the plane of each triangle."""
 
 from collections.abc import Mapping, Sequence
 
@@ -19,13 +19,12 @@ AIRY: tuple[Mapping[tuple[int, int], float], ...] = (
     {(3, 0): 1}, {(2, 1): 1}, {(1, 2): 1}, {(0, 3): 1},
     {(4, 0): 1, (0, 4): -1}, {(3, 1): 1}, {(1, 3): 1}, {(4, 0): 1, (2, 2): -6, (0, 4): 1},
 )  # fmt: skip
-"""Airy functions of the stresses, by powers of x and y: all biharmonic polynomials of degree 2 to 4.
-Nine functions are enough for an element. All eleven are used, so that the order of the corners has no influence."""
+"""Airy functions of the stresses, by powers of x and y: all biharmonic polynomials of degree 2 to 4."""
 
 SHARES = np.repeat([0.223381589678011, 0.109951743655322], 3)
 _NEAR, _FAR = 0.108103018168070, 0.816847572980459
 POINTS = np.concatenate([np.full((3, 3), (1 - x) / 2) + (3 * x - 1) / 2 * np.eye(3) for x in (_NEAR, _FAR)])
-"""Barycentric coordinates of six quadrature points, exact for degree 4 [Dunavant 1985]. `SHARES` has their weights."""
+"""Barycentric coordinates of six quadrature points, exact for degree 4 [Dunavant 1985]."""
 
 
 def airy_stresses(functions: Sequence[Mapping[tuple[int, int], float]]) -> Floats:
@@ -47,14 +46,14 @@ STRESSES = airy_stresses(AIRY)
 
 
 def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
-    """Return the stiffness (m, 9, 9) of each `hybrid` face against strains (xx, yy, 2 xy) at its three corners.
-    Strains are in the face's tangent frame. C : (3, 3) isotropic matrix from strains to stresses or forces / length."""
+    """Return the stiffness (m, 9, 9) of `hybrid` faces against strains (xx, yy, 2 xy) at three corners.
+    C : (3, 3) isotropic matrix from strains to stresses or forces / length."""
     corners = surface.V[surface.F]
     arm = (corners - corners.mean(axis=1, keepdims=True)) @ tangents(surface).transpose(0, 2, 1)
-    x, y = np.moveaxis(POINTS @ (arm / np.abs(arm).max(axis=(1, 2), keepdims=True)), -1, 0)  # (m, 6 points), scaled
+    x, y = np.moveaxis(POINTS @ (arm / np.abs(arm).max(axis=(1, 2), keepdims=True)), -1, 0)
     powers = np.stack([x**a * y**b for a, b in MONOMIALS], axis=1)
     shares = powers * SHARES
-    linear = shares @ POINTS  # (m, monomial, corner): means of a monomial times the hat function of a corner
+    linear = shares @ POINTS  # (m, monomial, corner)
     square = shares @ powers.transpose(0, 2, 1)
     count, _, k = STRESSES.shape
     compliance = np.einsum("aik,ij,bjl->abkl", STRESSES, np.linalg.inv(C), STRESSES).reshape(count**2, k * k)
@@ -65,8 +64,8 @@ def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
 
 
 def hybrid_stress(surface: Surface, C: Floats, strain: Floats) -> Floats:
-    """Return the stress (m, 3 corners, 3), (xx, yy, xy), Pa, of `hybrid` elements, linear on each face.
-    strain : (m, 3 corners, 3) strain of the quadratic triangle.    C : (3, 3) matrix from strains to stresses, Pa."""
+    """Return the stress (m, 3 corners, 3), (xx, yy, xy), Pa, of `hybrid` elements.
+    strain : (m, 3 corners, 3).    C : (3, 3) matrix from strains to stresses, Pa."""
     work = (hybrid_rigidity(surface, C) @ strain.reshape(-1, 9, 1)).reshape(-1, 3, 3)
     return np.asarray(INVERSE_MASS @ work / surface.areas[:, None, None])
 
@@ -76,9 +75,8 @@ def membrane_stiffness(
 ) -> csr_array:
     """Return the membrane stiffness, N/m, over the unknowns of `elements`; by default (3 n, 3 n).
     `constant`: the constant-strain triangle [Turner et al. 1956].
-    `quadratic`: the linear-strain triangle [Fraeijs de Veubeke 1965]. Its edge bubbles move only within the sheet, so
-    triangles that meet at an angle do not separate.
-    `hybrid`: displacements of `quadratic` on the edges, stresses in equilibrium inside (`hybrid_rigidity`)."""
+    `quadratic`: the linear-strain triangle [Fraeijs de Veubeke 1965].
+    `hybrid`: stresses in equilibrium inside."""
     if elements.membrane == "quadratic":
         return _quadratic(surface, material.membrane(law) * thickness, elements)
     if elements.membrane == "hybrid":
@@ -88,11 +86,11 @@ def membrane_stiffness(
 
 
 def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBlocks:
-    """Return the stiffness of constant-strain triangles as blocks, one for each pair of vertices with an edge or hinge.
+    """Return the stiffness of constant-strain triangles as blocks, for pairs of vertices with an edge or hinge.
     C : (3, 3) isotropic matrix from strains to forces per length, N/m. The block of two corners of a face is
 
     A (lam g f^T + mu f g^T + mu (g . f) P),    A : area of the face, lam = C[0, 1], mu = C[2, 2]
-    g and f are the gradients of the corners' linear functions. P is the projector onto the face."""
+    g, f : gradients of the corners' linear functions.    P : projector onto the face."""
     pairs = vertex_pairs(surface, hinges(surface) if elements.bending == "hinge" else None)
     lam, mu = C[0, 1], C[2, 2]
     face = surface.F.T
@@ -127,8 +125,7 @@ def _doubled_area_gradients(surface: Surface) -> Floats:
 
 
 def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> Floats:
-    """Return the mean in-plane strain (m, 3), (xx, yy, 2 xy), of each face in its tangent frame.
-    Without bubbles: strain of the constant-strain triangle [Turner et al. 1956], as in [Madan, Jacobson and Levin].
+    """Return the mean in-plane strain (m, 3), (xx, yy, 2 xy), of each face in its tangent frame [Turner et al. 1956].
     u       : (n, 3) displacements, metres.
     bubbles : (e, 2) edge bubbles of `quadratic` along t and m, metres."""
     t = tangents(surface)
@@ -136,14 +133,14 @@ def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> F
     strain = voigt(slope[:, 0], moved[:, 0]) + voigt(slope[:, 1], moved[:, 1]) + voigt(slope[:, 2], moved[:, 2])
     if bubbles is None:
         return strain
-    third = np.full(3, 1 / 3)  # gradients of bubbles are linear, so the centroid gives their mean
+    third = np.full(3, 1 / 3)  # the centroid
     rows = bubble_strains(surface, third)
     values = np.concatenate([bubbles[surface.edges.of, 0], bubbles[surface.edges.of, 1]], axis=1)
     return np.asarray(strain + np.einsum("mai,mi->ma", rows, values))
 
 
 def corner_strains(surface: Surface) -> Floats:
-    """Return the strains (xx, yy, 2 xy) of each face per metre of its corners' displacements x, y, z: (m, 3, 9)."""
+    """Return the strains (xx, yy, 2 xy) of each face per metre of displacement x, y, z: (m, 3, 9)."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)  # (m, 3 corners, 2) hat gradients in the face's frame
     moved = voigt(slope[:, :, None, :], t.transpose(0, 2, 1)[:, None, :, :])  # (m, corner, xyz, strain)
@@ -151,19 +148,18 @@ def corner_strains(surface: Surface) -> Floats:
 
 
 def bubble_strains(surface: Surface, weights: Floats) -> Floats:
-    """Return the strains (xx, yy, 2 xy) of each face per metre of its edges' bubbles (`BUBBLES`), (m, 3, 6).
+    """Return the strains (xx, yy, 2 xy) of each face per metre of edge bubbles, (m, 3, 6).
     weights : (3,) barycentric coordinates of the point.
-    Columns: first the bubbles along the three edges, then the bubbles across the three edges."""
+    Columns: first the bubbles along the three edges, then across the three edges."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
-    # slopes of the bubbles 4 phi_j phi_k
     gradient = 4 * (weights[:, None] * np.roll(slope, -1, axis=1) + np.roll(weights, -1)[:, None] * slope)
     direction = np.einsum("mcdk,mak->mdca", edge_frames(surface)[surface.edges.of, :2], t)  # (m, bubble, half-edge, 2)
     return np.asarray(voigt(gradient[:, None], direction).reshape(-1, 6, 3).transpose(0, 2, 1))
 
 
 def _quadratic(surface: Surface, C: Floats, elements: Elements) -> csr_array:
-    # C = L L^T and R = L^T B, so B^T C B = R^T R; one product R^T R per face sums over all quadrature points
+    # C = L L^T and R = L^T B, so B^T C B = R^T R
     B = _point_strains(surface, (1 - np.eye(3)) / 2)
     R = (np.linalg.cholesky(C).T @ B).reshape(-1, 9, 15)
     blocks = R.transpose(0, 2, 1) @ R

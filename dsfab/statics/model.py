@@ -1,4 +1,4 @@
-"""`Material` and `SheetModel`: an elastic, isotropic material and the sheet that is solved."""
+"""An elastic, isotropic material, and the sheet that is solved."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -32,8 +32,8 @@ class Material:
 
     def membrane(self, law: Law) -> Floats:
         """Return the matrix (3, 3), Pa, from strains (xx, yy, 2 xy) in the sheet's plane to stresses (xx, yy, xy).
-        `plane_stress`: the thickness is free to change, as in a thin sheet.
-        `stvk`: linearised St. Venant-Kirchhoff law. The thickness stays constant, as in plane strain."""
+        `plane_stress`: the thickness is free to change.
+        `stvk`: linearised St. Venant-Kirchhoff law with constant thickness."""
         mu = self.young / (2 * (1 + self.poisson))
         lam = self.young * self.poisson / ((1 + self.poisson) * (1 - 2 * self.poisson))
         if law == "plane_stress":
@@ -41,7 +41,7 @@ class Material:
         return np.array([[lam + 2 * mu, lam, 0], [lam, lam + 2 * mu, 0], [0, 0, mu]])
 
     def bending_stiffness(self, thickness: float) -> float:
-        """Return D = E h^3 / (12 (1 - nu^2)), N m: moment per unit length for unit curvature (Kirchhoff)."""
+        """Return the bending stiffness D = E h^3 / (12 (1 - nu^2)), N m."""
         return self.young * thickness**3 / (12 * (1 - self.poisson**2))
 
     def bending(self, thickness: float) -> Floats:
@@ -53,9 +53,9 @@ class Material:
 @dataclass(frozen=True, eq=False)
 class SheetModel:
     """A thin elastic sheet.
-    surface : middle surface.    thickness : metres.    law : see `Material.membrane`.
-    clamped : (e,) edges that do not rotate, besides the edges that supports clamp; None without such edges.
-    carried : (n,) masses that vibrate with the sheet, such as glass, kg; None without such masses.
+    surface : middle surface.    thickness : metres.
+    clamped : (e,) edges that do not rotate, besides the edges that supports clamp.
+    carried : (n,) masses that vibrate with the sheet, kg.
     rigidity : (m, 3, 3) bending stiffness of each face, N m, in its frame; None for `Material.bending` everywhere."""
 
     surface: Surface
@@ -72,7 +72,7 @@ class SheetModel:
         return self.material.bending(self.thickness) if self.rigidity is None else self.rigidity
 
     def with_clamped_edges(self, load: LoadCase) -> LoadCase:
-        """Return a copy of the load case in which this sheet's clamped edges are clamped, too."""
+        """Return a copy of the load case with this sheet's clamped edges."""
         if self.clamped is None:
             return load
         return replace(load, clamped=self.clamped | load.clamped if len(load.clamped) else self.clamped)
@@ -80,12 +80,12 @@ class SheetModel:
 
 @dataclass(frozen=True)
 class SheetMaterial:
-    """Material, thickness in metres, and law of a sheet."""
+    """Material, thickness (m) and law of a sheet."""
 
     material: Material
     thickness: float
     law: Law = "plane_stress"
 
     def model_for(self, surface: Surface) -> SheetModel:
-        """Return the model of a sheet with this material, thickness and law, whose middle surface is `surface`."""
+        """Return the model of a sheet with the middle surface `surface`."""
         return SheetModel(surface, self.material, self.thickness, self.law)

@@ -1,4 +1,4 @@
-"""Natural frequencies and buckling factors of a sheet, and the supports of a flat sheet normal to its plane."""
+"""Natural frequencies and buckling factors of a sheet."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -44,11 +44,8 @@ class ModeSupports:
 
 
 def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -> ModeSupports:
-    """Return the supports for vibration and buckling: the sheet's own supports, unless it is solved in its plane.
-
-    A sheet in a plane can also leave its plane in a mode. So its supported vertices are also fixed normal to the plane.
-    If the sheet could still turn about a line of supports, boundary edges between supported vertices are clamped.
-    plane : True if the sheet is solved in its plane; by default this follows from the load."""
+    """Return the supports for vibration and buckling.
+    A sheet that is solved in its plane (`plane`) also gets supports normal to this plane."""
     axis = flat_axis(surface, load)
     if axis is None or plane is False:
         return ModeSupports(load)
@@ -67,23 +64,22 @@ def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -
 
 FOR_FREQUENCIES, FOR_BUCKLING = elements_of("frequency"), elements_of("buckling")
 """Default elements of frequencies and of buckling."""
-HATS = (np.eye(3) + 1) / 12  # Integrals of products of two linear functions phi over a triangle of area 1.
-BUBBLE_PAIRS = (np.eye(3) + 1) * 4 / 45  # Integrals of products of two edge bubbles; a bubble is 4 phi_j phi_k.
+HATS = (np.eye(3) + 1) / 12  # Integrals of products of two linear functions over a triangle of area 1.
+BUBBLE_PAIRS = (np.eye(3) + 1) * 4 / 45  # Integrals of products of two edge bubbles 4 phi_j phi_k.
 HAT_BUBBLES = np.array([[2, 1, 2], [2, 2, 1], [1, 2, 2]]) / 15
-"""Integrals of phi_i (row) times the bubble of half-edge c (column). Half-edge c begins at corner c."""
+"""Integrals of phi_i (row) times the bubble of half-edge c (column)."""
 VOIGT = np.array([[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 0.5], [0.5, 0]]])
 """Symmetric matrices of unit curvatures (xx, yy, 2 xy)."""
 
 MODE_RESIDUAL = 1e-3
-"""Largest accepted relative residual of a mode, in the norm of the stiffness.
-The residual bounds the relative error of the frequency or buckling factor [Parlett 1980, 4.5]."""
+"""Largest accepted relative residual of a mode [Parlett 1980, 4.5]."""
 
-INDEPENDENT = 1e-6  # Combinations of unit-energy vectors with less energy than this are rounding errors.
+INDEPENDENT = 1e-6  # Least energy of combinations of unit-energy vectors.
 
 
 @dataclass(frozen=True, eq=False)
 class Vibration:
-    """Free vibrations. hertz : (k,) natural frequencies, ascending. shapes : (k, n, 3), with largest displacement 1."""
+    """Free vibrations. hertz : (k,) natural frequencies, ascending. shapes : (k, n, 3), largest displacement 1."""
 
     hertz: Floats
     shapes: Floats
@@ -94,8 +90,9 @@ class Vibration:
 
 @dataclass(frozen=True, eq=False)
 class Buckling:
-    """Linear buckling. A sheet with few compressed parts has fewer factors than requested, or none.
-    factor : (k,) load factors at buckling, ascending.    shapes : (k, n, 3), with largest displacement 1."""
+    """Linear buckling.
+    factor : (k,) load factors at buckling, ascending, perhaps fewer than requested.
+    shapes : (k, n, 3), largest displacement 1."""
 
     factor: Floats
     shapes: Floats
@@ -113,12 +110,10 @@ def frequencies(
     factor_of: FactorFunction = stiffness_factor,
     spring: Floats | None = None,
 ) -> Vibration:
-    """Return the lowest natural frequencies of small vibrations: K x = omega^2 M x, consistent mass, no rotary inertia.
+    """Return the lowest natural frequencies of small vibrations: K x = omega^2 M x.
 
-    sheet     : its mass per area is density times thickness; the masses that it carries add to this mass.
     fixed     : (n, 3) fixed directions.    spring : (n, 3) stiffness of elastic supports, N/m.
-    K         : stiffness of the sheet without springs, if the caller has computed it.
-    factor_of : function that factorises K, for instance the cache of an `equilibrium`.
+    K         : stiffness of the sheet without springs, if known.
     Raises StaticsError for a material without density, for mechanisms, and for more modes than unknowns."""
     surface, density = sheet.surface, sheet.material.density
     if not density > 0:
@@ -135,8 +130,7 @@ def frequencies(
 
 
 def mass_of_loads(loads: Iterable[LoadCase]) -> Floats | None:
-    """Return the masses (n,), kg, at the vertices that weigh as much as the loads push downwards; None without loads.
-    The mass of each load is that of its resultant, so forces that cancel add no mass."""
+    """Return masses (n,), kg, at the vertices, with the weight of the downward loads; None without loads."""
     masses = None
     for load in loads:
         up = load.force[:, 2]
@@ -156,17 +150,14 @@ def buckling(
     factor_of: FactorFunction = stiffness_factor,
 ) -> Buckling:
     """Return the lowest positive load factors of linear buckling: K x = factor (-K_g) x.
-    Loads keep their direction: a pressure does not rotate with the sheet. Displacements before buckling are neglected.
-    Real thin shells buckle well below these factors, cylinders at 0.2 to 0.5 of them [Koiter 1945; NASA SP-8007].
+    Real thin shells buckle at lower factors, cylinders at 0.2 to 0.5 of them [Koiter 1945; NASA SP-8007].
 
-    answer   : equilibrium under `load`, by any elements; its membrane stress loads the sheet.
-    elements : elements of the modes. `midedge` has false local modes at needles (very thin triangles).
-    K, factor_of : see `frequencies`.
+    answer : equilibrium under `load`.    K : stiffness of the sheet without springs, if known.
     Raises StaticsError for mechanisms, and if the modes do not converge."""
     surface = sheet.surface
     resultant = sheet.thickness * stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles)
     smallest = np.linalg.eigvalsh(resultant)[:, 0].min()
-    if smallest >= -1e-9 * np.abs(resultant).max():  # without compression no mode exists, and Lanczos would run forever
+    if smallest >= -1e-9 * np.abs(resultant).max():  # without compression no mode exists
         return Buckling(np.zeros(0), np.zeros((0, surface.n, 3)))
     minus_Kg = -geometric_stiffness(surface, resultant, elements)
     if K is None:
@@ -176,13 +167,12 @@ def buckling(
 
 
 LOCAL_SHARE = 0.02
-"""A mode is local if it moves less than this fraction of the sheet's area, for example only a loose end."""
+"""Share of the sheet's area below which a mode is local."""
 MODES_BESIDE_LOCAL = 6  # number of modes to compute if the lowest mode is local
 
 
 def moved_share(surface: Surface, shapes: Floats) -> Floats:
-    """Return the share (k,) of the area that each shape (k, n, 3) moves: (integral of u^2)^2 / (A integral of u^4).
-    The share is exact if one part moves evenly and the rest not at all [participation ratio, Bell and Dean 1970]."""
+    """Return the share (k,) of the area that each shape (k, n, 3) moves [participation ratio, Bell and Dean 1970]."""
     squares = (shapes**2).sum(axis=2)
     area = surface.vertex_areas
     return np.asarray((squares @ area) ** 2 / (area.sum() * (squares**2 @ area)))
@@ -196,9 +186,7 @@ def lowest_buckling(
     K: csr_array | None = None,
     factor_of: FactorFunction | None = None,
 ) -> tuple[float | None, str]:
-    """Return the lowest buckling factor, or None if nothing buckles, and a note. Parameters: see `buckling`.
-    The note is '' unless only a small part of the sheet buckles. Then it states the place of this part, and the lowest
-    factor at which a larger part buckles."""
+    """Return the lowest buckling factor, or None if nothing buckles, and a note, or ''."""
     factors = factor_of or FactorCache()
     K = sheet_stiffness(sheet, elements) if K is None else K
     lowest = buckling(sheet, load, answer, 1, elements, K, factors)
@@ -219,8 +207,7 @@ def lowest_buckling(
 
 
 def mass_matrix(surface: Surface, per_area: float, elements: Elements) -> csr_array:
-    """Return the mass matrix (u, u), kg, over the unknowns of `elements`; rotations of edges have no mass.
-    per_area : mass per area, kg/m2."""
+    """Return the mass matrix (u, u), kg, over the unknowns of `elements`. per_area : mass per area, kg/m2."""
     scalar = np.block([[HATS, HAT_BUBBLES], [HAT_BUBBLES.T, BUBBLE_PAIRS]])
     names = [name for name in BUBBLES if name in elements.on_edges]
     frames = edge_frames(surface)[surface.edges.of]
@@ -233,21 +220,19 @@ def mass_matrix(surface: Surface, per_area: float, elements: Elements) -> csr_ar
 
 
 def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements) -> csr_array:
-    """Return the geometric stiffness K_g, N/m, over the unknowns of `elements`: the effect of membrane forces N,
+    """Return the geometric stiffness K_g, N/m, over the unknowns of `elements`, for membrane forces N:
 
         x . K_g x  =  integral of  sum over i of  grad x_i . N grad x_i     [Zienkiewicz and Taylor 2000, vol. 2, 11]
 
-    resultant : (m, 3, 3) membrane force per length N, N/m, tangent to each face.
-    grad x_i : mean gradient of displacement i on each face; for `hhj` elements, the slopes of a constant curvature are
-    added [Morley 1968]. With other slopes, single very thin triangles would buckle."""
+    resultant : (m, 3, 3) force per length N, N/m, tangent to each face."""
     slopes, columns = _slopes(surface, elements)
     blocks = np.einsum("majx,mab,mbjy->mxy", slopes, _in_faces(surface, resultant), slopes, optimize=True)
     return assemble_blocks(blocks, columns, elements.unknowns(surface))
 
 
 def geometric_products(surface: Surface, resultants: Floats, elements: Elements, modes: Floats) -> Floats:
-    """Return x_i . K_g x_j (b, s, s) for the s columns x of `modes` (u, s), with the K_g of `geometric_stiffness`.
-    resultants : (b, m, 3, 3) b fields of membrane forces per length, N/m; each field has its own K_g."""
+    """Return x_i . K_g x_j (b, s, s) for the s columns x of `modes` (u, s).
+    resultants : (b, m, 3, 3) b fields of membrane forces per length, N/m."""
     slopes, columns = _slopes(surface, elements)
     along = np.einsum("majx,mxs->majs", slopes, modes[columns], optimize=True)
     rows, count = 10 * surface.m, modes.shape[1]
@@ -261,8 +246,7 @@ def _in_faces(surface: Surface, resultant: Floats) -> Floats:
 
 
 def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
-    """Return the slopes (m, 2, 5, c) of each face per unit of its c unknowns, and the numbers (m, c) of the unknowns.
-    Slopes are along two tangents, times sqrt(area): three gradients of x, y, z, and two slopes from curvature."""
+    """Return the slopes (m, 2, 5, c) of faces per unit of their c unknowns, and the numbers (m, c) of the unknowns."""
     names = ("normal", "rotation") if elements.bending == "hhj" else ()
     mean = _mean_gradients(surface, names) * np.sqrt(surface.areas)[:, None, None, None]
     slopes = np.concatenate([mean, np.zeros((surface.m, 2, 2, mean.shape[3]))], axis=2)
@@ -283,7 +267,6 @@ def _mean_gradients(surface: Surface, names: tuple[str, ...]) -> Floats:
     if names:
         normal = surface.normals
         share = np.einsum("mci,mi->mc", edge_frames(surface)[surface.edges.of, 2], normal)
-        # the mean of grad (4 phi_j phi_k) is 4/3 (grad phi_j + grad phi_k) = -4/3 grad phi_i
         mean = -4 / 3 * np.roll(slope, -2, axis=2) * share[:, None, :]
         gradients[:, :, :, 9:12] = mean[:, :, None, :] * normal[:, None, :, None]
     return gradients
@@ -298,8 +281,6 @@ def _supported_modes(
     count: int,
     factor_of: FactorFunction,
 ) -> tuple[Floats, Floats]:
-    """Return the largest positive eigenvalues mu (k,) of A x = mu K x, descending, and the mode shapes (k, n, 3).
-    The Lanczos method needs only the factor of K [Lehoucq et al. 1998, ARPACK]."""
     is_held = held_unknowns(surface, [load], elements, plane=False)
     mu, x = largest_eigenpairs(A, factor_of(surface, with_springs(K, load), is_held), count)
     return mu, _normalised_shapes(x[:, : 3 * surface.n].reshape(-1, surface.n, 3))
@@ -308,17 +289,16 @@ def _supported_modes(
 def largest_eigenpairs(A: csr_array, factor: Factor, count: int, are_results: bool = True) -> tuple[Floats, Floats]:
     """Return the largest positive eigenvalues mu (k,) of A x = mu K x, descending, and eigenvectors x (k, u).
     factor : K, factorised.    are_results : False for a faster, less accurate solution.
-    Raises StaticsError if the modes do not converge, or if results are not accurate."""
+    Raises StaticsError without convergence or accurate results."""
     N = len(factor.free)
     if not 1 <= count < N:
         raise StaticsError(f"the sheet has {N} unknowns, so {count} modes are impossible; request 1 to {N - 1} modes")
     scaled = ScaledStiffness(A, factor.free, factor.scale)
     products = scaled.__matmul__, factor.map.__matmul__, factor.solve
     operator, M, Minv = (LinearOperator((N, N), matvec=product, dtype=np.float64) for product in products)
-    start = np.random.default_rng(0).standard_normal(N)  # a fixed seed gives repeatable numbers
+    start = np.random.default_rng(0).standard_normal(N)  # repeatable numbers
     tolerance = 1e-10 if are_results else MODE_RESIDUAL
     try:
-        # the Lanczos method needs many restarts if the load barely compresses the sheet
         mu, x = eigsh(operator, count, M=M, Minv=Minv, which="LA", v0=start, maxiter=500, tol=tolerance)
     except ArpackNoConvergence as error:
         raise StaticsError("the modes do not converge: the load barely compresses the sheet, or not at all") from error
@@ -343,8 +323,8 @@ def _accurate_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) ->
 
 
 def refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> tuple[Floats, Floats, Floats]:
-    """Refine eigenvalues mu (k,) and eigenvectors x (N, k) of A x = mu K x [Davidson 1975].
-    Return the results, and the last change (k,) of each eigenvalue. factor : K, factorised."""
+    """Return more accurate eigenvalues mu (k,) and eigenvectors x (N, k) of A x = mu K x [Davidson 1975].
+    Return also the last change (k,) of each eigenvalue. factor : K, factorised."""
     K, change = factor.map.astype(np.longdouble), np.full(len(mu), np.inf)
     Kx = (K @ x).astype(np.float64)
     for _ in range(REFINEMENTS):

@@ -1,4 +1,4 @@
-"""Reactions and resultants: forces by support and by load entry of a preset."""
+"""Reactions and resultants of the supports and loads of a preset."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from dsfab.surface.mesh import Surface
 
 @dataclass(frozen=True, eq=False)
 class Resultant:
-    """Sum of forces, `force` (3,), N, and sum of their moments about the origin, `moment` (3,), N m."""
+    """Sum of forces, `force` (3,), N, and of moments about the origin, `moment` (3,), N m."""
 
     force: Floats
     moment: Floats
@@ -25,7 +25,7 @@ class Resultant:
 
 
 def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> Resultant:
-    """Return the resultant of forces (n, 3) at the vertices, N, and torques (e,) about the edges' directions, N m."""
+    """Return the resultant of forces (n, 3) at the vertices, N, and torques (e,) about the edges, N m."""
     moment = np.cross(surface.V, force).sum(axis=0)
     if torque is not None and len(torque):
         ends = surface.V[surface.edges.ends]
@@ -36,24 +36,21 @@ def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> 
 
 def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
     """Return the resultant of each support's forces and torques on the sheet.
-    The torque at an edge belongs to the supports that clamp the edge, or else to the supports of its ends. Torques at
-    edges that the sheet itself clamps (`clamped`) may belong to no support. Then reactions do not balance the loads."""
+    Torques at edges that the sheet itself clamps may belong to no support."""
     forces = support_forces(surface, supports, answer)
     fixed = np.array([support.fixed_directions(surface) for support in supports])  # (s, n, 3)
     torques = np.zeros((len(supports), 0))
     if len(answer.torque):
         clamped = np.array([support.clamped_edges(surface) for support in supports])  # (s, e)
-        ends = np.asarray(fixed.any(axis=2))[:, surface.edges.ends].sum(axis=2)  # number of supported ends of each edge
+        ends = np.asarray(fixed.any(axis=2))[:, surface.edges.ends].sum(axis=2)
         torques = answer.torque * _shares(np.where(clamped.any(axis=0), clamped, ends))
     return tuple(resultant(surface, force, torque) for force, torque in zip(forces, torques, strict=True))
 
 
 def support_forces(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> Floats:
-    """Return the forces (s, n, 3), N, of each support on each vertex.
-    Supports share the force in a fixed direction equally, springs in proportion to their stiffness."""
+    """Return the forces (s, n, 3), N, of each support on each vertex."""
     fixed = np.array([support.fixed_directions(surface) for support in supports])
     springs = np.array([support.springs(surface) for support in supports])
-    # a spring carries nothing in a direction that a support fixes, because the spring does not stretch
     return np.asarray(answer.reaction * _shares(np.where(fixed.any(axis=0), fixed, springs)))
 
 
@@ -65,12 +62,11 @@ def _shares(parts: Floats) -> Floats:
 @dataclass(frozen=True, eq=False)
 class SupportEntry:
     """A support and its reactions.
-    vertices : number of supported vertices.    place : (3,) mean of these vertices, metres.
-    length   : metres of supported edges, on the boundary or along a line; 0 for points.
-    area     : m2 of the faces with three supported corners.
+    place    : (3,) mean of the supported vertices, metres.
+    length   : metres of supported edges; 0 for points.    area : supported area, m2.
     holds    : fixed directions, springs and clamping, such as 'xyz', 'z, clamped' or 'spring xy'.
     reaction : (3,) newtons on the sheet, by case.
-    share    : sum of the magnitudes of the support's forces divided by that of all supports, 0 to 1, by case."""
+    share    : share of the support in the forces of all supports, 0 to 1, by case."""
 
     name: str
     vertices: int
@@ -88,9 +84,8 @@ class SupportEntry:
 @dataclass(frozen=True, eq=False)
 class LoadEntry:
     """A load and its resultant.
-    force  : (3,) sum of the load's forces, N.    total : sum of the magnitudes of these forces, N.
-    area   : area of the loaded faces, m2.        length : length of the loaded edges, metres.
-    vertices : number of loaded vertices."""
+    force : (3,) sum of the load's forces, N.    total : sum of the magnitudes of these forces, N.
+    area  : loaded faces, m2.                    length : loaded edges, metres."""
 
     name: str
     kind: str
@@ -108,7 +103,7 @@ class LoadEntry:
 def support_entries(
     surface: Surface, supports: Sequence[Support], answers: Mapping[str, Equilibrium] | None = None
 ) -> tuple[SupportEntry, ...]:
-    """Return the supports with their places and sizes, and with their reactions in each case of `answers`.
+    """Return the supports with places, sizes, and reactions in each case of `answers`.
     Raises SurfaceError for a support that selects no vertex."""
     reactions: dict[str, list[Floats]] = {}
     shares: dict[str, Floats] = {}
@@ -130,8 +125,7 @@ def support_entries(
 
 
 def _extent(surface: Surface, picked: Bools) -> tuple[int, Floats, float, float]:
-    """Return number and mean place of the picked vertices, and length of edges and area of faces between them.
-    Edges of these faces count only at the boundary of the surface."""
+    """Return number and mean place of the picked vertices, and length and area between them."""
     faces, edges = surface.faces_of(picked), surface.edges
     inner = np.zeros(len(edges.ends), dtype=bool)
     inner[edges.of[faces]] = True
@@ -147,7 +141,7 @@ def _holds(support: Support) -> str:
 
 
 def load_entries(surface: Surface, loads: Sequence[Load], weight: float) -> tuple[LoadEntry, ...]:
-    """Return the loads with their resultants and sizes, without the factors of combinations.
+    """Return the loads with resultants and sizes, without the factors of combinations.
     weight : weight of the sheet, N/m2. Raises SurfaceError for a load without effect."""
     entries = []
     for name, load in zip(load_names(loads), loads, strict=True):

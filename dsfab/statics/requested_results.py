@@ -1,4 +1,4 @@
-"""Requested results of a solved sheet: stress, frequencies and buckling, with as few factorisations as possible."""
+"""Requested results of a solved sheet: stress, frequencies and buckling."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -22,8 +22,8 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class ResultRequest:
-    """Requests for results of a sheet that take extra time to calculate.
-    strength    : Pa, compared with the largest stress; 0 for no comparison.
+    """Requests for further results of a sheet.
+    strength    : Pa; 0 for no comparison.
     frequencies : number of natural frequencies.    buckling : number of load factors."""
 
     strength: float = 0.0
@@ -35,28 +35,24 @@ class ResultRequest:
 
     @property
     def modes(self) -> int:
-        """Number of requested mode shapes: vibration and buckling modes together."""
+        """Number of requested vibration and buckling modes together."""
         return self.frequencies + self.buckling
 
     def elements_for(self, elements: Elements) -> Elements:
-        """Return `elements` if they are accurate enough for the requested results; else more accurate elements."""
+        """Return `elements`, or more accurate elements if the requested results need more."""
         return elements_of("stress") if self and elements not in REPORTED else elements
 
     def factor_for(self, elements: Elements) -> FactorFunction:
-        """Return the function that factorises the stiffness; with a cache if vibration or buckling need it again."""
+        """Return the function that factorises the stiffness."""
         return FactorCache() if self.modes and self.elements_for(elements) == elements else stiffness_factor
 
 
 @dataclass(frozen=True, eq=False)
 class Answers:
     """Results of a sheet under one load.
-
-    elements    : elements that solved the sheet; without bending if it was solved in its plane.
-    equilibrium : solution by these elements.
-    stress      : stress and energy, see `SheetStress`.
-    vibration, buckling : None if they were not requested or could not be computed.
-    refusals    : reasons for missing results, one sentence each.
-    assumed     : assumptions about the supports for vibration and buckling, or ''."""
+    vibration, buckling : None if not requested or not computed.
+    refusals  : reasons for missing results.
+    assumed   : assumptions about the supports, or ''."""
 
     elements: Elements
     equilibrium: Equilibrium
@@ -69,11 +65,10 @@ class Answers:
 
 @dataclass(frozen=True, eq=False)
 class SolvedCase:
-    """A load case and its equilibrium.
-    equilibrium : solution; without bending if the sheet was solved in its plane.    spread : load on faces and edges.
-    elements    : membrane and bending elements, also for a sheet that was solved in its plane.
-    factor_of   : function that factorised the stiffness (`ResultRequest.factor_for`).
-    plane       : True if the sheet was solved in its plane; by default this follows from `load`."""
+    """A load case and the equilibrium.
+    spread    : load on faces and edges.
+    factor_of : function that factorised the stiffness.
+    plane     : True if the sheet was solved in one plane."""
 
     load: LoadCase
     spread: SpreadLoad
@@ -90,12 +85,10 @@ def sheet_answers(
     requested: ResultRequest,
     other_factors: FactorFunction | None = None,
 ) -> Answers:
-    """Return stress and energy of a solved sheet, and the other requested results.
-    stiffness     : function that returns the stiffness matrix of the sheet by given elements.
-    other_factors : function that factorises any matrix other than that of the case. Loads on the same supports can
-                    share one `FactorCache(2)`.
-    If modes do not converge, `Answers.refusals` has the reason.
-    Raises StaticsError if the results need more accurate elements, but these cannot solve the sheet."""
+    """Return stress and energy of a solved sheet, and the requested results.
+    stiffness     : function that returns the stiffness matrix by given elements.
+    other_factors : function that factorises any matrix other than that of the case.
+    Raises StaticsError if more accurate elements cannot solve the sheet."""
     load, solved, factor_of, surface = case.load, case.equilibrium, case.factor_of, sheet.surface
     plane = flat_axis(surface, load) is not None if case.plane is None else case.plane
     other_factors = other_factors or FactorCache(2)

@@ -1,4 +1,4 @@
-"""Displacements, reactions and compliance from linear solves, with checks of balance and residual."""
+"""Displacements, reactions and compliance from linear solves."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -32,16 +32,13 @@ class Equilibrium:
 
     u          : (n, 3) displacements, metres.
     reaction   : (n, 3) forces of the supports and springs on the sheet, newtons; zero at free vertices.
-    compliance : f . u over all unknowns, joules (twice the elastic energy); a stiffer sheet has a smaller compliance.
+    compliance : twice the elastic energy, joules.
     imbalance  : largest component of the sums of all forces, and of all moments divided by the surface's size; as a
                  fraction of the sum of the loads' magnitudes.
-    residual   : sqrt(r . K^-1 r / f . u), the relative rounding error of u in the norm of energy. It bounds the
-                 relative error of the compliance.
+    residual   : relative rounding error of u in the norm of energy.
     on_edges   : unknowns on edges (e,), by name: `rotation` and `slope` in radians; bubbles `along`, `across` and
-                 `normal` in metres (`dsfab.statics.elements`). Empty for the elements `PAPER`.
-    torque     : (e,) moments of the supports on clamped edges, about the edges' directions, newton metres; empty for
-                 elements without rotations.
-    elements   : elements that solved the surface."""
+                 `normal` in metres. Empty for the elements `PAPER`.
+    torque     : (e,) moments of the supports about clamped edges, N m; empty for elements without rotations."""
 
     u: Floats
     reaction: Floats
@@ -65,14 +62,14 @@ class Equilibrium:
     @property
     def bubbles(self) -> Floats | None:
         """(e, 2) displacement of each edge's middle from the mean of its ends, metres, along and across the edge.
-        None for elements with constant strain, whose edges stay straight."""
+        None for elements with constant strain."""
         if "along" not in self.on_edges:
             return None
         return np.stack([self.on_edges["along"], self.on_edges["across"]], axis=1)
 
 
 def flat_axis(surface: Surface, *loads: LoadCase) -> int | None:
-    """Return the axis normal to a flat sheet whose loads lie in its plane, so that it is solved in 2D; else None."""
+    """Return the axis normal to a flat sheet whose loads lie in its plane; else None."""
     for axis in range(3):
         flat = np.ptp(surface.V[:, axis]) <= 1e-9 * surface.size
         if flat and all(np.abs(load.force[:, axis]).max() <= 1e-12 * np.abs(load.force).max() for load in loads):
@@ -90,11 +87,8 @@ def equilibrium(
 ) -> Equilibrium:
     """Return displacements, reactions and compliance of a sheet with a known stiffness under a load.
     K         : stiffness without springs, N/m, over the unknowns of `elements`: x, y, z of each vertex, then edges.
-    elements  : elements of K; without bending for a sheet solved in its plane.
-    spread    : part of the load on faces and edges; `load` contains its forces on vertices, too.
-    factor_of : function that factorises; a `FactorCache` for repeated use.
-    Raises StaticsError if the supports leave a motion free, if a load acts on a vertex without faces, if edges without
-    rotations are clamped, or if the solution does not balance the loads."""
+    spread    : part of the load on faces and edges; `load` contains the forces on vertices, too.
+    Raises StaticsError if the supports leave a motion free, or if the solution does not balance the loads."""
     return equilibria(surface, K, [load], elements, [spread] if spread else None, (), factor_of)[0]
 
 
@@ -107,10 +101,9 @@ def equilibria(
     sums: Sequence[Sequence[float]] = (),
     factor_of: "FactorFunction | None" = None,
 ) -> tuple[Equilibrium, ...]:
-    """Return the equilibrium of each load, then of each combination of the loads, from one factorisation.
-    K, factor_of : see `equilibrium`.    spreads : part of each load on faces and edges.
-    sums         : for each combination, a factor for each load. The residual of a combination is an upper bound.
-    Raises StaticsError as `equilibrium`, and for loads on different supports."""
+    """Return the equilibrium of each load, then of each combination of the loads.
+    spreads : part of each load on faces and edges.    sums : for each combination, a factor for each load.
+    Raises StaticsError, also for loads on different supports."""
     _require_same_supports(loads)
     is_held = held_unknowns(surface, loads, elements)
     F = np.stack([load.force.ravel() for load in loads], axis=1)
@@ -138,8 +131,7 @@ def _require_same_supports(loads: Sequence[LoadCase]) -> None:
 
 def held_unknowns(surface: Surface, loads: Sequence[LoadCase], elements: Elements, plane: bool | None = None) -> Bools:
     """Return a mask (u,) of the unknowns that do not move. All loads must have equal supports.
-    plane : False to let a flat sheet leave its plane; by default, it stays in its plane if all loads lie in this plane.
-    Raises StaticsError if the supports leave a motion free, and for a load on a vertex without faces."""
+    plane : False to let a flat sheet leave its plane.    Raises StaticsError if the supports leave a motion free."""
     reference = loads[0]
     clamped = all_clamped(reference)
     require_clampable(surface, elements, clamped)
@@ -158,8 +150,8 @@ def held_unknowns(surface: Surface, loads: Sequence[LoadCase], elements: Element
 def equilibrium_of_unknowns(
     surface: Surface, load: LoadCase, elements: Elements, unbalanced: Floats, x: Floats, is_held: Bools
 ) -> Equilibrium:
-    """Return the equilibrium with the solved unknowns x (u,). Compliance and residual are left at 0.
-    unbalanced : (u,) forces of supports and springs on the sheet, K x - f, where K excludes springs."""
+    """Return the equilibrium with the solved unknowns x (u,), without compliance and residual (0).
+    unbalanced : (u,) forces of supports and springs on the sheet."""
     corners, edges = np.split(x, [3 * surface.n])
     forces, on_edges = np.split(unbalanced, [3 * surface.n])
     u = corners.reshape(-1, 3)
@@ -212,8 +204,7 @@ def require_solved(surface: Surface, imbalance: float, residual: float) -> None:
 def solution(
     surface: Surface, K: csr_array, F: Floats, is_held: Bools, factor_of: FactorFunction
 ) -> tuple[Floats, Floats]:
-    """Solve K U = F for k columns of forces F (N, k). Return U (N, k), and the relative residual (k,) of each column.
-    Unknowns that are held or have no stiffness are 0. factor_of : function that factorises K."""
+    """Solve K U = F for forces F (N, k). Return U (N, k), and the relative residual (k,) of each column."""
     U = np.zeros(F.shape)
     if not (~is_held & (K.diagonal() > 0)).any():
         return U, np.zeros(F.shape[1])

@@ -1,4 +1,4 @@
-"""Stiffness of a sheet from membrane and bending. The stiffness of each face can be scaled."""
+"""Stiffness of a sheet from membrane and bending."""
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -20,12 +20,11 @@ from dsfab.statics.solve import flat_axis, held_unknowns
 from dsfab.surface import LoadCase, Surface
 
 Row = Callable[[str], AbstractContextManager[object]]
-"""A function that opens a row in a table of times, and adds the time of the enclosed block to it."""
+"""A function that opens a row in a table of times."""
 
 
 def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontext) -> csr_array:
-    """Return the stiffness (N, N), N/m, over the unknowns of `elements`: membrane, and bending if the elements have it.
-    row : function that records the time that each part takes, see `Row`."""
+    """Return the stiffness (N, N), N/m, over the unknowns of `elements`."""
     surface, material, thickness = sheet.surface, sheet.material, sheet.thickness
     if elements == PAPER:
         with row("membrane"):
@@ -42,12 +41,10 @@ def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontex
 
 @dataclass(frozen=True, eq=False)
 class FaceStiffness:
-    """Stiffness K of a sheet whose faces f can be scaled: the sum of s_f K_f, with a factor s_f for each face.
-    Elements: constant strain and mid-edge bending; without bending for a sheet that is solved in its plane.
+    """Stiffness K of a sheet: the sum of s_f K_f, with a factor s_f for each face.
     blocks  : (m, c, c) K_f, N/m.
     unknown : (m, c) free unknown of each row of K_f, `count` if it is fixed.
     places  : (nnz, m) matrix that multiplies factors s (m,) and gives the nonzero values of K.
-    indices, indptr : sparse pattern of K.    springs : (nnz,) stiffness of supports, N/m.
     points  : vertices and middles of edges.    node : (count,) number of each free unknown's point.
     force   : (count, k) newtons, of each load."""
 
@@ -64,8 +61,8 @@ class FaceStiffness:
 
     @classmethod
     def from_sheet(cls, sheet: SheetModel, loads: Sequence[LoadCase]) -> Self:
-        """Return the scalable stiffness of a sheet with the supports of the loads.
-        Raises StaticsError if the supports leave a motion free, or for a load on a vertex without faces."""
+        """Return the stiffness of a sheet with the supports of the loads.
+        Raises StaticsError if the supports leave a motion free."""
         surface = sheet.surface
         axis = flat_axis(surface, *loads)
         elements = elements_of("ranking")
@@ -91,13 +88,13 @@ class FaceStiffness:
         return cls(blocks, unknown, count, places, indices, indptr, springs, points, node, np.asarray(force[numbers]))
 
     def matrix(self, scale: Floats) -> csr_array:
-        """Return K (count, count) with the springs of supports. scale : (m,) factors on the stiffness of the faces."""
+        """Return K (count, count). scale : (m,) factors on the stiffness of the faces."""
         values = self.places @ scale + self.springs
         return csr_array((values, self.indices, self.indptr), shape=(self.count, self.count))
 
     def factor(self, scale: Floats, earlier: Factor | None = None) -> Factor:
         """Factorise the stiffness. scale : (m,) factors on the faces' stiffness. Raises StaticsError for a mechanism.
-        earlier : an earlier factorisation, which is overwritten; its order of unknowns saves time."""
+        earlier : an earlier factorisation, which is overwritten."""
         try:
             if earlier is None:
                 return factorise(self.matrix(scale), self.points, self.node)
@@ -110,7 +107,7 @@ class FaceStiffness:
         return earlier
 
     def energies(self, x: Floats) -> Floats:
-        """Return twice the energy (m, k) of each unscaled face, J, for k solutions x (count, k): u . K_f u."""
+        """Return twice the energy (m, k) of each unscaled face, J, for k solutions x (count, k)."""
         moved = np.concatenate([x, np.zeros((1, x.shape[1]))])[self.unknown]
         return np.asarray(np.einsum("mck,mck->mk", moved, self.blocks @ moved))
 

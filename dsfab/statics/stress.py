@@ -1,4 +1,4 @@
-"""Stress of a solved sheet: on faces, at corners, averaged at vertices, and through the thickness."""
+"""Stress of a solved sheet."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,61 +21,55 @@ from dsfab.surface.mesh import Surface
 def stress(
     surface: Surface, material: Material, u: Floats, law: Law = "plane_stress", bubbles: Floats | None = None
 ) -> Floats:
-    """Return the mean membrane stress (m, 3, 3) of each face, Pa, as a symmetric tensor tangent to the face.
-    u : (n, 3) displacements, metres.    bubbles : (e, 2) displacements of edges' middles (`Equilibrium.bubbles`)."""
+    """Return the mean membrane stress (m, 3, 3) of each face, Pa, tangent to the face.
+    u : (n, 3) displacements, metres.    bubbles : (e, 2) displacements of the middles of edges."""
     return tensors_in_space(surface, mean_strain(surface, u, bubbles) @ material.membrane(law).T)
 
 
 def tensors_in_space(surface: Surface, planar: Floats) -> Floats:
-    """Return symmetric tensors (m, 3, 3) in space from components xx, yy, xy (m, 3) in the frame of each face."""
+    """Return symmetric tensors (m, 3, 3) in space from components xx, yy, xy (m, 3) in the face's frame."""
     t = tangents(surface)
     return np.asarray(t.transpose(0, 2, 1) @ tensor_matrices(planar) @ t)
 
 
 def von_mises(sigma: Floats) -> Floats:
-    """Return the von Mises equivalent stress (m,), Pa, of stress tensors (m, 3, 3) [von Mises 1913]."""
+    """Return the von Mises stress (m,), Pa, of stress tensors (m, 3, 3) [von Mises 1913]."""
     deviator = sigma - np.trace(sigma, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3
     return np.asarray(np.sqrt(1.5 * np.einsum("mij,mij->m", deviator, deviator)))
 
 
 def membrane_strains(surface: Surface, answer: Equilibrium) -> Floats:
-    """Return the in-plane strains (xx, yy, 2 xy) at the corners of each face, (m, 3 corners, 3), in the face's frame.
-    Elements `quadratic` and `hybrid` have the strains of the quadratic triangle."""
+    """Return the in-plane strains (xx, yy, 2 xy), (m, 3 corners, 3), at the corners of faces, in the face's frame."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
-    corner = answer.u[surface.F] @ t.transpose(0, 2, 1)  # (m, corner, 2): displacements in the face's frame
+    corner = answer.u[surface.F] @ t.transpose(0, 2, 1)  # (m, corner, 2)
     strain = np.repeat(voigt(slope, corner).sum(axis=1)[:, None], 3, axis=1)
     if answer.bubbles is None:
         return strain
     moved = np.einsum("ed,edx->ex", answer.bubbles, edge_frames(surface)[:, :2])[surface.edges.of]
     bubble = moved @ t.transpose(0, 2, 1)
-    # grad (4 phi_c phi_c+1) is 4 grad phi_c+1 at corner c, 4 grad phi_c at corner c + 1
     start_strain = voigt(4 * np.roll(slope, -1, axis=1), bubble)
     end_strain = voigt(4 * slope, bubble)
     return np.asarray(strain + start_strain + np.roll(end_strain, 1, axis=1))
 
 
 def membrane_stresses(surface: Surface, material: Material, law: Law, elements: Elements, strain: Floats) -> Floats:
-    """Return the stress (m, 3 corners, 3), (xx, yy, xy), Pa, linear on each face, from `membrane_strains`."""
+    """Return the stress (xx, yy, xy), (m, 3 corners, 3), Pa, from `membrane_strains`."""
     C = material.membrane(law)
     return hybrid_stress(surface, C, strain) if elements.membrane == "hybrid" else np.asarray(strain @ C)
 
 
 SMOOTH = np.cos(np.radians(30))
-"""Cosine of 30 degrees. If normals of a face and of its surroundings form a larger angle, a fold is between them."""
+"""Least cosine of the angle between normals without a fold."""
 
-WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # Number of times that xx, yy, zz, yz, xz, xy occur in a tensor.
-HALVES = np.array([1.0, 1.0, 2.0])[:, None]  # Squared norms of unit plane tensors xx, yy and xy.
+WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # Number of times that xx, yy, zz, yz, xz, xy occur.
+HALVES = np.array([1.0, 1.0, 2.0])[:, None]  # Squared norms of xx, yy and xy.
 
 
 def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool) -> Floats:
-    """Return plane tensors (m, 3 corners, 3), (xx, yy, xy), averaged over the faces around each vertex.
-    frame  : (m, 2, 3) directions of each face, for the components.
-    values : (m, 3 corners, 3) tensors before averaging.
-    sided  : True if values change their sign with the face's normal, like bending.
-
-    Averages remove most jumps between faces, which are errors [Hinton and Campbell 1974]. If a face's normal is over
-    30 degrees (`SMOOTH`) from the mean normal at a vertex, the face has the mean of its own values there."""
+    """Return plane tensors (xx, yy, xy), (m, 3 corners, 3), averaged around each vertex [Hinton and Campbell 1974].
+    frame  : (m, 2, 3) directions of each face.    values : (m, 3 corners, 3) tensors before averaging.
+    sided  : True if values change their sign with the face's normal, like bending."""
     corner = surface.F.ravel()
     face = np.repeat(np.arange(surface.m), 3)
     first_face = np.full(surface.n, -1)
@@ -104,7 +98,7 @@ def _tensors(frame: Floats) -> Floats:
 
 
 Layer = Literal["top", "middle", "bottom"]
-"""Layers of a sheet: `top` is half a thickness away on the side of a face's normal, `bottom` on the opposite side."""
+"""Layers of a sheet: `top` is on the side of a face's normal, `bottom` on the opposite side."""
 
 LAYERS: tuple[Layer, ...] = get_args(Layer)
 _SIDE = {"top": -1.0, "middle": 0.0, "bottom": 1.0}
@@ -127,15 +121,13 @@ class Peak(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SheetStress:
-    """Stress in a thin sheet: linear through the thickness; constant or linear on each face, depending on the elements.
+    """Stress in a thin sheet.
 
     frame           : (m, 2, 3) two orthonormal directions of each face's plane, for the components.
     membrane        : (m, 3 corners, 3) stress (xx, yy, xy) of the middle surface, Pa.
     bending         : (m, 3 corners, 3) bending stress 6 M / h^2 at the bottom, Pa; the top has the opposite sign.
-    smooth_membrane, smooth_bending : `vertex_averages` of linear stresses; constant stresses are not averaged.
-    membrane_energy : (m,) mean strain energy per area of each face, J/m2.
-    bending_energy  : (m,) mean bending energy per area of each face, J/m2.
-    Top and bottom swap if the corners of a face are listed in reverse order; `largest` does not change."""
+    smooth_membrane, smooth_bending : stresses averaged around vertices, if they are linear on faces.
+    membrane_energy, bending_energy : (m,) mean strain energy per area of each face, J/m2."""
 
     frame: Floats
     membrane: Floats
@@ -151,35 +143,35 @@ class SheetStress:
         for name in ("membrane", "bending"):
             values, smooth = getattr(self, name), f"smooth_{name}"
             lock(self, name, np.float64, (m, 3, 3))
-            if getattr(self, smooth) is values:  # not averaged: store the array once
+            if getattr(self, smooth) is values:  # store the array once
                 object.__setattr__(self, smooth, getattr(self, name))
             else:
                 lock(self, smooth, np.float64, (m, 3, 3))
         lock_floats(self, membrane_energy=(m,), bending_energy=(m,))
 
     def at_corners(self, layer: Layer) -> Floats:
-        """Return the stress (m, 3 corners, 3), (xx, yy, xy), in each face's frame, Pa, averaged around each vertex."""
+        """Return the stress (xx, yy, xy), (m, 3 corners, 3), in each face's frame, Pa, averaged around each vertex."""
         return np.asarray(self.smooth_membrane + _SIDE[layer] * self.smooth_bending)
 
     def _mean(self, layer: Layer) -> Floats:
         return np.asarray((self.membrane + _SIDE[layer] * self.bending).mean(axis=1))
 
     def tensor(self, layer: Layer) -> Floats:
-        """Return the mean stress (m, 3, 3) of each face, Pa, in space: symmetric and tangent to the face."""
+        """Return the mean stress (m, 3, 3) of each face, Pa, tangent to the face."""
         return np.asarray(self.frame.transpose(0, 2, 1) @ tensor_matrices(self._mean(layer)) @ self.frame)
 
     def principal(self, layer: Layer) -> Principal:
-        """Return principal values and directions of the stress in `layer`, averaged over each face [Mohr 1882]."""
+        """Return principal values and directions of the mean stress of each face in `layer` [Mohr 1882]."""
         return principal_values(self._mean(layer), self.frame)
 
     @cached_property
     def von_mises(self) -> Floats:
-        """Von Mises stress (m, 3 layers) of each face, Pa, the largest of its corners (`at_corners`)."""
+        """Von Mises stress (m, 3 layers) of each face, Pa, at the worst corner."""
         return np.stack([plane_von_mises(self.at_corners(layer)).max(axis=1) for layer in LAYERS], axis=1)
 
     @cached_property
     def largest(self) -> Floats:
-        """Largest von Mises stress (m,) of each face over its top, middle and bottom layer, Pa."""
+        """Largest von Mises stress (m,) of each face, Pa."""
         return np.asarray(self.von_mises.max(axis=1))
 
     @property
@@ -189,14 +181,14 @@ class SheetStress:
 
     @cached_property
     def peak(self) -> Peak:
-        """Largest von Mises stress with its face and layer. The stress at a point load grows with refinement."""
+        """Largest von Mises stress with its face and layer."""
         face = int(self.largest.argmax())
         row = self.von_mises[face]
         layer = LAYERS[int(row.argmax())] if row.max() > row[LAYERS.index("middle")] else "middle"
         return Peak(float(self.largest[face]), face, layer)
 
     def utilisation(self, strength: float) -> Floats:
-        """Return the largest von Mises stress of each face (m,), divided by the strength (Pa). Above 1 the face yields.
+        """Return the largest von Mises stress of each face (m,), divided by the strength (Pa).
         Raises StaticsError for a strength that is not positive."""
         if not (strength > 0 and np.isfinite(strength)):
             raise StaticsError(f"strength = {strength} Pa must be positive (steel 235e6, plywood about 30e6)")
@@ -204,7 +196,7 @@ class SheetStress:
 
 
 def principal_values(plane: Floats, frame: Floats) -> Principal:
-    """Return principal values and directions of tensors (m, 3), (xx, yy, xy), in frames (m, 2, 3) [Mohr 1882]."""
+    """Return principal values and directions of tensors (xx, yy, xy), (m, 3), in frames (m, 2, 3) [Mohr 1882]."""
     xx, yy, xy = plane.T
     centre, radius = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
     turn = np.arctan2(xy, (xx - yy) / 2) / 2
@@ -214,14 +206,13 @@ def principal_values(plane: Floats, frame: Floats) -> Principal:
 
 
 def plane_von_mises(stress: Floats) -> Floats:
-    """Return the von Mises stress (...), Pa, of plane stresses (..., 3), (xx, yy, xy) [von Mises 1913]."""
+    """Return the von Mises stress (...), Pa, of plane stresses (xx, yy, xy), (..., 3) [von Mises 1913]."""
     xx, yy, xy = stress[..., 0], stress[..., 1], stress[..., 2]
     return np.asarray(np.sqrt(xx * xx - xx * yy + yy * yy + 3 * xy * xy))
 
 
 def sheet_stress(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> SheetStress:
-    """Return the stress and the energy of a solved sheet.
-    answer : solution by `elements`. The von Mises stress omits the normal stress of the law `stvk`."""
+    """Return the stress and the energy of a solved sheet. answer : solution by `elements`."""
     surface, material, thickness, law = sheet.surface, sheet.material, sheet.thickness, sheet.law
     strain = membrane_strains(surface, answer)
     membrane = membrane_stresses(surface, material, law, elements, strain)
@@ -239,5 +230,4 @@ def sheet_stress(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> 
 
 
 def _mean_product(a: Floats, b: Floats) -> Floats:
-    """Return the mean of a . b (m,) on each face. a, b : (m, 3 corners, 3), values that are linear on each face."""
     return np.asarray((np.einsum("mci,mci->m", a, b) + np.einsum("mi,mi->m", a.sum(axis=1), b.sum(axis=1))) / 12)

@@ -1,9 +1,8 @@
 """Displacements and buckling factors of a sheet at thicknesses near its own, from one factorisation.
 
-The stiffness at thickness t is K(t) = t A + t^3 B + S: membrane, bending, springs. The loads are f(t) = f0 + t f1,
-because only the weight of the sheet grows. Solutions and their derivatives in t form a reduced basis [Noor and Peters
-1980]. The derivatives (K^-1 dK/dt)^j K^-1 f need no further factorisation [Grimme 1997].
-Buckling modes and their derivatives form a second basis, which gives upper bounds of the factors [Rayleigh-Ritz]."""
+The stiffness at thickness t is K(t) = t A + t^3 B + S: membrane, bending, springs. The loads are f(t) = f0 + t f1.
+Solutions and their derivatives in t form a reduced basis [Noor and Peters 1980; Grimme 1997]. Buckling modes and
+derivatives form a second basis [Rayleigh-Ritz]."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -28,7 +27,7 @@ from dsfab.statics.stress import stress
 from dsfab.surface import LoadCase, Surface
 
 INDEPENDENT = 1e-10
-"""A vector is independent of earlier vectors if at least this fraction of it lies outside their span."""
+"""Least fraction of an independent vector outside the span of earlier vectors."""
 ACCURATE = 2.0
 """For a sheet solved at thickness t, results are accurate from t / ACCURATE to t ACCURATE. Largest errors on cut
 sheets: 1 % in displacements, 5 % in buckling factors. `SheetModel.rigidity` grows with t^3, so the torsion of ribs
@@ -40,9 +39,9 @@ CASES = 3  # Number of load cases with buckling modes in the basis: the cases wi
 
 @dataclass(frozen=True, eq=False)
 class ThicknessStiffness:
-    """Stiffness t A + t^3 B of a sheet of any thickness t, over the u unknowns of `elements`, and its supports.
-    membrane : A (u, u), N/m2.     bending : B (u, u), N/m4; zero for a sheet that is solved in its plane.
-    load     : any load case of the sheet; only its supports are used.    is_held : (u,) unknowns that do not move."""
+    """Stiffness t A + t^3 B of a sheet of any thickness t, over u unknowns, and supports.
+    membrane : A (u, u), N/m2.     bending : B (u, u), N/m4.
+    load     : load case with the supports.    is_held : (u,) unknowns that do not move."""
 
     surface: Surface
     elements: Elements
@@ -53,8 +52,7 @@ class ThicknessStiffness:
 
     @classmethod
     def from_sheet(cls, sheet: SheetModel, loads: Sequence[LoadCase], elements: Elements) -> Self:
-        """Return the stiffness of a sheet for any thickness. A flat sheet may leave its plane if the elements bend.
-        Raises the same StaticsErrors as `held_unknowns`."""
+        """Return the stiffness of a sheet for any thickness. Raises StaticsError."""
         surface, material = sheet.surface, sheet.material
         is_held = held_unknowns(surface, loads, elements, plane=elements.bending is None)
         membrane = membrane_stiffness(surface, material, 1.0, sheet.law, elements)
@@ -81,15 +79,14 @@ class ThicknessStiffness:
         return vectors
 
     def projection(self, basis: Floats) -> Floats:
-        """Return the membrane, bending and spring stiffness, each projected on a basis (u, b), as (3, b, b)."""
+        """Return the membrane, bending and spring stiffness (3, b, b) on a basis (u, b)."""
         corners = basis[: self.load.spring.size]
         springs = corners.T @ (self.load.spring.ravel()[:, None] * corners)
         parts = basis.T @ (self.membrane @ basis), basis.T @ (self.bending @ basis), springs
         return np.array([_without_negative_eigenvalues(part) for part in parts])
 
     def basis(self, vectors: Floats, thickness: float) -> Floats:
-        """Return independent vectors (u, b) that span the same space as `vectors` (u, c).
-        The vectors are orthonormal in the stiffness K at this thickness."""
+        """Return independent vectors (u, b) that span the same space as `vectors` (u, c)."""
         K = self.matrix(thickness)
         weight = np.sqrt(K.diagonal())  # makes metres and radians comparable
         columns = _independent_columns(vectors * weight[:, None]) / np.where(weight > 0, weight, 1.0)[:, None]
@@ -121,10 +118,10 @@ def _independent_columns(columns: Floats) -> Floats:
 class ThicknessBasis:
     """Reduced bases for displacements and buckling of a sheet at thicknesses near its own.
     loads     : the k loads by name, at the thickness of `sheet`.
-    constant, per_metre : f0 (u, k), N, and f1 (u, k), N/m. At thickness t, the loads on the unknowns are f0 + t f1.
+    constant, per_metre : f0 (u, k), N, and f1 (u, k), N/m. At thickness t, the loads are f0 + t f1.
     vectors   : (u, b) basis of the displacements.
-    reduced   : (3, b, b) stiffness (`projection`) on this basis.    modes : (3, s, s) stiffness on s buckling modes.
-    geometric : (b, s, s) -1 x the geometric stiffness on the modes, for displacements `vectors` and thickness 1 m."""
+    reduced   : (3, b, b) stiffness on this basis.    modes : (3, s, s) stiffness on s buckling modes.
+    geometric : (b, s, s) -1 x the geometric stiffness on the modes, for thickness 1 m."""
 
     sheet: SheetModel
     loads: Mapping[str, LoadCase]
@@ -138,9 +135,8 @@ class ThicknessBasis:
 
     @classmethod
     def from_sheet(cls, sheet: SheetModel, loads: Mapping[str, LoadCase], buckling: Sequence[str] = ()) -> Self:
-        """Return bases that are accurate from half to twice the thickness of `sheet` (`ACCURATE`).
-        buckling : names of the loads whose buckling factors are wanted.
-        Raises StaticsError as `solve_statics`."""
+        """Return bases for half to twice the thickness of `sheet`. Raises StaticsError.
+        buckling : names of the loads whose buckling factors are wanted."""
         try:
             return cls._by_elements(sheet, loads, buckling, elements_of("displacement"))
         except StaticsError:
@@ -179,7 +175,7 @@ class ThicknessBasis:
         return cls(sheet, loads, stiffness, constant, per_metre, vectors, *reduced, geometric)
 
     def answers(self, thickness: float) -> dict[str, Equilibrium]:
-        """Return the equilibrium of each load at a thickness (m); the residual is not computed."""
+        """Return the equilibrium of each load at a thickness (m), without residuals."""
         forces = self.constant + thickness * self.per_metre
         X = self.vectors @ self._coordinates(thickness)
         unbalanced = self.stiffness.product(thickness, X) - forces
@@ -213,7 +209,6 @@ def _sum(parts: Floats, thickness: float) -> Floats:
 
 
 def _linear_loads(sheet: SheetModel, loads: Sequence[LoadCase], size: int) -> tuple[Floats, Floats]:
-    """Return f0 (N) and f1 (N/m), each (size, k). At thickness t, the forces of the k loads are f0 + t f1."""
     once, twice = np.zeros((2, size, len(loads)))
     for k, load in enumerate(loads):
         once[: load.force.size, k] = load.force.ravel()
@@ -222,20 +217,17 @@ def _linear_loads(sheet: SheetModel, loads: Sequence[LoadCase], size: int) -> tu
 
 
 def _resultants(sheet: SheetModel, stiffness: ThicknessStiffness, x: Floats) -> Floats:
-    """Return the membrane forces (k, m, 3, 3), N/m, in the faces of a sheet 1 m thick with displacements x (u, k)."""
     surface, setting = sheet.surface, (stiffness.load, stiffness.elements, np.zeros(len(x)))
     moved = [equilibrium_of_unknowns(surface, *setting, column, stiffness.is_held) for column in x.T]
     return np.array([stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles) for answer in moved])
 
 
 def _buckling_modes(across: ThicknessStiffness, resultants: Floats, factor: Factor) -> list[Floats]:
-    """Return the lowest buckling modes (u, s) of each of the most compressed cases.
-    resultants : (k, m, 3, 3) membrane forces of k cases, N/m.    factor : stiffness, factorised."""
     surface, modes = across.surface, list[Floats]()
     compression = [-np.linalg.eigvalsh(N)[:, 0].clip(max=0) @ surface.areas for N in resultants]
     for k in np.argsort(compression)[: -1 - CASES : -1]:
         if compression[k] > 1e-9 * np.linalg.norm(resultants[k], axis=(1, 2)) @ surface.areas:
             minus_Kg = -geometric_stiffness(surface, resultants[k], across.elements)
-            with suppress(StaticsError):  # modes of a barely compressed sheet may not converge
+            with suppress(StaticsError):
                 modes.append(largest_eigenpairs(minus_Kg, factor, MODES, are_results=False)[1].T)
     return modes

@@ -1,4 +1,4 @@
-"""Torsion of ribs: a bar with a rectangular section is softer than a strip of a thin sheet."""
+"""Torsion of ribs."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -13,16 +13,15 @@ from dsfab.surface import Surface, half_edges
 from dsfab.surface.fields import tangents
 
 APART = np.radians(60)
-"""Smallest angle, seen from the centre of a disc in a rib, between border points on different sides of the rib.
-Points at a smaller angle lie on the same side [Ma, Bae and Choi 2012]."""
+"""Smallest angle, from the centre of a disc, between border points on different sides of a rib.
+[Ma, Bae and Choi 2012]"""
 LEAN = 0.5  # Least cosine of the angle between a face and its nearest border, if this border belongs to its rib.
 
 
 def torsion_share(ratio: Floats) -> Floats:
     """Return the torsional stiffness of rectangles w x h, divided by G w h^3 / 3 of thin strips.
-    ratio : (...) w / h. For w > h the result is 1 - 0.63 h / w (1 - h^4 / 12 w^4). For w < h the formula has w and h
-            exchanged, and a factor w^2 / h^2 [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]."""
-    ratio = np.maximum(ratio, 0.01)  # at lower ratios, the equations of the sheet cannot be solved accurately
+    ratio : (...) w / h.    [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]"""
+    ratio = np.maximum(ratio, 0.01)
     flat = np.minimum(ratio, 1 / ratio)
     lost = 0.63 * flat * (1 - flat**4 / 12)
     return np.asarray((1 - lost) * np.minimum(ratio, 1.0) ** 2)
@@ -30,15 +29,14 @@ def torsion_share(ratio: Floats) -> Floats:
 
 class RibShape(NamedTuple):
     """Width and direction of the rib at each face. widths : (m,) metres; inf for faces without a border.
-    along : (m, 3) unit vectors in the face, along the border nearest to the face."""
+    along : (m, 3) unit vectors in the face, along the nearest border."""
 
     widths: Floats
     along: Floats
 
 
 def rib_shape(surface: Surface) -> RibShape:
-    """Return the width of the rib at each face, and the direction of the border nearest to the face.
-    The width is the diameter of the largest disc in the rib that touches the nearest border point [Blum 1967]."""
+    """Return the width of the rib at each face, and the direction of the nearest border [Blum 1967]."""
     border = np.flatnonzero(surface.edges.boundary[surface.edges.of.ravel()])
     if not len(border):
         return RibShape(np.full(surface.m, np.inf), tangents(surface)[:, 0])
@@ -59,8 +57,6 @@ def rib_shape(surface: Surface) -> RibShape:
 
 
 def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, largest: float) -> Floats:
-    """Return radii, up to `largest`, of the largest empty discs that touch border points [Ma, Bae and Choi 2012]."""
-
     def blocked(discs: Ints) -> tuple[Bools, Floats]:
         p, n, r = points[discs], inward[discs], radius[discs]
         away, hit = tree.query(p + r[:, None] * n)
@@ -68,7 +64,6 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
         high = np.einsum("kx,kx->k", n, offset)
         shorter = np.einsum("kx,kx->k", offset, offset) / np.maximum(2 * high, np.finfo(float).tiny)
         opening = np.arccos(np.clip(1 - high / np.maximum(shorter, np.finfo(float).tiny), -1, 1))
-        # a border point blocks a disc if it lies inside the disc by more than a thousandth of the disc's radius
         return (away < (1 - 1e-3) * r) & (high > 0) & (shorter < r) & (opening > APART), shorter
 
     radius = np.full(len(points), min(small, largest))
@@ -77,7 +72,7 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
         growing = growing[~blocked(growing)[0] & (radius[growing] < largest)]
         radius[growing] = np.minimum(2 * radius[growing], largest)
     moving = np.arange(len(points))
-    for _ in range(20):  # mostly 5 to 8 steps suffice
+    for _ in range(20):
         shrinks, shorter = blocked(moving)
         moving = moving[shrinks]
         radius[moving] = shorter[shrinks]
@@ -87,9 +82,7 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
 
 
 def with_barlike_ribs(sheet: SheetModel, ribs: RibShape | None = None) -> SheetModel:
-    """Return the sheet with ribs that twist as softly as rectangular bars. ribs : `rib_shape`, if it is known.
-    The bending stiffness D of each face is reduced by (1 - `torsion_share`) D_66 t t^T. The vector t is defined by
-    t . kappa = 2 kappa_ab, a along the rib, b across it."""
+    """Return the sheet with ribs that twist as softly as bars. ribs : `rib_shape`, if known."""
     ribs = ribs or rib_shape(sheet.surface)
     D, share = sheet.material.bending(sheet.thickness), torsion_share(ribs.widths / sheet.thickness)
     a = np.einsum("mx,max->ma", ribs.along, tangents(sheet.surface))

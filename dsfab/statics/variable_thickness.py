@@ -1,6 +1,4 @@
-"""The stiffest sheet of varying thickness, in which no face is thicker than the given sheet.
-The problem is convex, so the result does not depend on the start [Cheng, Olhoff 1981; Petersson 1999].
-On the same mesh, openings in the given sheet never give a stiffer sheet of the same mass."""
+"""The stiffest sheet of varying thickness [Cheng, Olhoff 1981; Petersson 1999]."""
 
 from typing import NamedTuple
 
@@ -15,16 +13,15 @@ from dsfab.statics.stress import tensors_in_space
 from dsfab.surface import LoadCase
 
 LEAST = 1e-4
-"""Least thickness of a face in a solve, as a fraction of the sheet's thickness; with 0, faces would have no forces."""
+"""Least thickness of a face, as a fraction of the sheet's thickness."""
 SETTLED, MOVE, STEPS = 0.01, 0.2, 40
-"""The iteration ends when thicknesses change by less than SETTLED, or after STEPS steps. A step changes no thickness
-by more than MOVE. SETTLED and MOVE are fractions of the sheet's thickness."""
+"""Change of thickness at the end, largest change in a step, as fractions; largest number of steps."""
 
 
 class VaryingSheet(NamedTuple):
     """A sheet of varying thickness.
     thickness  : (m,) fraction of the given sheet's thickness, 0 to 1.
-    compliance : weighted sum of the loads' compliances, joules, by constant strain and mid-edge bending.
+    compliance : weighted sum of the loads' compliances, joules.
     forces     : (m, 3, 3) membrane forces, N/m, for each load, symmetric and tangent to each face."""
 
     thickness: Floats
@@ -33,8 +30,8 @@ class VaryingSheet(NamedTuple):
 
 
 def varying_thickness(sheet: SheetModel, loads: list[LoadCase], weights: Floats, share: float) -> VaryingSheet:
-    """Return the stiffest sheet whose mean thickness is the fraction `share` of the sheet's thickness.
-    weights : (k,) factors of the loads' compliances in the minimised sum.
+    """Return the stiffest sheet with the mean thickness `share` * thickness.
+    weights : (k,) factors of the loads' compliances.
     Raises StaticsError for a sheet without sufficient supports, or a load on a vertex without faces."""
     surface = sheet.surface
     K = FaceStiffness.from_sheet(sheet, loads)
@@ -64,10 +61,10 @@ def _membrane_forces(sheet: SheetModel, loads: list[LoadCase], K: FaceStiffness,
 
 
 def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: Bools, move: float) -> Floats:
-    """Return new shares of material (m,), 0 to 1, in proportion to x sqrt(gain) within limits [Bendsoe 1995].
+    """Return new shares of material (m,), 0 to 1 [Bendsoe 1995].
     x     : (m,) old shares; a share changes by at most `move`.
-    gain  : (m,) decrease of the compliance per area of material added to a face.
-    area  : sum of the new shares times `areas` (m,), m2.    solid : (m,) mask of faces whose share is always 1."""
+    gain  : (m,) decrease of the compliance per area of added material.
+    area  : sum of the new shares times `areas` (m,), m2.    solid : (m,) mask of faces with share 1."""
     low, high = np.maximum(x - move, 0.0), np.minimum(x + move, 1.0)
     root = x * np.sqrt(np.maximum(gain, 0.0))
     lower, upper = 0.0, 2 * float(root.max()) / max(float(x.min()), 1e-3)

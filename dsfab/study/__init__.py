@@ -1,4 +1,4 @@
-"""Parameter sweeps, comparisons with other structures, and checks of a design: compliance and fabrication."""
+"""Parameter sweeps, comparisons with other structures, and checks of a design."""
 
 from dsfab.study.alternatives import (
     ALTERNATIVE_WORDS,

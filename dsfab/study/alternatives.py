@@ -1,4 +1,4 @@
-"""Structures with the mass of a design, for comparison: a thinner sheet, and stripes that ignore the stress."""
+"""Structures with the mass of a design, for comparison."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,9 +19,9 @@ from dsfab.study.judges import AnsweredLoad, Judge, Judgement, full, quick
 
 @dataclass(frozen=True)
 class Spread:
-    """Statistics of the compliances (J) of all variants of a structure. Each variant is solved once.
+    """Statistics of the compliances (J) of all variants of a structure.
     tried, carried : number of variants, and number of variants that carry the loads.
-    best, mean, worst : smallest, mean and largest compliance of the variants that carry the loads.
+    best, mean, worst : compliances of the variants that carry the loads.
     median : median of all variants; a variant that does not carry the loads counts as infinite."""
 
     tried: int
@@ -33,7 +33,7 @@ class Spread:
 
     @classmethod
     def from_compliances(cls, compliances: Sequence[float]) -> "Spread":
-        """Return the statistics of compliances (J), which are infinite for variants that do not carry the loads."""
+        """Return the statistics of compliances (J); inf for variants that do not carry the loads."""
         sound = [value for value in compliances if np.isfinite(value)]
         statistics = (min(sound), float(np.mean(sound)), max(sound)) if sound else (float("inf"),) * 3
         return cls(len(compliances), len(sound), *statistics, float(np.median(compliances)))
@@ -41,16 +41,13 @@ class Spread:
 
 @dataclass(frozen=True)
 class Competitor:
-    """A structure under the design's loads. If the structure could not be made or solved, `error` states the reason.
+    """A structure under the design's loads. error : reason of a failure.
     variant         : name of the stiffest variant, such as "modes 1, 2".
-    area_fraction   : area divided by the area of the surface.       mass : kg.
-    thickness       : metres.       pieces : number of the sheet's pieces.
-    judgement       : compliance and other computed results; None if there is an error.
-    loose           : share of the material that reaches no support; this material is not part of the sheet.
-    smallest_member : width of the narrowest member, metres; None if it cannot be measured.
-    spread          : statistics of the variants; None for a single variant.
-    seconds_made    : time to make all variants.     seconds : time to make and judge all variants.
-    structure       : the judged structure. A single variant is also kept if it failed under the loads."""
+    area_fraction   : area divided by the area of the surface.       mass : kg.       thickness : metres.
+    judgement       : computed results, or None.
+    loose           : share of the material that reaches no support.
+    smallest_member : width of the narrowest member, metres, or None.
+    spread          : statistics of the variants; None for a single variant."""
 
     name: str
     variant: str = ""
@@ -69,11 +66,11 @@ class Competitor:
 
     @property
     def compliance(self) -> float:
-        """Compliance in joules; infinite if the structure does not carry its loads."""
+        """Compliance in joules; inf if the structure does not carry its loads."""
         return self.judgement.compliance if self.judgement else float("inf")
 
     def row(self, full: float, design: float) -> dict[str, Any]:
-        """Return the competitor's row of a table, in SI units. Unknown values are None.
+        """Return the competitor's row of a table, in SI units; None for unknown values.
         full, design : compliances (J) of the full sheet and of the design."""
         columns: dict[str, Any] = {
             "name": self.name,
@@ -138,17 +135,15 @@ ALTERNATIVE_WORDS = {
     "thinner": "a uniformly thinner sheet without openings",
     "isotropic": "the best pair of isotropic stripes",
 }
-"""Description of each alternative, for use in sentences, by the name of the alternative."""
+"""Description of each alternative, for use in sentences."""
 
 
 @dataclass(frozen=True)
 class Alternative:
     """A structure with the mass of a design, under the design's loads.
-    over      : compliance of the design divided by that of this structure. Infinite if the design does not carry its
-                loads; 0 if this structure does not carry the loads.
+    over      : compliance of the design / compliance of this structure; inf if the design does not carry its loads.
     low, high : interval of `over` from the error bounds of the compliances.
-    variant   : the best variant, such as "modes 1, 2".     error : reason why the structure has no result, or ''.
-    level     : how the compliances were computed, such as "one solve each"."""
+    level     : how the compliances were computed, such as "one solve each".    error : reason of a failure, or ''."""
 
     name: str
     over: float
@@ -160,12 +155,12 @@ class Alternative:
 
     @property
     def is_stiffer(self) -> bool:
-        """True if this structure (the alternative) is probably stiffer than the design."""
+        """True if this structure is probably stiffer than the design."""
         return self.over > 1
 
     @property
     def sentence(self) -> str:
-        """Sentence that compares the stiffness of this alternative structure with that of the design."""
+        """Sentence that compares the stiffness of this structure with that of the design."""
         which = f"{ALTERNATIVE_WORDS[self.name]} of the same mass"
         if not np.isfinite(self.over):
             return f"this design does not carry its loads, and {which} does"
@@ -174,7 +169,7 @@ class Alternative:
         return f"this design {may}: {which} is {self.over:.3g} x as stiff ({self.level}{between})"
 
     def record(self) -> dict[str, Any]:
-        """Return plain values for a file. Infinite values become None."""
+        """Return plain values for a file, with None for infinite values."""
         numbers = {"over": self.over, "over_low": self.low, "over_high": self.high}
         finite = {key: x if np.isfinite(x) else None for key, x in numbers.items()}
         verdict = {"design_loses": self.is_stiffer, "level": self.level, "variant": self.variant}
@@ -182,20 +177,19 @@ class Alternative:
 
 
 def losing_line(candidates: Iterable[Alternative]) -> str:
-    """Return a line about the alternatives that are stiffer than the design, the stiffest first, or ''."""
+    """Return a line about the alternatives that are stiffer than the design, or ''."""
     stiffer = sorted((x for x in candidates if x.is_stiffer), key=lambda alternative: -alternative.over)
     return "; ".join(alternative.sentence for alternative in stiffer)
 
 
 def is_searched(preset: Preset) -> bool:
-    """Return True if dsfab searches for the method, modes or phases of a pattern, or for widths (rule `stressed`)."""
+    """Return True if dsfab searches for the method, modes, phases or widths of a pattern."""
     pattern = preset.pattern
     return pattern.method == "auto" or pattern.auto or pattern.width.rule == "stressed"
 
 
 def design_alternatives(design: Design) -> tuple[Alternative, ...]:
-    """Compare a design with other structures of its mass: a thinner sheet, and stripes that ignore the stress.
-    Each comparison uses fast solves if they are enough to decide. Raises DsfabError if the design cannot be cut."""
+    """Compare a design with other structures of its mass. Raises DsfabError if the design cannot be cut."""
 
     def solve() -> tuple[Alternative, ...]:
         slicing, thickness = design.slicing, design.preset.statics.thickness
@@ -212,13 +206,13 @@ def alternatives(
     solved: Mapping[str, AnsweredLoad] | None = None,
 ) -> tuple[Alternative, ...]:
     """Compare a structure with other structures of the same mass. names : keys of `ALTERNATIVE_WORDS`.
-    solved : earlier solutions of the structure, by name of the load; None to compute new solutions."""
+    solved : known solutions of the structure, by name of the load."""
     makers = {"thinner": thinner_alternative, "isotropic": isotropic_alternative}
     return tuple(makers[name](task, structure, partial(quick, solved=solved)) for name in names)
 
 
 class _BoundedCompliance(NamedTuple):
-    """A compliance (J), infinite for a structure that fails, with its relative error bound. error : why it fails."""
+    """A compliance (J), inf for a structure that fails."""
 
     compliance: float
     bound: float
@@ -227,9 +221,7 @@ class _BoundedCompliance(NamedTuple):
 
 
 def thinner_alternative(task: ComparisonTask, structure: Structure, own_judge: Judge = quick) -> Alternative:
-    """Compare a structure with a thinner sheet without openings, of the same mass. Each is solved once.
-    If the error bounds leave open which structure is stiffer, more accurate solves follow. own_judge : function that
-    solves `structure` then."""
+    """Compare a structure with a thinner sheet without openings, of the same mass."""
     thin = Structure.uncut(task.surface, task.share * task.preset.statics.thickness)
     design, rival = _ranked_compliance(task, structure), _judged_compliance(quick, task, thin)
     alternative = _alternative("thinner", design, rival, "one solve each")
@@ -241,9 +233,7 @@ def thinner_alternative(task: ComparisonTask, structure: Structure, own_judge: J
 
 
 def isotropic_alternative(task: ComparisonTask, structure: Structure, own_judge: Judge = quick) -> Alternative:
-    """Compare a structure with the best stripes that ignore the stress (isotropic stripes), of the same mass.
-    Every pair of modes gives stripes that are cut and solved once. The stripes of the two best pairs are cut again, to
-    exactly the same mass, and solved more accurately. own_judge : function that solves `structure`."""
+    """Compare a structure with the best stripes that ignore the stress, of the same mass."""
     blind = isotropic_stripes(task)
     phases = blind.preset.pattern.major.shift, blind.preset.pattern.minor.shift
     level = f"one solve of each sheet; the best of {len(blind.pairs)} pairs of modes"
@@ -259,7 +249,6 @@ def isotropic_alternative(task: ComparisonTask, structure: Structure, own_judge:
     rivals = [_variant_compliance(task, variant) for _, variant in stiffest[:2]]
     failed = _BoundedCompliance(np.inf, 0.0, error=f"no pair of modes carries the loads; pair 1: {tried[0].refused}")
     rival = min(rivals, key=lambda rival: rival.compliance, default=failed)._replace(bound=0.0)
-    # the compliances of design and rival err in the same direction, so the error of their ratio is at most 10 %
     return _alternative("isotropic", _judged_compliance(own_judge, task, structure)._replace(bound=0.1), rival, level)
 
 
@@ -271,7 +260,7 @@ def _variant_compliance(task: ComparisonTask, variant: Variant) -> _BoundedCompl
 
 
 def judged_alternatives(design: Competitor, rivals: Iterable[Competitor]) -> tuple[Alternative, ...]:
-    """Compare the design with the competitors named in `ALTERNATIVE_WORDS`, by compliances that are already known."""
+    """Compare the design with the competitors named in `ALTERNATIVE_WORDS`, by known compliances."""
     design_value, judged = _competitor_compliance(design), []
     for rival in (rival for rival in rivals if rival.name in ALTERNATIVE_WORDS):
         level = f"{rival.judgement.level} check" if rival.judgement else ""
@@ -296,7 +285,6 @@ def _alternative(name: str, design: _BoundedCompliance, rival: _BoundedComplianc
 
 
 def _ranked_compliance(task: ComparisonTask, structure: Structure) -> _BoundedCompliance:
-    """Return the compliance of a structure by one solve with fast elements, which has an error of 5 to 15 %."""
     statics = task.preset.statics
     try:
         loads = sheet_loads(task.surface, structure.material, structure.sheet, task.loads_on(structure))

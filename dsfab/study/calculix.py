@@ -1,4 +1,4 @@
-"""Sheets as solids of quadratic wedges for CalculiX, and runs of CalculiX in a separate process."""
+"""Sheets as solids of quadratic wedges for CalculiX."""
 
 import re
 import shutil
@@ -38,7 +38,7 @@ class Wedges:
 
 
 def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges:
-    """Return the solid of a sheet with a thickness (m): half of it below and half above the middle surface.
+    """Return the solid of a sheet with a thickness (m).
     projection : function that returns the nearest points on the exact surface and the normals there."""
     edges, F = surface.edges, surface.F
     n, e = surface.n, len(edges.ends)
@@ -48,7 +48,6 @@ def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges
     nodes = np.concatenate([corner - up, corner + up, corner, middle - over, middle + over])
     columns = np.arange(n)[:, None] + n * np.arange(3)
     middles = 3 * n + np.arange(e)[:, None] + e * np.arange(2)
-    # reverse the corners of faces whose normal is opposite to that of their vertices
     turned = (surface.normals * normal[F[:, 0]]).sum(axis=1) < 0
     F, numbers = (np.where(turned[:, None], F[:, ::-1], F), np.where(turned[:, None], edges.of[:, [1, 0, 2]], edges.of))
     parts = [columns[F, 0], columns[F, 1], middles[numbers, 0], middles[numbers, 1], columns[F, 2]]
@@ -58,9 +57,8 @@ def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges
 def solid_compliance(
     solid: Wedges, material: Material, fixed_nodes: Ints, gravity: Floats, seconds: float = 600.0
 ) -> float | None:
-    """Return the compliance (J) of a solid under its own weight by CalculiX; None if CalculiX is not installed.
-    fixed_nodes : numbers of fixed nodes.       gravity : (3,) m/s2.       seconds : time limit.
-    Raises StaticsError if CalculiX fails or takes too long."""
+    """Return the compliance (J) of a solid under its own weight; None if CalculiX is not installed.
+    fixed_nodes : numbers of fixed nodes.    gravity : (3,) m/s2.    seconds : time limit.    Raises StaticsError."""
     program = shutil.which(CCX)
     if program is None:
         return None
@@ -94,7 +92,7 @@ def _input_text(solid: Wedges, material: Material, fixed_nodes: Ints, gravity: F
 
 
 def end_face_nodes(solid: Wedges, surface: Surface, marked: Bools) -> Ints:
-    """Return the solid's nodes, through its thickness, at boundary edges with two marked ends. marked : (n,) mask."""
+    """Return the solid's nodes at boundary edges with two marked ends. marked : (n,) vertices."""
     edges = surface.edges
     is_marked = edges.boundary & marked[edges.ends].all(axis=1)
     return np.unique(np.concatenate([solid.columns[edges.ends[is_marked]].ravel(), solid.middles[is_marked].ravel()]))
@@ -107,7 +105,7 @@ THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)  # shares of a vertex's force on its lo
 class WedgeModel:
     """A solid with its supports and forces.
     fixed    : (q, 2) pairs of a held node and a held direction (0 to 2).
-    opposite : (r, 3) two nodes and a direction in which they move by opposite amounts, so that the sheet can rotate.
+    opposite : (r, 3) two nodes and a direction in which these nodes move by opposite amounts.
     force    : (p, 3) newtons at the nodes."""
 
     solid: Wedges
@@ -118,9 +116,8 @@ class WedgeModel:
 
 
 def solid_model(surface: Surface, normal: Floats, thickness: float, material: Material, load: LoadCase) -> WedgeModel:
-    """Return a model with one wedge through the thickness for each triangle.
+    """Return a solid with supports and forces of a load case.
     normal : (n, 3) unit normals at the vertices, all on one side of the sheet.    thickness : metres.
-    Supports hold the middle of the thickness; clamped edges are held through the whole thickness.
     Raises StaticsError for springs."""
     if load.spring.any():
         raise StaticsError("the nonlinear check cannot use springs at supports; make these supports rigid")
@@ -149,14 +146,13 @@ def _supports(solid: Wedges, surface: Surface, load: LoadCase, held_directions: 
 
 
 ATTEMPT = re.compile(r"^ *\d+ +\d+ +\d+(U?) +\d+ +(\S+) +\S+ +(\S+) *$", re.MULTILINE)
-"""Line of CalculiX's .sta file: U if no equilibrium was found, time at the start of a step, length of the step."""
+"""Line of CalculiX's .sta file: U without equilibrium, start and length of a time step."""
 TABLE = re.compile(r"^ displacements .* time +(\S+)\s*$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
 class CcxFiles:
-    """Output of CalculiX so far: console text, .dat file and .sta file.
-    ended : True if CalculiX ended by itself."""
+    """Output of CalculiX so far. ended : True if CalculiX ended by itself."""
 
     said: str
     results: str
@@ -164,8 +160,8 @@ class CcxFiles:
     ended: bool
 
     def tables(self) -> list[tuple[float, Floats]]:
-        """Return the time of each table of displacements, and its rows (k, 4): node number, three displacements."""
-        data = self.results[: self.results.rfind("\n") + 1]  # the last line may be incomplete
+        """Return the time of each table of displacements, and rows (k, 4): node number, three displacements."""
+        data = self.results[: self.results.rfind("\n") + 1]
         heads = list(TABLE.finditer(data))
         parsed = []
         for head, following in zip(heads, [*heads, None][1:], strict=True):
@@ -176,12 +172,12 @@ class CcxFiles:
         return parsed
 
     def failures(self) -> list[tuple[float, float]]:
-        """Return the time at the start, and the length, of each time step in which CalculiX found no equilibrium."""
+        """Return the start and the length of each time step without equilibrium."""
         return [(float(start), float(step)) for failed, start, step in ATTEMPT.findall(self.attempts) if failed]
 
 
 def require_ccx() -> str:
-    """Return the path of CalculiX's program. Raises StaticsError if CalculiX is not installed."""
+    """Return the path of CalculiX's program. Raises StaticsError."""
     path = shutil.which(CCX)
     if path is None:
         raise StaticsError(
@@ -192,10 +188,8 @@ def require_ccx() -> str:
 
 
 def run_ccx(text: list[str], seconds: float, enough: Callable[[CcxFiles], bool] = lambda files: False) -> CcxFiles:
-    """Run CalculiX on an .inp file and return its output. Its files are always deleted.
-    text    : lines of the .inp file.
-    seconds : time limit.
-    enough  : function of the output so far; CalculiX is stopped when it returns True."""
+    """Run CalculiX on the lines of an .inp file and return the output.
+    seconds : time limit.    enough : function of the output so far; True stops CalculiX."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as name:
         folder = Path(name)
         (folder / "solid.inp").write_text("".join(text), encoding="ascii")
@@ -232,16 +226,16 @@ def _files(folder: Path, ended: bool) -> CcxFiles:
 
 
 FACTOR = re.compile(r"^ +\d+ +(\S+) *$", re.MULTILINE)
-FACTORS = (6, 24, 96)  # Numbers of buckling factors to request in turn, because many can be negative.
-SETTLED = 0.01  # Largest relative change of the lowest positive factor at which the search for this factor ends.
+FACTORS = (6, 24, 96)  # Numbers of buckling factors to request in turn.
+SETTLED = 0.01  # Largest relative change of the lowest positive factor at the end of the search.
 
 
 @dataclass(frozen=True, eq=False)
 class LoadPath:
     """Computed states of a structure under growing loads: k points of a path.
     load    : (k,) factors on the loads; the first is 0.    u : (k, w, 3) displacements of w nodes, metres.
-    whole   : True if the path reaches the last requested factor.    late : True if the time limit ended the path.
-    failed  : number of the point before each step without equilibrium, and the increase of the factor in the step."""
+    whole   : True if the path reaches the last factor.    late : True if the time limit ended the path.
+    failed  : for each step without equilibrium, number of the point before and increase of the factor."""
 
     load: Floats
     u: Floats
@@ -256,9 +250,7 @@ class LoadPath:
 
 
 def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats] | None:
-    """Return the lowest factor on the loads at which a solid buckles by linear theory, and its mode (p, 3), unscaled.
-    Return None if no factor is positive, or if the solid would move by more than its own size before it buckles.
-    seconds : time limit of each run of CalculiX."""
+    """Return the lowest buckling factor of a solid and the mode (p, 3), unscaled, or None. seconds : time limit."""
     lowest = np.inf
     for count in FACTORS:
         moved, factors, modes = _buckling_factors(model, count, seconds)
@@ -266,7 +258,7 @@ def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats] |
         lowest = float(positive.min())
         if np.isfinite(positive).all() or abs(lowest - earlier) <= SETTLED * lowest < np.inf:
             break
-    if not lowest * moved <= np.ptp(model.solid.nodes, axis=0).max():  # `lowest` is inf if no factor is positive
+    if not lowest * moved <= np.ptp(model.solid.nodes, axis=0).max():
         return None
     mode, rows = np.zeros_like(model.solid.nodes), modes[int(positive.argmin())]
     mode[rows[:, 0].astype(int) - 1] = rows[:, 1:]
@@ -274,7 +266,6 @@ def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats] |
 
 
 def _buckling_factors(model: WedgeModel, count: int, seconds: float) -> tuple[float, Floats, list[Floats]]:
-    """Return the largest displacement (m) under the load, `count` buckling factors, and each mode's displacements."""
     load, table = [*_loads(model.force), "*NODE PRINT, NSET=ALL\nU\n*END STEP\n"], "B U C K L I N G"
     steps = ["*STEP\n*STATIC\n*CLOAD\n", *load, f"*STEP\n*BUCKLE\n{count}\n*CLOAD, OP=NEW\n", *load]
     files = run_ccx([*_model(model, model.solid.nodes), *steps], seconds)
@@ -297,12 +288,11 @@ def load_path(
     stop_point: Callable[[LoadPath], int | None] = lambda path: None,
     steps: int = 10,
 ) -> LoadPath:
-    """Return the path of a structure under growing loads, computed with large displacements.
+    """Return the path of a structure under growing loads, with large displacements.
     nodes : (p, 3) initial positions, metres.    watched : (w,) nodes whose displacements are returned.
-    factors : factors on the loads. The load grows to each factor in turn.
-    stop_point : function of the path so far. It returns the number of the last point that is needed, or None.
-    steps : number of steps to each factor. CalculiX halves steps that do not converge.
-    The path ends if CalculiX fails or at the time limit. Raises StaticsError if the first step fails."""
+    factors : factors on the loads, in turn.    steps : number of steps to each factor.
+    stop_point : function of the path so far; it returns the number of the last needed point, or None.
+    Raises StaticsError if the first step fails."""
     text = [*_model(model, nodes), "*NSET, NSET=WATCHED\n", *_formatted_rows("%d\n", watched + 1)]
     for factor in factors:
         text.append(f"*STEP, NLGEOM, INC=1000\n*STATIC\n{1 / steps}, 1., 0.001, {1 / steps}\n*CLOAD\n")
@@ -313,7 +303,7 @@ def load_path(
         return path, stop_point(path) if len(path.load) > 1 else None
 
     files = run_ccx(text, seconds, lambda files: until(files)[1] is not None)
-    path, end = until(files)  # points that CalculiX computed after the needed point `end` are left out
+    path, end = until(files)
     if end is not None:
         return path.until(end)
     if len(path.load) == 1 and not files.ended:

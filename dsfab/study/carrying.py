@@ -1,4 +1,4 @@
-"""The verdict on a cut structure, with the largest utilisation and movement, buckling factor, mass and reactions."""
+"""The verdict on a cut structure."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -46,13 +46,13 @@ if TYPE_CHECKING:
 Place = tuple[float, float, float]
 NO_STRENGTH = "the preset has no material and no strength; set statics.material to judge the structure"
 BUCKLED_CASES = 3
-"""Number of cases and combinations for which buckling is computed: those with the largest compression. The number is
-limited because each buckling analysis takes as long as a solve."""
+"""Number of cases and combinations for which buckling is computed."""
 
 
 @dataclass(frozen=True)
 class MemberUse:
-    """The most used member: utilisation `value` (1 at the limit), place (m), load case, and name of the check."""
+    """The most used member.
+    value : utilisation, 1 at the limit.    place : m.    case : load case.    check : name of the check."""
 
     member: str
     value: float
@@ -63,8 +63,8 @@ class MemberUse:
 
 @dataclass(frozen=True)
 class Movement:
-    """The largest displacement, `value` (m), and its place. span : length (m) to which `value` is compared.
-    about : the span in words."""
+    """The largest displacement, `value` (m).
+    span : length (m) to which `value` is compared.    about : the span in words."""
 
     value: float
     place: Place
@@ -82,8 +82,8 @@ class Movement:
 class SupportForce:
     """Force of a support on the structure in a case.
     vertical   : newtons, positive if the support pushes upwards.    horizontal : newtons.
-    direction  : angle of the horizontal force, degrees from the first horizontal axis (x) to the second (y).
-    thrust     : newtons, sum of the magnitudes of the horizontal forces at all vertices."""
+    direction  : angle of the horizontal force, degrees from x to y.
+    thrust     : newtons, sum of the magnitudes of the horizontal forces."""
 
     support: str
     case: str
@@ -98,14 +98,12 @@ Outcome = Literal["carries", "does not carry", "not judged"]
 
 @dataclass(frozen=True)
 class Carrying:
-    """The verdict on a cut structure, with the values behind it.
-    use      : largest utilisation; None without a strength, or if the structure does not stand.
-    movement : largest displacement; None if the structure does not stand.
-    buckling : lowest buckling factor of the perfect shape; None without compression or without a strength.
-    buckling_case : case of this factor, or ''.
-    mass     : mass of the sheet, kg.     reactions : forces by support, then by case.
+    """The verdict on a cut structure.
+    use      : largest utilisation, or None.    movement : largest displacement, or None.
+    buckling : lowest buckling factor, or None.    buckling_case : case of this factor, or ''.
+    mass     : kg.     reactions : forces by support, then by case.
     faults   : reasons why the structure does not carry.       remarks : missing values and assumptions.
-    stress   : (m,) von Mises stress (Pa) in the case of the most used member, or in the first case."""
+    stress   : (m,) von Mises stress (Pa) in the case of the most used member."""
 
     thickness: float
     mass: float
@@ -126,7 +124,7 @@ class Carrying:
         return "carries" if self.use else "not judged"
 
     def facts(self) -> dict[str, Any]:
-        """Return the verdict as plain values in SI units, for the key `carrying` of `design.json`."""
+        """Return the verdict as plain values in SI units."""
         share = self.movement.share if self.movement else None
         facts = asdict(replace(self, stress=None)) | {"outcome": self.outcome, "of": "the cut sheet"}
         return {key: value for key, value in facts.items() if key != "stress"} | {"movement_over_span": share}
@@ -134,9 +132,9 @@ class Carrying:
 
 @dataclass(frozen=True, eq=False)
 class CutStatics:
-    """The cut sheet of a design with a thickness (m), its loads, and results for each case and combination.
-    answers   : solutions by name of the case or combination.
-    stiffness : matrix without springs, for buckling factors; None to compute it.    factor_of : factorises matrices."""
+    """The cut sheet of a design with a thickness (m), loads, and results.
+    answers   : solutions by name of the case.
+    stiffness : matrix without springs, or None."""
 
     design: Design
     thickness: float
@@ -147,14 +145,14 @@ class CutStatics:
 
     @property
     def preset(self) -> Preset:
-        """The preset of the design, with the thickness `thickness`."""
+        """The preset of the design, with this thickness."""
         preset = self.design.preset
         statics = preset.statics.model_copy(update={"thickness": self.thickness})
         return preset.model_copy(update={"statics": statics})
 
     @cached_property
     def model(self) -> SheetModel:
-        """The cut sheet with ribs that twist as bars."""
+        """The cut sheet."""
         return self.design.sheet_with_ribs(self.thickness)
 
     def stress(self, name: str) -> SheetStress:
@@ -162,8 +160,8 @@ class CutStatics:
 
 
 def carrying(design: Design) -> Carrying:
-    """Return the verdict on the cut sheet of a design; the design stores this verdict.
-    A structure that does not stand also gets a verdict. Raises the DsfabError of a stage that fails."""
+    """Return the verdict on the cut sheet of a design.
+    Raises the DsfabError of a stage that fails."""
     return design.cached_result("slicing", "carrying", lambda: _carrying(design))
 
 
@@ -222,9 +220,7 @@ def _factors(design: Design) -> dict[str, Mapping[str, float]]:
 
 def use_and_movement(statics: CutStatics, use: bool = True) -> Carrying:
     """Return the mass, largest displacement and largest utilisation of a solved cut sheet.
-    use : False to leave out the utilisation, which takes longest.
-    Members of steel or timber are checked by Eurocode. Otherwise, the utilisation is a von Mises stress that 99 % of
-    the area does not exceed, divided by the strength."""
+    use : False to leave out the utilisation."""
     moved, mass = _movement(statics), _mass(statics.design, statics.thickness)
     if not statics.preset.statics.strength:
         return Carrying(statics.thickness, mass, None, moved, remarks=(NO_STRENGTH,))
@@ -321,9 +317,7 @@ def _movement(statics: CutStatics) -> Movement:
 
 
 def judged_span(surface: Surface, load: LoadCase) -> tuple[float, str]:
-    """Return the span (m) to which displacements are compared, and the span in words.
-    The span is twice the largest distance of a vertex from the supports, measured at right angles to the load. If the
-    largest direct distance of a vertex from the supports is longer, as in a column, the span is the direct distance."""
+    """Return the span (m) to which displacements are compared, and the span in words."""
     net, V, parts = load.force.sum(axis=0), surface.V, load.parts
     if parts is not None and (parts.point.any() or parts.bare.any() or parts.covered.any()):
         net = net - surface.areas @ parts.weight
@@ -336,7 +330,6 @@ def judged_span(surface: Surface, load: LoadCase) -> tuple[float, str]:
 
 
 def _buckling(statics: CutStatics) -> tuple[float | None, str, tuple[str, ...]]:
-    """Return the lowest buckling factor or None, its load case, and remarks on supports and missing results."""
     model, remarks, factors = statics.model, dict[str, None](), dict[str, float]()
     for name in _most_compressed(statics):
         answer, standing = statics.answers[name], mode_supports(model.surface, statics.loads[name])
@@ -389,8 +382,7 @@ def _reactions(statics: CutStatics) -> tuple[SupportForce, ...]:
 
 
 def support_shares(supports: Iterable[Support], surface: Surface, sheet: Sheet) -> Floats:
-    """Return how much of the reaction x, y, z at each vertex belongs to each support, 0 to 1, as (s, n', 3).
-    n' : number of vertices of the cut sheet. Supports that hold a vertex in the same direction have equal shares."""
+    """Return the part of the reaction that belongs to each support, 0 to 1, as (s, n', 3)."""
     marks = np.array([_held_directions(support, surface, sheet) for support in supports])
     return np.asarray(marks / np.maximum(marks.sum(axis=0), 1))
 

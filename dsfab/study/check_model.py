@@ -1,4 +1,4 @@
-"""A design as a finite element model for CalculiX, with dsfab's own results in comments of the file."""
+"""A design as a finite element model for CalculiX."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,13 +22,12 @@ from dsfab.study.verdict.estimates import ModeEstimate
 from dsfab.surface import LoadCase, Surface, support_names
 
 THIN = 0.01
-"""Largest thickness of CPS6 sections, divided by the mean edge length. CalculiX makes solid wedges of CPS6 elements,
-and only thin wedges come close to plane stress."""
+"""Largest thickness of CPS6 sections, divided by the mean edge length."""
 
 
 def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
     """Return the nodes (n + e, 3), metres, and the six-node triangles (m, 6) of a surface.
-    Nodes: the n vertices, then the middles of the e edges. A triangle has three corners, then the middles of its sides
+    Nodes: the n vertices, then the middles of the e edges. Triangles: corners 1, 2, 3, then the middles of sides
     1-2, 2-3, 3-1."""
     edges = surface.edges
     middles = surface.V[edges.ends].mean(axis=1)
@@ -36,11 +35,9 @@ def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
 
 
 def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = None) -> Floats:
-    """Return forces (n + e, 3), newtons, on the nodes of six-node triangles: vertices, then middles of edges.
-    force  : (n, 3) newtons on the vertices. They include the loads `spread`.
-    spread : part of the load on faces and edges.
-    The force on the middle of an edge is the work of the loads on the edge's bubble (quadratic function, 0 at the
-    ends). Half of it is subtracted at each end: a corner's shape function is linear minus half of each bubble."""
+    """Return forces (n + e, 3), newtons, on vertices, then on middles of edges.
+    force  : (n, 3) newtons on the vertices, including the loads `spread`.
+    spread : part of the load on faces and edges."""
     middle = np.zeros((len(surface.edges.ends), 3))
     if spread is not None:
         on_bubbles = spread.bubble_forces(surface, elements_of("six_nodes"))[:, -3:]
@@ -52,8 +49,7 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
 
 def held_nodes(surface: Surface, supports: Mapping[str, Bools]) -> dict[str, Bools]:
     """Return a mask (n + e, 3) of the held directions of vertices and edges' middles, by name of the support.
-    supports : (n, 3) mask of held directions of the vertices, by name of the support.
-    If two supports hold the ends of an edge, its middle belongs to the first support."""
+    supports : (n, 3) mask for the vertices, by name of the support."""
     ends = surface.edges.ends
     unassigned = held_middles(surface, _held_by_any(surface, supports))
     directions = {}
@@ -76,12 +72,10 @@ def six_node_model(
     element: Element = "S6",
     axis: int = 2,
 ) -> CalculixModel:
-    """Return the CalculiX model of a sheet. Faces whose nodes are all fixed do not rotate, as in dsfab.
+    """Return the CalculiX model of a sheet.
     supports : (n, 3) mask of held directions of the vertices, by name of the support.
-    steps    : (n + e, 3) nodal forces, newtons, by name of the step.
-    springs  : (n, 3) newtons per metre at the vertices.
-    element  : S6, or CPS6 for a flat sheet that is loaded in its plane.
-    axis     : coordinate perpendicular to the plane of a CPS6 sheet."""
+    steps    : (n + e, 3) nodal forces, newtons, by name of the step.    springs : (n, 3) N/m.
+    element  : S6, or CPS6 for a flat sheet that is loaded in its plane.    axis : coordinate normal to a CPS6 sheet."""
     surface, material, clamped = sheet.surface, sheet.material, sheet.clamped
     edges = surface.edges
     X, T = six_node_triangles(surface)
@@ -101,20 +95,18 @@ def six_node_model(
 
 
 def axes_of_file(axis: int) -> Ints:
-    """Return which coordinates (0 to 2) of the surface become x, y and z in the file, (3,). axis : coordinate for z."""
+    """Return the coordinates (3,) of the surface that become x, y and z in the file. axis : coordinate for z."""
     return np.asarray(np.roll(np.arange(3), 2 - axis))
 
 
 def in_plane(model: CalculixModel, axis: int, thickness: float) -> CalculixModel:
     """Return the model in CPS6 elements, with the two coordinates of the sheet's plane as x and y.
-    axis      : coordinate perpendicular to the sheet.
-    thickness : largest thickness of the section, metres. A thicker section is replaced by a thinner, stiffer section
-                with the same displacements, reactions and energy, but larger stresses.
+    axis      : coordinate perpendicular to the sheet.    thickness : largest thickness of the section, metres.
     Raises StaticsError for a sheet that is not flat."""
     if np.ptp(model.nodes[:, axis]) > 1e-9 * np.ptp(model.nodes, axis=0).max():
         raise StaticsError("the sheet is not flat, so CPS6 elements cannot be used; choose S6 elements")
     turn = axes_of_file(axis)
-    nodes = model.nodes[:, turn] * (1, 1, 0) + 0.0  # + 0.0 turns -0 into 0
+    nodes = model.nodes[:, turn] * (1, 1, 0) + 0.0  # turns -0 into 0
     notes = list(model.notes)
     if axis != 2:
         notes.append(f"AXES: x and y of this file are {'xyz'[turn[0]]} and {'xyz'[turn[1]]} of the surface")
@@ -146,12 +138,12 @@ LOADS = {
     "uncut": "Loads are those of the uncut sheet, with its whole weight; the cut sheet weighs less",
     "cut": "Loads are those of the cut sheet: its own weight, and loads of coverings on the material nearest to them",
 }
-"""Sentence about the loads, for a model of the uncut and of the cut sheet."""
+"""Sentence about the loads of each model."""
 
 
 @dataclass(frozen=True, eq=False)
 class CheckModel:
-    """A CalculiX model, its surface, and dsfab's own results, by name of the load case or combination."""
+    """A CalculiX model, its surface, and dsfab's own results."""
 
     model: CalculixModel
     surface: Surface
@@ -160,8 +152,7 @@ class CheckModel:
 
 
 def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
-    """Return the CalculiX model of a preset's uncut surface, with a step for each load case and combination.
-    Elements are CPS6 for a flat surface loaded in its plane, else S6 shells. Raises DsfabError if a stage fails."""
+    """Return the CalculiX model of a preset's uncut surface, with a step for each case and combination."""
     log = Log(progress)
     surface = surface_step(preset, log)
     check_scale(preset, surface, log)
@@ -177,9 +168,9 @@ def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
 
 
 def cut_model(design: Design, progress: Progress | None = None) -> CheckModel:
-    """Return the CalculiX model of a design's cut sheet. Loads of the uncut surface act on vertices of this sheet."""
+    """Return the CalculiX model of a design's cut sheet."""
     sheet, preset = design.sheet, design.preset
-    nothing = SpreadLoad.broadcast(sheet.surface)  # spread loads are already part of the vertex forces
+    nothing = SpreadLoad.broadcast(sheet.surface)
     acting = [
         Loading(name, sheet_load(design.surface, sheet, case.load), nothing, case.factors)
         for name, case in design.statics.cases.items()

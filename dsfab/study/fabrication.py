@@ -1,4 +1,4 @@
-"""Fabrication limits: the smallest members, gaps and walls of a design, and changes to meet the limits."""
+"""Fabrication limits: the smallest members, gaps and walls of a design."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,8 +25,8 @@ from dsfab.thickening.wall_thickness import Wall, thinnest_wall
 class Check:
     """A fabrication limit and the measured value, metres; for `bed`, three limits and three sizes.
     name  : key of [fabrication], such as "min_gap".
-    value, place, what : measured value, its place, and the name of the measured part; empty without such a part.
-    asked : True if the preset sets the limit; False for a default limit (`least_widths`)."""
+    value, place, what : measured value, place, and name of the measured part.
+    asked : True if the preset sets the limit; False for a default limit."""
 
     name: str
     limit: tuple[float, ...]
@@ -39,8 +39,9 @@ class Check:
 
 @dataclass(frozen=True)
 class PieceContacts:
-    """A connected piece of the sheet. area : m2.    names : names of its supports and loads.
-    supports, loads : numbers (from 1) of the supports and of the loads that act on the piece."""
+    """A connected piece of the sheet.
+    area : m2.
+    supports, loads : numbers (from 1) of the supports and loads on the piece."""
 
     area: float
     supports: tuple[int, ...]
@@ -50,7 +51,7 @@ class PieceContacts:
 
 @dataclass(frozen=True, eq=False)
 class FabricationMeasures:
-    """Measures of a design for its fabrication, in metres, and checks of the preset's limits."""
+    """Measures of a design for fabrication, in metres."""
 
     thickness: float
     features: Features
@@ -66,7 +67,7 @@ class FabricationMeasures:
 
 
 def fabrication(design: Design) -> FabricationMeasures:
-    """Measure the sheet and the solid of a design, and compare the measures with the preset's limits."""
+    """Return measures of the sheet and the solid of a design, and checks of the preset's limits."""
     cells = design.slicing.cells
     least = least_widths(design.resolved_preset, design.surface)
     sizes = features(cells, kept_cells(cells, design.sheet), design.pattern.names, tips=least.gap > 0)
@@ -89,8 +90,7 @@ def fabrication(design: Design) -> FabricationMeasures:
 
 
 def refusals(design: Design, measured: FabricationMeasures | None = None) -> tuple[str, ...]:
-    """Return reasons why a design should not be exported: loads without support, and places with almost no thickness.
-    In a design for a workshop, members and gaps under 1 mm that fail their check are also reasons.
+    """Return reasons why a design should not be exported.
     measured : measures of the design; None to leave out members and gaps."""
     loads, why = {name: case.load for name, case in design.statics.cases.items()}, []
     try:
@@ -108,8 +108,8 @@ def refusals(design: Design, measured: FabricationMeasures | None = None) -> tup
 
 
 def require_fit(design: Design, measured: FabricationMeasures | None = None, measure: bool = True) -> None:
-    """Raise PatternError if `refusals` finds reasons against an export, unless `fabrication.accept` is true.
-    measured : measures of the design.    measure : True to compute missing measures of a design for a workshop."""
+    """Raise PatternError if `refusals` finds reasons against an export.
+    measured : measures of the design.    measure : True to compute missing measures."""
     if measured is None and measure and design.resolved_preset.pattern.for_workshop:
         measured = fabrication(design)
     if not design.preset.fabrication.accept and (why := refusals(design, measured)):
@@ -165,7 +165,8 @@ COARSER, COARSEST = 0.85, 0.6  # one change of a design multiplies the frequenci
 
 @dataclass(frozen=True, eq=False)
 class FixedDesign:
-    """A design that meets its fabrication limits. made : measures of the design.
+    """A design that meets the fabrication limits.
+    made    : measures of the design.
     changes : old and new value of each changed key of the preset."""
 
     design: Design
@@ -174,9 +175,8 @@ class FixedDesign:
 
 
 def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesign:
-    """Change a design until the design meets all limits of [fabrication], and return the design.
-    The first changes raise the least widths of members and gaps. Later changes also lower the stripes' frequencies.
-    Raises PatternError if `ATTEMPTS` changes do not suffice, or if `min_wall` or `bed` fails (no pattern helps)."""
+    """Return a changed design that meets all limits of [fabrication].
+    Raises PatternError if `ATTEMPTS` changes do not suffice, or if `min_wall` or `bed` fails."""
     original, measured = design.preset, fabrication(design)
     for turn in range(ATTEMPTS):
         if not measured.failed_checks:
@@ -228,13 +228,13 @@ def _changes(design: Design, measured: FabricationMeasures) -> dict[str, Any]:
 
 
 def fewer_stripes(design: Design, measured: FabricationMeasures) -> dict[str, Any]:
-    """Return new values of preset keys, such as pattern.major.spacing, for fewer stripes with a larger spacing."""
+    """Return new values of preset keys, such as pattern.major.spacing, for fewer stripes."""
     short = min((c.value[0] / c.limit[0] for c in measured.failed_checks if c.name == "min_member"), default=COARSER)
     return spacing_changes(design, 1 / min(max(short, COARSEST), COARSER))
 
 
 def spacing_changes(design: Design, factor: float) -> dict[str, Any]:
-    """Return new values of preset keys, such as pattern.major.spacing, for a spacing multiplied by `factor`."""
+    """Return new values of preset keys for a spacing multiplied by `factor`."""
     pattern, changes = design.preset.pattern, dict[str, Any]()
     for name, family in zip(pattern.family_names, pattern.drawn_families, strict=True):
         if family.spacing or design.pattern.even:
@@ -259,7 +259,7 @@ def _wider_stripes(preset: Preset, check: Check) -> dict[str, Any]:
 
 
 def raised_value(value: float, check: Check) -> float:
-    """Return a larger width (m) for a failed check: its limit if `value` is smaller; else up to 1.25 times `value`."""
+    """Return a larger width (m) for a failed check."""
     limit = MARGIN * check.limit[0]
     if value < limit:
         return _four_digits(limit)

@@ -1,4 +1,4 @@
-"""Judges of structures: compliance, displacements and stress by one solve, or on finer and finer meshes."""
+"""Judges of structures: compliance, displacements and stress on one mesh or several."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -33,15 +33,11 @@ from dsfab.surface import LoadCase
 class CaseResponse:
     """Response of a sheet to a load.
     compliance   : joules.     displacement : largest displacement (m) with its place.
-    stress, tension, compression : largest values (Pa), see `dsfab.study.verdict.estimates`.
-    triangles    : number of triangles of the mesh on which the stress was computed.
+    stress, tension, compression : largest values (Pa).
     utilisation  : two values of stress / strength: not exceeded on 99 % of the area; largest away from corners.
     reactions    : (3,) newtons for each support, in the order of surface.support.
-    imbalance, residual : see `dsfab.statics.Equilibrium`.
     buckling     : lowest buckling factor, or None.     frequency : lowest frequency (Hz), or None.
     buckling_bound, frequency_bound : relative error bounds; None for one mesh.
-    refusals     : reasons for missing values.
-    assumed      : assumptions about the supports for buckling and frequency, or ''.
     local        : text about a buckling mode in a small part of the sheet, or ''."""
 
     compliance: float
@@ -65,7 +61,7 @@ class CaseResponse:
 
 @dataclass(frozen=True, eq=False)
 class AnsweredLoad:
-    """A load on a cut sheet, with the equilibrium and stress under it on the unrefined mesh."""
+    """A load on a cut sheet, with the equilibrium and stress under the load."""
 
     load: LoadCase
     equilibrium: Equilibrium
@@ -76,11 +72,10 @@ class AnsweredLoad:
 class Judgement:
     """Computed compliance of a structure, response to each load, and verdict on the accuracy.
     compliance : weighted sum over the loads that shape the structure's pattern, joules.
-    verdict    : `pass` if the error bound of the compliance is small enough.     reason : explanation of the verdict.
     bound      : relative error bound of the compliance, or None.     cases : response to each load, by the load's name.
     check      : result of solves on several meshes; None for one mesh.
     theory     : largest expected compliance of the solid, divided by that of the shell, minus 1; None for one mesh.
-    solved     : solutions on the unrefined mesh, by the load's name; may be empty, to save memory."""
+    solved     : solutions on the unrefined mesh, by the load's name; may be empty."""
 
     compliance: float
     cases: Mapping[str, CaseResponse]
@@ -97,7 +92,7 @@ class Judgement:
 
     def solid_loss(self, power: float) -> float:
         """Return the fraction by which a buckling factor or frequency is lower for the solid than for the shell.
-        power : 1 for buckling factors, which grow with the stiffness; 0.5 for frequencies, which grow with its root."""
+        power : 1 for buckling factors, 0.5 for frequencies."""
         return float(1 - (1 + (self.theory or 0.0)) ** -power)
 
     def worst(self, name: str) -> Extreme:
@@ -111,8 +106,7 @@ Judge = Callable[[ComparisonTask, Structure], Judgement]  # solves a structure; 
 
 def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False) -> dict[str, AnsweredLoad]:
     """Solve the sheet of a structure for each load that shapes the pattern.
-    every : True to solve all cases and combinations.
-    Raises StaticsError if the structure does not carry a load."""
+    every : True to solve all cases and combinations.    Raises StaticsError if the structure does not carry a load."""
     statics, surface = task.preset.statics, structure.sheet.surface
     loads = sheet_loads(task.surface, structure.material, structure.sheet, task.loads_on(structure, every))
     sheet = statics.sheet(structure.thickness).model_for(surface)
@@ -131,11 +125,8 @@ def quick(
     solved: Mapping[str, AnsweredLoad] | None = None,
 ) -> Judgement:
     """Compute compliance, stress and displacements by one solve on the unrefined mesh, without a verdict.
-    The error bound of the compliance is 5 %, which holds for nine designs in ten. For uncut sheets that bend, the bound
-    is 50 %, because their meshes are coarse.
-    ask   : requested frequencies and buckling factors; only the lowest are computed.
-    every : True for all cases and combinations; False for the loads whose stresses determine the pattern.
-    solved : earlier solutions of this structure, by name of the load; None to compute new solutions.
+    ask   : requested frequencies and buckling factors.
+    every : True for all cases and combinations.
     Raises StaticsError if the structure does not carry a load."""
     answers, request = solved or solved_loads(task, structure, every), ask or ResultRequest()
     cases = {name: _case_response(task, structure, answered, request) for name, answered in answers.items()}
@@ -214,10 +205,7 @@ def full(
     progress: Progress | None = None,
 ) -> Judgement:
     """Compute compliance, buckling factors and frequencies on finer and finer meshes, with error bounds.
-    Stresses are those of the finest mesh; displacements and reactions are those of the unrefined mesh. If the memory is
-    too small for finer meshes, the result is that of `quick`.
-    every : True for all cases and combinations. If the sheet does not carry all of them, the verdict is `fail`.
-    ask   : requested frequencies and buckling factors.         budget : memory, bytes.
+    If the memory is too small, the result is that of `quick`.    budget : memory, bytes.
     Raises StaticsError if the structure does not carry the loads that shape its pattern."""
     try:
         quick_judgement = quick(task, structure, None, every)

@@ -1,4 +1,4 @@
-"""Values of the option `--vary`: parsing, combinations, order of the runs, and expected time for their pictures."""
+"""Values of the option `--vary`, and order of the runs."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,7 +14,7 @@ Values = Mapping[str, Sequence[Any]]  # values by dotted key
 
 
 def parse_variations(texts: Sequence[str]) -> Values:
-    """Return the values by key from texts `KEY=LOW:HIGH:COUNT` (equal steps, both ends included) or `KEY=ONE,TWO,...`.
+    """Return the values by key from texts `KEY=LOW:HIGH:COUNT` (both ends included) or `KEY=ONE,TWO,...`.
     Raises DsfabError for any other text, for empty ranges, and for repeated values or keys."""
     variations = dict[str, list[Any]]()
     for text in texts:
@@ -70,13 +70,13 @@ def combinations(values: Values) -> Iterator[dict[str, Any]]:
 
 
 def stage_of(key: str) -> int:
-    """Return the index of a key's stage in `STAGES`; keys without a stage come after the last stage."""
+    """Return the index of a key's stage; keys without a stage come last."""
     section = key.split(".")[0]
     return STAGES.index(section) if section in STAGES else len(STAGES)
 
 
 def signature(changes: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return one text for each stage: its changed values. Two runs with equal first texts share these first stages.
+    """Return a text for each stage: the changed values.
     changes : changed values of the preset, by dotted key."""
     by_stage: dict[str, dict[str, Any]] = {stage: {} for stage in STAGES}
     for key, value in changes.items():
@@ -87,8 +87,8 @@ def signature(changes: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
-    """Return the indices of the runs, sorted so that successive runs share as many first stages as possible.
-    runs : changed values of the preset for each run, by dotted key."""
+    """Return the indices of the runs, sorted so that successive runs share first stages.
+    runs : changed values of the preset, by dotted key."""
     signatures = [signature(changes) for changes in runs]
     places: list[dict[str, int]] = [{} for _ in STAGES]
     for texts in signatures:
@@ -99,17 +99,16 @@ def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
 
 
 def expected_seconds(values: Values, stages: Mapping[str, float], picture: float) -> float:
-    """Return the expected time (s) to compute and draw all combinations of the values, with one picture for each.
-    stages : time of each stage, s.    picture : time to draw one picture, s."""
+    """Return the expected time (s) to compute and draw all combinations of the values.
+    stages : time of each stage, s.    picture : time to draw a picture, s."""
     total = picture * count(values)
     for stage, seconds in stages.items():
-        # a stage runs once for each combination of values of its own keys and of the keys of earlier stages
         total += seconds * prod(len(v) for key, v in values.items() if stage_of(key) <= STAGES.index(stage))
     return total
 
 
 def spelled_value(value: Any) -> str:
-    """Return a value as users write it after KEY= on the command line."""
+    """Return a value as text for the command line."""
     if isinstance(value, str) and value.replace("_", "").isalpha() and value not in ("true", "false", "inf", "nan"):
         return value
     return json.dumps(value)

@@ -1,4 +1,4 @@
-"""Changes of edges in a mesh: halving, flipping and collapsing; creases; smooth subdivision."""
+"""Changes of edges in a mesh: halving, flipping and collapsing."""
 
 import igl
 import numpy as np
@@ -14,19 +14,19 @@ CREASE = 30.0  # Least angle between the normals of the faces at a crease, degre
 
 
 def feature_edges(surface: Surface) -> Bools:
-    """Mark the edges (e,) on the boundary, at a crease, or between faces whose normals point to opposite sides."""
+    """Mark the edges (e,) on the boundary, at a crease, or between faces of opposite orientation."""
     return border_edges(surface) | sharp_edges(surface)
 
 
 def border_edges(surface: Surface) -> Bools:
-    """Mark the edges (e,) on the boundary, or between faces whose normals point to opposite sides."""
+    """Mark the edges (e,) on the boundary, or between faces of opposite orientation."""
     marks = surface.edges.boundary.copy()
     marks[misoriented_edges(surface.F, surface.edges)] = True
     return marks
 
 
 def sharp_edges(surface: Surface) -> Bools:
-    """Mark the edges (e,) at which the normals of the two faces differ by at least 30 degrees."""
+    """Mark the edges (e,) that fold by at least 30 degrees."""
     marks = np.zeros(len(surface.edges.ends), dtype=bool)
     first_normals, second_normals = surface.normals[surface.edges.pairs // 3].transpose(1, 0, 2)
     marks[surface.edges.count == 2] = np.einsum("ei,ei->e", first_normals, second_normals) < np.cos(np.radians(CREASE))
@@ -37,10 +37,9 @@ def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Su
     """Return the surface with triangles divided until no edge is longer than `target` metres; old vertices come first.
 
     smooth : False: long edges are halved, and the shape stays the same [Rivara 1984]. True: every triangle is divided
-             in four, and vertices move towards a smooth surface [Loop 1987]. Vertices on a boundary or a crease stay.
+    in four, and vertices move towards a smooth surface [Loop 1987].
 
-    Raises SurfaceError for an invalid target, for more than `MOST_TRIANGLES` triangles, and for `smooth` on a surface
-    that is not an oriented manifold."""
+    Raises SurfaceError for an invalid target, for too many triangles, and for `smooth` without an oriented manifold."""
     if not (np.isfinite(target) and target > 0):
         raise SurfaceError(f"the edge length {target} must be a positive length in metres; change surface.refine")
     if smooth and (faults := manifold_faults(surface.F, surface.edges, surface.n)):
@@ -60,11 +59,11 @@ def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Su
 
 
 def _loop_subdivision(V: Floats, F: Ints, edges: EdgeTable, fixed_edges: Ints) -> tuple[Floats, Ints, Ints]:
-    """Divide every triangle in four by Loop's subdivision. Return vertices, faces, and the halves of fixed edges."""
+    """Divide every triangle in four. Return vertices, faces, and the halves of fixed edges."""
     positions = np.searchsorted(edges.ends @ (len(V), 1), fixed_edges @ (len(V), 1))
     moved, finer = igl.loop(V, F, 1)
     middle = np.empty(len(edges.ends), dtype=np.int64)
-    quarters = finer.reshape(-1, 4, 3)  # quarters 0 and 1 of a face are at its corners 0 and 1
+    quarters = finer.reshape(-1, 4, 3)
     middle[edges.of] = np.stack([quarters[:, 0, 1], quarters[:, 1, 1], quarters[:, 0, 2]], axis=1)
     moved[fixed_edges] = V[fixed_edges]
     moved[middle[positions]] = V[fixed_edges].mean(axis=1)
@@ -110,7 +109,7 @@ def halved_edges(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[F
 
 
 def with_longest_edges(V: Floats, edges: EdgeTable, halves: Bools) -> Bools:
-    """Mark more edges (e,), until each face with a marked edge also has a marked longest edge [Rivara 1984]."""
+    """Mark more edges (e,), until each face with a marked edge has a marked longest edge [Rivara 1984]."""
     length = edge_lengths(V, edges.ends)[edges.of]
     longest = np.take_along_axis(edges.of, length.argmax(axis=1)[:, None], axis=1)[:, 0]
     while True:
@@ -122,15 +121,15 @@ def with_longest_edges(V: Floats, edges: EdgeTable, halves: Bools) -> Bools:
 
 
 def quads(F: Ints, pairs: Ints) -> Ints:
-    """Return the corners a, b, c, d (q, 4) of two faces at each edge: ends a, b of the edge, and opposite corners c, d.
-    pairs : (q, 2) the two half-edges of each edge."""
+    """Return the corners a, b, c, d (q, 4) of two faces at each edge: ends a, b, and opposite corners c, d.
+    pairs : (q, 2) half-edges."""
     h0, h1 = pairs.T
     corners: Ints = np.stack([h0, next_half_edge(h0), next_half_edge(h0, 2), next_half_edge(h1, 2)], axis=1)
     return np.asarray(F.ravel()[corners])
 
 
 def with_other_diagonals(F: Ints, pairs: Ints, quad: Ints) -> Ints:
-    """Replace the edge a-b of each quad (q, 4) by c-d in faces F (m, 3), see `quads`. The quads share no faces."""
+    """Replace the edge a-b of each quad (q, 4) by c-d in faces F (m, 3). The quads share no faces."""
     a, b, c, d = quad.T
     F = F.copy()
     F[pairs[:, 0] // 3] = np.stack([a, d, c], axis=1)
@@ -139,22 +138,21 @@ def with_other_diagonals(F: Ints, pairs: Ints, quad: Ints) -> Ints:
 
 
 def has_new_diagonal(quad: Ints, edges: EdgeTable, n: int) -> Bools:
-    """Mark the quads a, b, c, d (q, 4), on n vertices, whose diagonal c-d is not an edge yet."""
+    """Mark the quads a, b, c, d (q, 4), on n vertices, whose diagonal c-d is not an edge."""
     keys, diagonal_keys = edges.ends @ (n, 1), np.sort(quad[:, 2:], axis=1) @ (n, 1)
     positions = np.minimum(np.searchsorted(keys, diagonal_keys), len(keys) - 1)
     return np.asarray((keys[positions] != diagonal_keys) & (quad[:, 2] != quad[:, 3]))
 
 
 def meets_link_condition(edges: EdgeTable, chosen: Ints, n: int) -> Bools:
-    """Mark the edges in `chosen` (c,) that can collapse without a change of the topology.
-    Link condition: the ends of an edge share no neighbours except the opposite corners [Dey et al. 1999]."""
+    """Mark the edges in `chosen` (c,) that can collapse without a change of the topology [Dey et al. 1999]."""
     A: csr_array = adjacency(edges, n)
     a, b = edges.ends[chosen].T
     return np.asarray(np.asarray(A[a].multiply(A[b]).sum(axis=1)).ravel() == edges.count[chosen])
 
 
 def contracted_faces(F: Ints, onto: Ints) -> Ints:
-    """Replace each vertex k of faces F (m, 3) by onto[k], (n,). Faces that lose a corner are removed."""
+    """Replace each vertex k of faces F (m, 3) by onto[k], (n,). Faces without three different corners are removed."""
     F = onto[F]
     return np.asarray(F[has_three_corners(F)])
 
@@ -166,10 +164,10 @@ def has_three_corners(F: Ints) -> Bools:
 
 
 def leading_candidates(order: Ints, touched: Ints, n: int, edges: Ints | None = None) -> Bools:
-    """Mark the candidates (c,) for a mesh change that are better than every other candidate at their vertices.
+    """Mark the candidates (c,) for a mesh change that are the best at all their vertices.
     order   : (c,) the candidates, best first.
     touched : (c, k) vertices 0..n-1 that each candidate changes.
-    edges   : (e, 2) edges of the mesh, to compare also candidates at neighbouring vertices; None: not compared."""
+    edges   : (e, 2) to compare also candidates at neighbouring vertices, or None."""
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
     least_rank = np.full(n, len(order))
@@ -181,14 +179,14 @@ def leading_candidates(order: Ints, touched: Ints, n: int, edges: Ints | None = 
     return np.asarray((least_rank[touched] >= rank[:, None]).all(axis=1))
 
 
-LEAST_ANGLE_GAIN = 1.0  # A flip must increase the smallest angle of its two faces by at least this, degrees.
+LEAST_ANGLE_GAIN = 1.0  # Least gain of the smallest angle by a flip, degrees.
 
 
 def with_flipped_edges(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> Surface:
-    """Return the surface with flipped edges: two faces get their other diagonal if this increases the smallest angle.
-    may       : (n,) mask of vertices; an edge may flip if a corner of its two faces is in the mask.
+    """Return the surface with edges flipped where this increases the smallest angle of two faces.
+    may       : (n,) mask of vertices whose faces may change.
     stays     : (k, 2) ends of the edges that must stay.
-    tolerance : largest distance between an edge and the edge that replaces it, metres."""
+    tolerance : largest distance between an edge and the new edge, metres."""
     keys = _keys(surface.n, *stays.T)
     for _ in range(8):
         F = _flip_once(surface, may, keys, tolerance)
@@ -217,7 +215,6 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
     np.maximum.at(best_gain, (h // 3).ravel(), np.repeat(gain, 2))
     chosen = np.flatnonzero((gain > LEAST_ANGLE_GAIN) & (gain[:, None] == best_gain[h // 3]).all(axis=1))
     first_face, second_face = h[chosen].T // 3
-    # if two chosen flips share a face, keep the first flip
     first_places = np.unique(np.concatenate([first_face, second_face]), return_index=True)[1]
     once = np.zeros(2 * len(chosen), dtype=bool)
     once[first_places] = True
@@ -231,7 +228,6 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
 
 
 def _may_flip(surface: Surface, faces: Ints, quad: Ints, tolerance: float) -> Bools:
-    """Mark quads a, b, c, d (k, 4) where edge c-d may replace a-b: c-d is new and near a-b, and turns no face over."""
     a, b, c, d = (surface.V[k] for k in quad.T)
     across = cross(b - a, d - c)
     distance = np.abs(np.einsum("ki,ki->k", across, c - a)) / np.maximum(lengths(across), np.finfo(float).tiny)

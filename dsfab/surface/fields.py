@@ -16,8 +16,7 @@ from dsfab.surface.mesh import Surface
 
 
 def hat_gradients(surface: Surface) -> Floats:
-    """Return the gradients (m, 3 corners, 3 xyz), per metre, of each face's hat functions: linear, 1 at one corner.
-    Formula: grad phi_i = n x (p_k - p_j) / (2 A), for corners i, j, k counter-clockwise about the normal n, area A."""
+    """Return the gradients (m, 3 corners, 3 xyz), per metre, of each face's hat functions."""
     P = surface.V[surface.F]
     u, v, w = (P[:, (2, 0, 1)] - P[:, (1, 2, 0)]).transpose(2, 0, 1)  # edges opposite to the corners
     x, y, z = surface.normals.T[:, :, None]
@@ -42,8 +41,8 @@ def voronoi_mass(surface: Surface) -> Floats:
 
 
 def assemble(surface: Surface, blocks: Floats, diagonal: Floats | None = None) -> csr_array:
-    """Return the sparse matrix (n, n) that sums the blocks (m, 3, 3) of the faces, by the vertices at their corners.
-    diagonal : (n,) numbers to add to the diagonal. Zeros are stored, so that all such matrices have one pattern."""
+    """Return the sparse matrix (n, n) that sums the blocks (m, 3, 3) of the faces.
+    diagonal : (n,) numbers to add to the diagonal."""
     rows = np.repeat(surface.F, 3, axis=1).ravel()
     columns = np.tile(surface.F, (1, 3)).ravel()
     values = blocks.ravel()
@@ -64,8 +63,7 @@ class StructureLine:
     family : "major", "minor", "keep" (kept regions), "rim", or "boundary" for edges of the uncut surface.
     number : number of the stripe in its family; 0 without a stripe.
     part   : 1, 2, ... for lines of the same kind, family and number.
-    points : (k, 3) metres; the last point repeats the first if the line is closed.
-    length : length of the line on the mesh, before any simplification, metres."""
+    points : (k, 3) metres; the last point repeats the first if the line is closed."""
 
     kind: Kind
     family: str
@@ -90,12 +88,12 @@ class StructureLine:
 
     @property
     def id(self) -> str:
-        """Name of the line, the same each time the design is computed: `centre-major-3.1`."""
+        """Name of the line: `centre-major-3.1`."""
         return f"{self.layer}-{self.number}.{self.part}"
 
 
 class Track(NamedTuple):
-    """A level line: points (k, 3) in metres, the index of its level, and the face of each of its k - 1 chords."""
+    """A level line: points (k, 3) in metres, the index of the level, and the faces (k - 1,)."""
 
     points: Floats
     level: int
@@ -108,8 +106,8 @@ def polyline_length(points: Floats) -> float:
 
 
 def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | None = None) -> list[Track]:
-    """Return the lines on which the field x (n,), linear on each face, equals one of the levels (l,), ascending.
-    within : (m,) mask of the faces that may have lines; by default all faces."""
+    """Return the lines on which the field x (n,) equals one of the levels (l,), ascending.
+    within : (m,) mask of the faces that may have lines."""
     nodes = _nodes(surface, x, levels)
     if nodes.level.size == 0:
         return []
@@ -128,7 +126,7 @@ def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | Non
 
 
 class _Nodes(NamedTuple):
-    """Points where level lines cross edges. The first point on edge e has index offset[e] and level number begin[e]."""
+    """Points where level lines cross edges. The first point on edge e has index offset[e], level number begin[e]."""
 
     offset: Ints
     begin: Ints
@@ -171,9 +169,8 @@ def _side(i: Ints, j: Ints) -> Ints:
 
 
 def chains(first_nodes: Ints, second_nodes: Ints, count: int) -> list[tuple[Ints, Ints]]:
-    """Join links, each between a first and a second node, to chains. Return the nodes and the links of each chain.
-    A node has at most two links. Open chains come first. Closed chains end with their first node.
-    count : number of nodes."""
+    """Join links, between a first and a second node, to chains. Return the nodes and the links of each chain.
+    Closed chains come last, and end with their first node."""
     node = np.concatenate([first_nodes, second_nodes])
     order = np.argsort(node, kind="stable")
     degree = np.bincount(node, minlength=count)
@@ -202,8 +199,8 @@ def chains(first_nodes: Ints, second_nodes: Ints, count: int) -> list[tuple[Ints
 
 
 def simplified_line(points: Floats, tolerance: float) -> Floats:
-    """Return the polyline (k, d) with fewer points; omitted points lie within `tolerance` of the result.
-    Both ends stay. In a closed polyline, the point farthest from the ends also stays [Douglas, Peucker 1973]."""
+    """Return the polyline (k, d) with fewer points [Douglas, Peucker 1973].
+    Omitted points lie within `tolerance` of the result."""
     keep = np.zeros(len(points), dtype=bool)
     keep[[0, -1]] = True
     spans = [(0, len(points) - 1)]
@@ -228,7 +225,7 @@ def _from_segment(points: Floats, a: Floats, b: Floats) -> Floats:
     along = b - a
     squared = float(along @ along)
     away = points - a
-    if squared:  # without np.clip and np.linalg.norm, which would take most of the time
+    if squared:
         away -= np.minimum(np.maximum(away @ along / squared, 0.0), 1.0)[:, None] * along
     return np.asarray(np.sqrt((away * away).sum(axis=1)))
 
@@ -236,13 +233,11 @@ def _from_segment(points: Floats, a: Floats, b: Floats) -> Floats:
 @dataclass(frozen=True, eq=False)
 class CornerField:
     """A field along whose levels a surface is cut. At a corner of a face, its value is sign * x + shift.
-    x      : (n, 1) values at the vertices, or (n, 2): two fields that bound bands of material. A place is material if
-             more levels lie below x[:, 0] than below x[:, 1].
+    x      : values at the vertices (n, 1), or (n, 2): material where more levels lie below x[:, 0] than below x[:, 1].
     sign   : (m, 3) 1 or -1 at each corner of a face.
     shift  : (m, 3) offset at each corner of a face.
-    blank  : (m,) mask of the faces without a field, which are not cut.
-    wanted : (m,) fraction of each face on which the field applies, 0 to 1; None for 1 everywhere. The mean of `wanted`
-             in an opening of earlier fields decides whether the opening stays."""
+    blank  : (m,) mask of the faces without a field.
+    wanted : (m,) fraction of each face on which the field applies, 0 to 1; None for 1 everywhere."""
 
     x: Floats
     sign: Floats
@@ -272,8 +267,7 @@ class CornerField:
 @dataclass(frozen=True, eq=False)
 class DividedSurface:
     """A surface (n vertices, m faces) and the same surface with divided faces (n' vertices, m' triangles).
-    whole   : the undivided surface.
-    surface : the divided surface; its first vertices are those of `whole`.
+    surface : the divided surface; the first vertices are those of `whole`.
     parent  : (m',) face of `whole` that contains each triangle.
     weights : (n', n) weights that give each vertex as a mean of vertices of `whole`."""
 
@@ -291,8 +285,8 @@ class DividedSurface:
         return cls(surface, surface, np.arange(surface.m), csr_array(eye_array(surface.n)))
 
     def with_halved_edges(self, edges: Bools, positions: Floats | None = None) -> "DividedSurface":
-        """Return the surface divided at new vertices on marked edges (e',) and on the longest edges of their faces.
-        positions : (e',) places of the new vertices along the edges, 0 to 1; by default the middle."""
+        """Return the surface divided on marked edges (e',) and on the longest edges of the faces beside them.
+        positions : (e',) places of the new vertices along the edges, 0 to 1."""
         surface = self.surface
         edges = with_longest_edges(surface.V, surface.edges, edges)
         V, F, source = halved_edges(surface.V, surface.F, surface.edges, edges)
@@ -307,13 +301,13 @@ class DividedSurface:
         return np.flatnonzero(self.surface.F.max(axis=1) >= self.whole.n)
 
     def corners(self, parts: Ints) -> Floats:
-        """Return the corners of triangles (k,) as barycentric coordinates (k, 3, 3) in the undivided face of each."""
+        """Return barycentric coordinates (k, 3, 3) of the corners of triangles (k,) in the undivided faces."""
         rows, columns = self.surface.F[parts][:, :, None], self.whole.F[self.parent[parts]][:, None, :]
         i, j = (np.broadcast_to(index, (len(parts), 3, 3)).ravel() for index in (rows, columns))
         return np.asarray(self.weights[i, j]).reshape(-1, 3, 3)
 
     def origins_on_parts(self, origins: Origins) -> Origins:
-        """Return the origins of distances on the divided surface, from origins on the undivided surface."""
+        """Return the origins of distances on the divided surface."""
         if self.surface is self.whole:
             return origins
         n, whole_edges, part_edges = self.whole.n, self.whole.edges, self.surface.edges
@@ -341,7 +335,7 @@ def _interpolation(ends: Ints, positions: Floats, n: int) -> csr_array:
 
 @dataclass(frozen=True, eq=False)
 class DividedField:
-    """A field on a divided surface, linear on its triangles: values x (n',), or (n', 2), at the vertices."""
+    """A field on a divided surface: values x (n',), or (n', 2), at the vertices."""
 
     divided: DividedSurface
     x: Floats
@@ -351,12 +345,12 @@ class DividedField:
 
     @property
     def at_vertices(self) -> Floats:
-        """Values (n,) or (n, 2) of the field at the vertices of the surface before it was divided."""
+        """Values (n,) or (n, 2) of the field at the vertices of the undivided surface."""
         return self.x[: self.divided.whole.n]
 
     @property
     def columns(self) -> "tuple[DividedField, ...]":
-        """The field as several fields with one value per vertex: one field for each column of its values."""
+        """A field with one value per vertex for each column of the values."""
         return (self,) if self.x.ndim == 1 else tuple(DividedField(self.divided, x) for x in self.x.T)
 
     def at_points(self, points: Floats) -> Floats:

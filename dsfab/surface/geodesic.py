@@ -1,8 +1,6 @@
-"""Exact geodesic distances along a triangle mesh from vertices, edges and faces.
+"""Exact geodesic distances along a triangle mesh [Mitchell, Mount and Papadimitriou 1987].
 
-The search moves a front of windows over the mesh [Mitchell, Mount and Papadimitriou 1987]. A source sees an edge
-through a strip of faces, unfolded into a plane. A window is the visible part of the edge. Paths may bend at boundary
-vertices and at vertices with an angle over 360 degrees; such vertices become new sources."""
+A source sees an edge through a strip of faces, unfolded into a plane. A window is the visible part of the edge."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,8 +20,8 @@ SLACK = 1e-10  # Allowed rounding errors, divided by the compared lengths, areas
 @dataclass(frozen=True, eq=False)
 class Windows:
     """k windows: parts of edges that straight paths from a source reach, after the faces are laid flat in a plane.
-    names  : (k, 5) values of the properties `edge`, `face`, `a`, `b` and `parallel`.
-    values : (k, 7) values of the properties `at_a` and `at_b` (two columns each), `start`, `end` and `offset`."""
+    names  : (k, 5) columns `edge`, `face`, `a`, `b`, `parallel`.
+    values : (k, 7) columns `at_a` and `at_b` (two columns each), `start`, `end`, `offset`."""
 
     names: Ints
     values: Floats
@@ -37,12 +35,12 @@ class Windows:
 
     @property
     def edge(self) -> Ints:
-        """Number (k,) of the edge that contains each window, see `Windows`."""
+        """Number (k,) of the edge that contains each window."""
         return self.names[:, 0]
 
     @property
     def face(self) -> Ints:
-        """Number (k,) of the face that paths to each window (part of an edge) cross last; -1 if paths cross no face."""
+        """Number (k,) of the face that paths to each window cross last; -1 without a face."""
         return self.names[:, 1]
 
     @property
@@ -57,7 +55,7 @@ class Windows:
 
     @property
     def parallel(self) -> Bools:
-        """True (k,) if the rays are parallel and start on the line y = 0; False if they start in the point (0, 0)."""
+        """True (k,) for parallel rays from the line y = 0; False for rays from the point (0, 0)."""
         return np.asarray(self.names[:, 4] > 0)
 
     @property
@@ -72,38 +70,38 @@ class Windows:
 
     @property
     def start(self) -> Floats:
-        """Start (k,) of each window on its edge A-B, as a fraction of the edge from A, 0 to 1."""
+        """Start (k,) of each window, as a fraction of its edge from the first vertex."""
         return self.values[:, 4]
 
     @property
     def end(self) -> Floats:
-        """End (k,) of each window on its edge A-B, as a fraction of the edge from A, 0 to 1."""
+        """End (k,) of each window, as a fraction of its edge from the first vertex."""
         return self.values[:, 5]
 
     @property
     def offset(self) -> Floats:
-        """Length (k,), metres, of the path from the origin to the source, where straight paths to the window begin."""
+        """Length (k,), metres, of the path from the origin to the source."""
         return self.values[:, 6]
 
     def select(self, which: Ints | Bools) -> "Windows":
-        """Return only some windows (reached parts of edges), selected by indices or a mask."""
+        """Return the windows selected by indices or a mask."""
         return Windows(self.names[which], self.values[which])
 
     @classmethod
     def concatenate(cls, parts: Sequence["Windows"]) -> "Windows":
-        """Join several sets of windows to one set, see `Windows`."""
+        """Return several sets of windows as one set."""
         return cls(np.concatenate([part.names for part in parts]), np.concatenate([part.values for part in parts]))
 
     def place(self, t: Floats) -> Floats:
-        """Return the points (k, 2) in the plane at fractions t (k,) of the windows' edges."""
+        """Return the points (k, 2) in the plane at fractions t (k,) of the edges."""
         return np.asarray(self.at_a + t[:, None] * (self.at_b - self.at_a))
 
     def distance(self, P: Floats) -> Floats:
-        """Return the lengths (k,) of paths from the origin to points P (k, 2), through each window's source."""
+        """Return the lengths (k,) of paths through the windows to points P (k, 2)."""
         return np.asarray(self.offset + np.where(self.parallel, P[:, 1], np.hypot(P[:, 0], P[:, 1])))
 
     def nearest(self) -> Floats:
-        """Return the smallest distance (k,) of each window (part of an edge) from the origin."""
+        """Return the smallest distance (k,) of each window from the origin."""
         P, Q = self.place(self.start), self.place(self.end)
         along = Q - P
         foot = np.clip(-dot2(P, along) / np.maximum(dot2(along, along), np.finfo(float).tiny), 0, 1)
@@ -111,12 +109,12 @@ class Windows:
         return self.distance(P + foot[:, None] * along)
 
     def rays(self, P: Floats) -> Floats:
-        """Return the directions (k, 2) of straight paths from each window's source through P (k, 2)."""
+        """Return the directions (k, 2) of paths from each window's source through P (k, 2)."""
         return np.where(self.parallel[:, None], (0.0, 1.0), P)
 
     def left_offset(self, t: Floats, C: Floats) -> Floats:
-        """Return how far (..., k) points C (..., k, 2) lie to the left of the ray from each window's source through the
-        point at fraction t (k,) of its edge. Distances are multiplied by the length of the ray's vector (`rays`)."""
+        """Return scaled distances (..., k) of points C (..., k, 2) to the left of rays.
+        t : (k,) fractions of edges at which the rays cross."""
         P = self.place(t)
         ray = self.rays(P)
         offsets = cross2(ray, C - P)
@@ -130,7 +128,7 @@ def zero_share(start: Floats, end: Floats) -> Floats:
 
 
 def size2(a: Floats) -> Floats:
-    """Return |x| + |y| (...) of vectors a (..., 2), an approximate length."""
+    """Return |x| + |y| (...) of vectors a (..., 2)."""
     return np.asarray(np.abs(a[..., 0]) + np.abs(a[..., 1]))
 
 
@@ -145,8 +143,8 @@ def dot2(a: Floats, b: Floats) -> Floats:
 
 
 class Origins(NamedTuple):
-    """Origins from which distances are measured: masks of vertices (n,), edges (e,) and faces (m,).
-    The edges of a face in the mask, and the ends of an edge in the mask, must be in the masks, too."""
+    """Origins of distances: masks of vertices (n,), edges (e,) and faces (m,).
+    The masks must also contain the edges of marked faces, and the ends of marked edges."""
 
     vertices: Bools
     edges: Bools
@@ -154,8 +152,8 @@ class Origins(NamedTuple):
 
 
 class Distances(NamedTuple):
-    """Distances along a surface, metres, from the nearest origin to each vertex (n,) and to each edge's middle (e,).
-    reached : (m,) faces partly within the requested distance. Exact there; elsewhere, upper bounds or infinite."""
+    """Distances along a surface, metres, to vertices (n,) and to the middles of edges (e,).
+    reached : (m,) faces where distances are exact; elsewhere, upper bounds or infinite."""
 
     vertex: Floats
     middle: Floats
@@ -163,8 +161,8 @@ class Distances(NamedTuple):
 
 
 def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf) -> Distances:
-    """Return the lengths of the shortest paths along a surface to the nearest origin; infinite if there is no path.
-    reach : largest distance of interest, metres; faces that lie entirely beyond this distance are skipped."""
+    """Return the lengths of the shortest paths along a surface to the nearest origin; infinite without a path.
+    reach : largest distance, metres."""
     front = _Front(surface, origins, reach)
     waiting = front.advance([front.edge_windows(), front.vertex_windows(_Bends.from_origins(origins))], reach)
     reached = front.reached.copy()
@@ -174,9 +172,7 @@ def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf
 
 
 class _Bends(NamedTuple):
-    """Vertices (k,) where shortest paths bend. bound : least angle between incoming and outgoing path, radians.
-    offset : (k,) distance of each vertex from the origin, metres.
-    edge, angle : (k, 2) two edges at the vertex, and their angles to the incoming part of the path, radians."""
+    """Vertices (k,) where shortest paths bend."""
 
     vertex: Ints
     offset: Floats
@@ -189,17 +185,12 @@ class _Bends(NamedTuple):
 
     @classmethod
     def from_origins(cls, origins: Origins) -> "_Bends":
-        """Return the marked vertices of the origins as starting points of paths."""
         vertex = np.flatnonzero(origins.vertices)
         none = np.full((len(vertex), 2), -1)
         return cls(vertex, np.zeros(len(vertex)), none, np.full(none.shape, np.inf), np.pi / 2)
 
 
 class _Front:
-    """Distances computed so far; see `Distances`.    reached : (m,) faces that are partly within reach.
-    bent : (n,) distance of each vertex when `Windows` last started there; before a start, 0 at origins, else infinite.
-    bending : (n,) vertices where shortest paths can bend.    waiting : vertices where `Windows` must still start."""
-
     def __init__(self, surface: Surface, origins: Origins, reach: float) -> None:
         self.F, self.edges, self.origins, self.reach = surface.F, surface.edges, origins, reach
         self.size = surface.edge_lengths
@@ -234,7 +225,6 @@ class _Front:
         return Windows.from_columns((edge, np.full(len(edge), -1), a, b, zero == 0), A, B, zero, zero + 1, zero)
 
     def advance(self, windows: list[Windows], limit: float) -> list[Windows]:
-        """Extend paths through windows (see `Windows`) up to `limit` (metres). Return windows farther than `limit`."""
         beyond: list[Windows] = []
         while windows:
             current = Windows.concatenate(windows)

@@ -1,4 +1,4 @@
-"""Orientation of a surface: the axis that points up, and the two sides of a sheet, also of a Moebius strip."""
+"""Orientation of a surface: the axis that points up, and the two sides of a sheet."""
 
 from typing import Literal
 
@@ -21,7 +21,7 @@ _TURNS: dict[Up, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
     "x": ((1, 2, 0), (1, 1, 1)),
     "-x": ((2, 1, 0), (1, 1, -1)),
 }
-"""For each up axis: the file's axes that become x, y, z, and their signs. All are rotations, not mirrors."""
+"""For each up axis: the file's axes that become x, y, z, and their signs."""
 
 
 def upright_vertices(V: Floats, up: Up) -> Floats:
@@ -31,8 +31,7 @@ def upright_vertices(V: Floats, up: Up) -> Floats:
 
 
 def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
-    """Return 1 or -1 (m, 3) for each face corner: -1 if the face is flipped relative to the first face at the vertex.
-    Each fan of faces at a vertex has its own first face. On an oriented surface, all values are 1."""
+    """Return 1 or -1 (m, 3) for each face corner: -1 if the face is flipped relative to the vertex's first face."""
     if not len(misoriented_edges(F, edges)):
         return np.ones_like(F)
     h0, h1 = edges.pairs.T
@@ -61,8 +60,8 @@ def one_sided_pieces(F: Ints, edges: EdgeTable) -> Bools:
 
 
 def flips_along_tree(F: Ints, edges: EdgeTable) -> Bools:
-    """Mark the faces (m,) to flip so that neighbours have the same orientation. In a one-sided piece, such as a Moebius
-    strip, neighbours still differ along a seam."""
+    """Mark the faces (m,) to flip so that neighbours have the same orientation.
+    In a Moebius strip, neighbours still differ along a seam."""
     f, g, clash = _neighbours(F, edges)
     m = len(F)
     steps = coo_array((np.concatenate([clash, clash]) + 1, (np.r_[f, g], np.r_[g, f])), shape=(m, m)).tocsr()
@@ -77,7 +76,7 @@ def flips_along_tree(F: Ints, edges: EdgeTable) -> Bools:
 
 
 def require_two_sides(surface: Surface, faces: Bools, what: str) -> None:
-    """Raise SurfaceError if any of `faces` (m,) has one side only, as in a Moebius strip. what : for the message."""
+    """Raise SurfaceError if any of `faces` (m,) has one side only. what : for the message."""
     wrong = int((one_sided_pieces(surface.F, surface.edges) & faces).sum())
     if wrong:
         raise SurfaceError(

@@ -1,4 +1,4 @@
-"""Connectivity of a triangle mesh: edges, neighbours, boundary loops, pieces and faults of a manifold."""
+"""Connectivity of a triangle mesh."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,7 +14,7 @@ LONGEST_WALK = 100  # Largest number of steps of a walk around a vertex.
 
 @dataclass(frozen=True, eq=False)
 class EdgeTable:
-    """Edges of a mesh, each listed once. A half-edge is a side of a face: side k of face f has the number 3 f + k.
+    """Edges of a mesh. A half-edge is a side of a face: side k of face f has the number 3 f + k.
     ends   : (e, 2) numbers of the two vertices of each edge, the lower number first.
     of     : (m, 3) edge number of each side of each face.
     order  : (3 m,) half-edges sorted by edge; the half-edges of edge k are order[start[k] : start[k + 1]].
@@ -49,30 +49,30 @@ class EdgeTable:
 
     @cached_property
     def twins(self) -> Ints:
-        """Opposite half-edge (3 m,) of each half-edge; -1 on an edge with one face or more than two."""
+        """Opposite half-edge (3 m,) of each half-edge; -1 without exactly two faces."""
         twin = np.full(self.of.size, -1)
         first_half, second_half = self.pairs.T
         twin[first_half], twin[second_half] = second_half, first_half
         return twin
 
     def edges_between(self, i: Ints, j: Ints) -> Ints:
-        """Return the number (k,) of the edge between each pair of vertices i (k,) and j (k,). Every edge must exist."""
+        """Return the number (k,) of the edge between vertices i (k,) and j (k,). Every edge must exist."""
         n = int(self.ends.max()) + 1
         return np.searchsorted(self.ends[:, 0] * n + self.ends[:, 1], np.minimum(i, j) * n + np.maximum(i, j))
 
 
 def half_edges(F: Ints) -> tuple[Ints, Ints]:
-    """Return the start vertex and the end vertex, (3 m,) each, of every side of faces F (m, 3)."""
+    """Return the start vertex and the end vertex, (3 m,), of every side of faces F (m, 3)."""
     return F.ravel(), np.roll(F, -1, axis=1).ravel()
 
 
 def next_half_edge(h: Ints, steps: int | Ints = 1) -> Ints:
-    """Return the half-edges (...), numbers of face sides, that lie `steps` steps after h (...) around the same face."""
+    """Return the half-edges (...) that lie `steps` steps after h (...) around the same face."""
     return h - h % 3 + (h + steps) % 3
 
 
 def edge_table(F: Ints) -> EdgeTable:
-    """Return the table of edges of faces F (m, 3), sorted by their vertex numbers."""
+    """Return the table of edges of faces F (m, 3)."""
     a, b = half_edges(F)
     n = int(F.max()) + 1
     low, high = np.minimum(a, b), np.maximum(a, b)
@@ -93,8 +93,7 @@ def _counted_order(keys: Ints, count: int) -> Ints:
 
 
 def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
-    """Return the number of connected pieces of a mesh, and the piece number (m,) of each face, largest piece first.
-    Parts that touch only in a vertex are separate pieces."""
+    """Return the number of connected pieces of a mesh, and the piece (m,) of each face, largest piece first."""
     face = edges.order // 3
     is_shared = np.diff(edges.of.ravel()[edges.order]) == 0
     count, label = link_components(len(F), face[:-1][is_shared], face[1:][is_shared])
@@ -104,9 +103,9 @@ def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
 
 
 def link_components(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
-    """Return the number of connected components of a graph, and the component number (count,) of each node.
-    count : number of nodes. i, j : (k,) the two nodes of each link.
-    Components are numbered in the order of their first nodes. Method: [Shiloach and Vishkin 1982]."""
+    """Return the number of components of a graph, and the component (count,) of each node [Shiloach and Vishkin 1982].
+    count : number of nodes.    i, j : (k,) the nodes of each link.
+    Components are numbered in the order of first nodes."""
     things = np.arange(count)
     root = things
     while len(i):
@@ -122,9 +121,8 @@ def link_components(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
 
 
 def boundary_loops(F: Ints, edges: EdgeTable) -> list[Ints]:
-    """Return the boundary loops of a mesh F (m, 3) as vertex numbers (k,), the loop with most vertices first.
-    On an oriented mesh, the surface lies left of each loop. Sheets that touch in a vertex have separate loops.
-    Loops may be open if the mesh is not manifold; check `manifold_faults` first."""
+    """Return the boundary loops of a mesh F (m, 3) as vertex numbers (k,), most vertices first. On an oriented mesh,
+    the surface lies left of each loop. Loops may be open if the mesh is not manifold."""
     a, _ = half_edges(F)
     _, fan = _fans(F, edges)
     boundary = np.flatnonzero(edges.boundary[edges.of.ravel()])
@@ -147,7 +145,6 @@ def boundary_loops(F: Ints, edges: EdgeTable) -> list[Ints]:
 
 
 def _turned_links(start: Ints, end: Ints) -> Bools:
-    """Return a mask (b,) of the links start (b,) - end (b,) to reverse, so that links form chains of one direction."""
     link = np.arange(2 * len(start)) // 2
     ends = np.stack([start, end], axis=1).ravel()
     order = np.argsort(ends, kind="stable")
@@ -162,7 +159,8 @@ def _turned_links(start: Ints, end: Ints) -> Bools:
 
 
 def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
-    """Return the vertices (k,) at which parts of the mesh F (m, 3) touch only in this point. n : number of vertices."""
+    """Return the vertices (k,) at which parts of the mesh F (m, 3) touch only in this point.
+    n : number of vertices."""
     if _walks_meet_all_corners(F, edges, n):
         return np.empty(0, dtype=np.int64)
     count, fan = _fans(F, edges)
@@ -172,10 +170,9 @@ def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
 
 
 def corner_fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | None = None) -> Ints:
-    """Return the faces (m, 3) with new vertex numbers: a vertex for each fan (faces at a vertex, joined by edges).
-    This separates parts that touch in a point, and faces on an edge with more than two faces.
-    also  : (k, 2) pairs of half-edges (face sides) that stay joined on an edge with more than two faces.
-    apart : (e,) marks of further edges along which faces are separated."""
+    """Return the faces (m, 3) with a new vertex for each fan (faces at a vertex, joined by edges).
+    also  : (k, 2) pairs of half-edges that stay joined.
+    apart : (e,) marks of further edges that separate faces."""
     return _fans(F, edges, also, apart)[1].reshape(-1, 3)
 
 
@@ -192,7 +189,7 @@ def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | No
 
 
 def _walks_meet_all_corners(F: Ints, edges: EdgeTable, n: int) -> bool:
-    """Return True if all faces at each vertex surely form a single fan; False if they do not, or if it is unknown."""
+    """Return True if each vertex surely has a single fan of faces."""
     if len(misoriented_edges(F, edges)) or (edges.count > 2).any():
         return False
     start = np.full(n, -1)
@@ -213,7 +210,7 @@ def _walks_meet_all_corners(F: Ints, edges: EdgeTable, n: int) -> bool:
 
 
 def misoriented_edges(F: Ints, edges: EdgeTable) -> Ints:
-    """Return the edges (k,) whose two faces in F (m, 3) run along the edge in the same direction."""
+    """Return the edges (k,) whose two faces in F (m, 3) have opposite orientations."""
     a = F.ravel()
     h0, h1 = edges.pairs.T
     clashes = np.flatnonzero(a[h0] == a[h1])
@@ -226,12 +223,12 @@ def euler_characteristic(F: Ints, edges: EdgeTable) -> int:
 
 
 def duplicate_faces(F: Ints) -> Ints:
-    """Return the faces (k,) of F (m, 3) that join the three vertices of an earlier face, in either orientation."""
+    """Return the faces (k,) of F (m, 3) with the three vertices of an earlier face."""
     return complement(np.unique(np.sort(F, axis=1), axis=0, return_index=True)[1], len(F))
 
 
 def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
-    """Return a mask (m,) of the fewest faces to flip so that each piece is oriented; None for a one-sided surface."""
+    """Return a mask (m,) of the fewest faces to flip for an oriented mesh; None for a one-sided surface."""
     m = len(F)
     a, _ = half_edges(F)
     h0, h1 = edges.pairs.T
@@ -248,7 +245,7 @@ def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
 
 
 def crowded_edge_fault(edges: EdgeTable) -> str:
-    """Return words for a message on edges with more than two faces: their number and first edges; "" without any."""
+    """Return words on edges with more than two faces; "" without any."""
     crowded = np.flatnonzero(edges.count > 2)
     if not len(crowded):
         return ""
@@ -256,7 +253,7 @@ def crowded_edge_fault(edges: EdgeTable) -> str:
 
 
 def repeated_face_fault(F: Ints) -> str:
-    """Return words for a message on faces with the same vertices as an earlier face of F (m, 3); "" without any."""
+    """Return words on repeated faces of F (m, 3); "" without any."""
     twice = duplicate_faces(F)
     if not len(twice):
         return ""
@@ -264,7 +261,7 @@ def repeated_face_fault(F: Ints) -> str:
 
 
 def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
-    """Return sentences that say why faces F (m, 3) on n vertices are not an oriented manifold; empty if they are."""
+    """Return reasons why faces F (m, 3) are not an oriented manifold; empty without a reason."""
     opposed = misoriented_edges(F, edges)
     touching = pinches(F, edges, n)
     faults = [crowded_edge_fault(edges), repeated_face_fault(F)]
@@ -279,7 +276,7 @@ def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
 
 
 def named_edges(indices: Ints, edges: EdgeTable, count: int = 3) -> str:
-    """Return the first `count` of some edges, numbers (k,), as pairs of vertices, for messages: "3-17, 4-20, ..."."""
+    """Return the first `count` of some edges (k,) as pairs of vertices: "3-17, 4-20, ..."."""
     shown = ", ".join(f"{a}-{b}" for a, b in edges.ends[indices[:count]].tolist())
     return shown + (", ..." if len(indices) > count else "")
 
@@ -311,9 +308,8 @@ def faces_at(F: Ints, marks: Bools) -> Bools:
 
 
 def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
-    """Return a mask (e, ...) of the edges whose two ends are marked (n, ...).
-    An inner edge with both ends on the boundary counts only beside a face with three marked corners and at most one
-    boundary edge."""
+    """Return a mask (e, ...) of the edges whose two ends are marked (n, ...). Some inner edges between boundary
+    vertices are left out."""
     is_spanned = marks[edges.ends].all(axis=1)
     chord = on_boundary(edges, len(marks))[edges.ends].all(axis=1) & ~edges.boundary
     beside_marked_face = np.zeros_like(is_spanned)
@@ -324,8 +320,7 @@ def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
 
 
 def smoothing_neighbours(edges: EdgeTable, n: int) -> tuple[Ints, Ints]:
-    """Return pairs, vertex (p,) and neighbour (p,), for smoothing, which moves vertices to the means of neighbours.
-    A vertex on the boundary has neighbours only along the boundary."""
+    """Return pairs, vertex (p,) and neighbour (p,), for smoothing."""
     i, j = _directed_edges(edges)
     used = np.concatenate([edges.boundary, edges.boundary]) | ~on_boundary(edges, n)[i]
     return i[used], j[used]

@@ -1,4 +1,4 @@
-"""From a sheet to a solid: `offsets` of the uncut surface, then `thicken` for the sheet that was cut from it."""
+"""From a sheet to a solid: `offsets` of the uncut surface, then `thicken` for the cut sheet."""
 
 from dsfab.thickening.extras import Extra, with_extras
 from dsfab.thickening.extras.bodies import Base

@@ -1,4 +1,4 @@
-"""Offset vectors of the uncut surface, from normals at vertices, and checks of the sheet before thickening."""
+"""Offset vectors of the uncut surface, and checks of the sheet before thickening."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -25,7 +25,7 @@ def check_edges(surface: Surface) -> None:
 
 
 def check_oriented(surface: Surface) -> None:
-    """Raise SolidError if an edge has over two faces, or if faces of an orientable piece point to opposite sides."""
+    """Raise SolidError if edges have over two faces, or normals of a two-sided piece point to opposite sides."""
     check_edges(surface)
     edges = surface.edges
     against = misoriented_edges(surface.F, edges)
@@ -51,20 +51,19 @@ def _edge_names(ends: Ints, count: int = 5) -> str:
     return ", ".join(f"{a}-{b}" for a, b in ends[:count]) + (", ..." if len(ends) > count else "")
 
 
-VISIBILITY_GAP = 0.001  # Relative tolerance of the search in `visible_normals`.
-CHUNK = 1 << 13  # Number of faces processed together, because they fit the processor's cache.
+VISIBILITY_GAP = 0.001  # Tolerance of `visible_normals`.
+CHUNK = 1 << 13  # Number of faces processed together.
 
 
 def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
-    """Return unit normals (n, 3) at the vertices, as close as possible to the normals of all faces at each vertex.
-    The smallest cosine of the angles to these face normals is at least 95 % of the best possible.
-    faces   : (m, 3, 3) normal of each face, for each corner, turned to the side of the vertex normal.
-    weights : (m, 3) angles of the faces at their corners.
-    Where the search [Gilbert 1966] finds no normal within 90 degrees of all face normals, their mean is returned."""
+    """Return unit normals (n, 3) at the vertices, as close as possible to all face normals there.
+    faces   : (m, 3, 3) face normals at corners, turned to the side of the vertex normal.
+    weights : (m, 3) angles of the faces at corners.
+    Source: [Gilbert 1966]. If no normal is within 90 degrees of all face normals, the mean is returned."""
     vertex, normal = surface.F.ravel(), faces.reshape(-1, 3)
     mean = _corner_mean(surface, weights, normal)
     point = mean.copy()
-    tight = np.flatnonzero(_may_improve(surface, point, faces)[vertex])  # corners where a better normal may exist
+    tight = np.flatnonzero(_may_improve(surface, point, faces)[vertex])
     by_vertex = tight[sorted_order(vertex[tight])]
     vertex, normal = vertex[by_vertex], normal[by_vertex]
     for _ in range(200 if len(tight) else 0):
@@ -91,8 +90,8 @@ def _may_improve(surface: Surface, point: Floats, faces: Floats) -> Bools:
 
 
 def mitres(surface: Surface, N: Floats, weights: Floats, faces: Floats, limit: float = 2.0) -> Floats:
-    """Return factors (n,), at most `limit`, that lengthen offset vectors at creases: 1 / mean cosine of the angles
-    between the vertex normal N (n, 3) and the face normals. weights, faces : as for `visible_normals`."""
+    """Return factors (n,), at most `limit`, that lengthen offset vectors at creases.
+    N : (n, 3) vertex normals.    weights, faces : as for `visible_normals`."""
     cosine = np.stack([np.einsum("mi,mi->m", N.take(surface.F[:, v], axis=0), faces[:, v]) for v in range(3)], axis=1)
     return 1 / np.clip(_corner_mean(surface, weights, cosine.reshape(-1, 1))[:, 0], 1 / limit, 1)
 
@@ -152,10 +151,10 @@ SHIFT = {"mid": 0, "out": 1, "in": -1}  # Distance of the sheet's middle from th
 
 @dataclass(frozen=True, eq=False)
 class Offsets:
-    """Offset vectors at the vertices of a surface, for a sheet with this surface as its middle or one of its skins.
+    """Offset vectors at the vertices of a surface.
     D        : (n, 3) half of the vector from the lower to the upper skin, metres; 0 at vertices without faces.
-    limited  : number of vertices where the sheet is thinner than wanted, because the surface bends too sharply.
-    smallest : smallest ratio of thickness to wanted thickness, at vertex `tightest`; 1 if no vertex is limited.
+    limited  : number of vertices where the sheet is thinner than wanted.
+    smallest : smallest ratio of thickness to wanted thickness, at vertex `tightest`.
     sides    : (m, 3) for each corner of a face: 1 if D points to the side of the face's normal, else -1."""
 
     D: Floats
@@ -169,17 +168,15 @@ class Offsets:
         lock(self, "sides", np.int64, (None, 3))
 
     def at_corners(self, F: Ints) -> Floats:
-        """Return half-thickness vectors (m, 3, 3) at the corners of faces F (m, 3), on the side of each face normal."""
+        """Return half-thickness vectors (m, 3, 3) at the corners of faces F (m, 3), on the normals' side."""
         seen: Floats = self.D[F] * self.sides[:, :, None]
         return seen
 
 
 def offsets(surface: Surface, thickness: float | Floats, side: Side = "mid") -> Offsets:
-    """Return offset vectors for a sheet of `thickness` (metres, measured normal to its faces) around a surface.
-    thickness : thickness of the whole sheet, one number or (n,) at each vertex.
+    """Return offset vectors for a sheet around a surface, shorter where the thickened faces would fold over.
+    thickness : metres, a number or (n,) at the vertices, for the whole sheet.
     side      : "mid": the surface is in the middle; "out": the sheet is on the side of the normals; "in": on the back.
-    Each vector makes the smallest possible angles with the normals around its vertex. It is longer at creases (mitre,
-    at most twice), and shorter where the thickened faces would fold over.
     Raises SolidError for a thickness that is not positive, for surfaces that are not manifolds or wrongly oriented, and
     for "out" and "in" on a one-sided surface."""
     t = _checked_thickness(surface, thickness)
@@ -211,10 +208,10 @@ def _checked_thickness(surface: Surface, thickness: float | Floats) -> Floats:
 def safe_shares(
     surface: Surface, D: Floats, sides: Ints, shift: int = 0, shrink: float = 0.85, smallest: float = 0.05
 ) -> Floats:
-    """Return factors (n,), at most 1, that shorten half-thickness vectors D (n, 3) until no thickened face folds over.
+    """Return factors (n,), at most 1, that shorten half-thickness vectors D (n, 3) until no face folds over.
     sides    : (m, 3) as in `Offsets`.
     shift    : 0 if the surface is the middle of the sheet, 1 if the sheet is on the side of the normals, -1 if behind.
-    shrink   : factor by which each round shortens vectors.    smallest : least factor of a vector."""
+    shrink   : factor of each round.    smallest : least factor of a vector."""
     share = np.ones(surface.n)
     faces = np.arange(surface.m)
     while len(faces):
@@ -234,11 +231,9 @@ def safe_shares(
 
 
 def prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
-    """Return Jacobian coefficients (m, 3, 3) of prisms (thickened faces) and the least wanted coefficients (m, 3).
-    If all coefficients of a prism are positive, it does not fold over.
-    P, d : (m, 3, 3) corners of the faces, and half-thickness vectors there, on the side of the faces' normals.
-    Coefficient [k, v]: Bernstein polynomial k in s, corner v, for the prism P + s d, -1 <= s <= 1, divided by twice
-    the face's area and by the face's mean |d|."""
+    """Return Jacobian coefficients (m, 3, 3) of thickened faces and the least wanted coefficients (m, 3).
+    If all coefficients of a face are positive, the thickened face does not fold over.
+    P, d : (m, 3, 3) corners of the faces, and half-thickness vectors there, on the side of the faces' normals."""
     e1, e2 = P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]
     d1, d2 = d[:, 1] - d[:, 0], d[:, 2] - d[:, 0]
     flat = cross(e1, e2)
@@ -246,4 +241,4 @@ def prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
     scale = (lengths(flat) * lengths(d).mean(axis=1))[:, None]
     C = np.stack([np.einsum("mi,mvi->mv", N, d) / scale for N in normals], axis=1)
     straight = np.einsum("mi,mvi->mv", flat, d) / scale
-    return C, np.minimum(0.2, 0.5 * straight)  # a minimum of 0.05 is unsafe; with 0.4, `safe_shares` may not converge
+    return C, np.minimum(0.2, 0.5 * straight)  # smaller minimums are unsafe; with 0.4, `safe_shares` may not converge

@@ -1,4 +1,4 @@
-"""Repairs of a solid that intersects itself: smooth folds, flip wall diagonals, thin the sheet, or unite its parts."""
+"""Repairs of a solid that intersects itself."""
 
 from dataclasses import dataclass
 
@@ -23,8 +23,8 @@ class UnfoldedSheet:
 
 
 def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
-    """Smooth small folds of a sheet, groups of faces that cross each other. Larger groups are intended crossings.
-    A fold is small if its size is at most twice the sheet's thickness. D : (n, 3) half-thickness vectors, metres."""
+    """Smooth small folds of a sheet, groups of faces that cross each other.
+    D : (n, 3) half-thickness vectors, metres."""
     all_crossings = crossing = intersecting_pairs(surface.V, surface.F)
     V, averages, half = surface.V, _averages(surface), float(np.median(np.linalg.norm(D, axis=1)))
     for _ in range(10 if len(crossing) else 0):
@@ -47,8 +47,7 @@ def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
 def flatten_contacts(
     surface: Surface, skin: Skin, D: Floats, backslash: Bools, pairs: Ints
 ) -> tuple[Floats, Floats, Ints]:
-    """Remove intersections of a skin by thinning the sheet, down to 0.2 % of its offsets D (n, 3).
-    Vertices with offsets nearly parallel to a face are smoothed, too.
+    """Remove intersections of a skin by thinning the sheet. D : (n, 3) half-thickness vectors, metres.
     pairs, backslash : pairs (k, 2) of skin faces that intersect; wall diagonals as in `Skin`.
     Returns vertices (n, 3) of the sheet, offsets (n, 3), metres, and the pairs (q, 2) that still intersect."""
     V, faces, averages = surface.V, skin.faces(backslash), _averages(surface)
@@ -81,7 +80,7 @@ def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
 
 
 def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
-    """Return each vertex's group (n,) of connected crossing faces, or -1, and the box diagonal (g,) of each group."""
+    """Return each vertex's group (n,) of crossing faces, or -1, and the box diagonal (g,) of each group."""
     corner = F[pairs].reshape(-1, 6)
     i, j = np.repeat(corner[:, :1], 5, axis=1).ravel(), corner[:, 1:].ravel()
     label, used = link_components(len(V), i, j)[1], distinct(corner)
@@ -106,7 +105,7 @@ class RepairedSkin:
     backslash : (r,) wall diagonals as in `Skin`.
     pairs     : (k, 2) pairs of faces of the skin, or of `union`, that still intersect.
     found     : number of pairs that intersected before the repair.
-    crosses   : number of pairs of faces in which the sheet, without thickness, crosses itself.
+    crosses   : number of pairs of faces in which the sheet crosses itself.
     union     : mesh that replaces the skin if the sheet crosses itself; else None."""
 
     V: Floats
@@ -120,9 +119,7 @@ class RepairedSkin:
 
 def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None) -> RepairedSkin:
     """Remove intersections of a skin (closed mesh around a sheet) as far as possible.
-    If the sheet crosses itself, dsfab cuts it into patches and unites their solids.
-    D     : (n, 3) half-thickness vectors, metres.
-    among : mask (f,) of faces to test; by default all. Other faces must not intersect, whatever the wall diagonals."""
+    D     : (n, 3) half-thickness vectors, metres.    among : mask (f,) of faces to test; by default all."""
     V = surface.V
     backslash = skin.shorter_diagonals(V, D)
     pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash), among)

@@ -1,7 +1,4 @@
-"""Exact test for triangles of a mesh that meet outside their shared vertices and edges.
-
-libigl tests triangles without a common vertex with exact predicates [Shewchuk 1997]. This module tests triangles with a
-common vertex, because libigl uses tolerances in absolute units for them."""
+"""Exact test for triangles of a mesh that meet outside their shared vertices and edges [Shewchuk 1997]."""
 
 import igl.predicates
 import numpy as np
@@ -11,11 +8,11 @@ from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
 
 
 def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
-    """Return the pairs of faces (k, 2), in ascending order, that meet outside their shared corners and edges.
+    """Return the pairs of faces (k, 2), in ascending order, that meet outside shared corners and edges.
     V     : (n, 3) vertices in any unit.
     F     : (m, 3) faces of an oriented manifold.
-    among : (m,) marks of the faces to test; the other faces must meet no face. By default, all faces are tested.
-    Faces that touch count as meeting, also at different vertices in the same place, and beside a face without area."""
+    among : (m,) marks of the faces to test; the other faces must meet no face.
+    Faces that touch count as meeting."""
     if among is not None and not among.all():
         which = np.flatnonzero(among)
         used, corner = np.unique(F[which], return_inverse=True)
@@ -27,13 +24,13 @@ def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
     strangers = ~(F[apart[:, 0]][:, :, None] == F[apart[:, 1]][:, None, :]).any(axis=(1, 2))
     pairs = np.concatenate([apart[strangers], _around_vertices(V, F), _over_edges(V, F)])
     pairs = np.sort(pairs, axis=1)
-    return pairs[np.lexsort(pairs.T[::-1])]  # libigl uses threads, so its order is random
+    return pairs[np.lexsort(pairs.T[::-1])]  # libigl's order is random
 
 
 def pairs_after_moves(V: Floats, F: Ints, before: Ints, moved: Bools) -> Ints:
-    """Update pairs of intersecting faces after a move of some vertices; faster than `intersecting_pairs`.
+    """Return pairs (q, 2) of intersecting faces after a move of some vertices.
     V      : (n, 3) vertices after the move.    moved : (n,) marks of the moved vertices.
-    before : (k, 2) pairs before the move. Returns the pairs (q, 2) after the move."""
+    before : (k, 2) pairs before the move."""
     changed = np.asarray(moved[F].any(axis=1))
     if not changed.any():
         return before
@@ -54,7 +51,7 @@ def _around_vertices(V: Floats, F: Ints) -> Ints:
     corner = sorted_order(s)
     around = s[corner]
     position, hits = np.arange(len(corner)), []
-    for distance in range(1, len(corner)):  # the loop stops at the largest number of faces at a vertex
+    for distance in range(1, len(corner)):  # stops at the largest number of faces at a vertex
         position = position[position + distance < len(corner)]
         position = position[around[position] == around[position + distance]]
         if not len(position):
@@ -79,7 +76,7 @@ def _surely_separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j:
 
 
 def _corners_meet(V: Floats, s: Ints, first_edge: tuple[Ints, Ints], second_edge: tuple[Ints, Ints]) -> Bools:
-    """Return a mask (k,) of pairs of triangles, (s, a, b) and (s, c, d), that meet outside their common vertex s."""
+    """Return a mask (k,) of pairs of triangles that meet outside their common vertex s."""
     S, A, B, C, D = V[s], V[first_edge[0]], V[first_edge[1]], V[second_edge[0]], V[second_edge[1]]
     a, b, c, d = _side(S, C, D, A), _side(S, C, D, B), _side(S, A, B, C), _side(S, A, B, D)
     meet: Bools = (a * b <= 0) & (c * d <= 0)
@@ -136,7 +133,7 @@ def _side(a: Floats, b: Floats, c: Floats, d: Floats) -> Ints:
 
 
 def _turn(axis: Ints, a: Floats, b: Floats, c: Floats) -> Ints:
-    """Return the exact sign (k,) of the area of triangles a, b, c (k, 3), projected along coordinate axes (k,)."""
+    """Return the exact sign (k,) of the area of triangles, projected along axes (k,)."""
     keep = 1.0 - np.eye(3)[axis]
     return _side(a * keep, b * keep, c * keep, np.eye(3)[axis])
 

@@ -1,4 +1,4 @@
-"""The closed triangle mesh around a sheet, its rounding to single precision, and its simplification."""
+"""The closed triangle mesh around a sheet."""
 
 from dataclasses import dataclass
 
@@ -12,28 +12,27 @@ from dsfab.surface.orientation import corner_sides
 
 
 def round_to_single(V: Floats) -> Floats:
-    """Round V (n, 3), metres, to single precision in millimetres, so that STL and 3MF do not change V."""
+    """Round V (n, 3), metres, to single precision in millimetres."""
     single: Floats = (V * MM_PER_M).astype(np.float32).astype(np.float64) / MM_PER_M
     return single
 
 
 def is_fine(V: Floats, D: Floats) -> bool:
-    """Return True if steps of single precision at V (n, 3) are at most 1e-3 of the sheet's median half thickness.
+    """Return True if single precision is fine enough for a sheet at V (n, 3).
     D : (n, 3) half-thickness vectors, metres."""
     step = np.spacing(np.float32(np.abs(V).max() * MM_PER_M)) / MM_PER_M
     return bool(step <= 1e-3 * np.median(np.linalg.norm(D, axis=1)))
 
 
 def rounding_step(V: Floats, D: Floats) -> float:
-    """Return an upper bound of the distance (m) by which `round_to_single` moves points V + 2 D (n, 3)."""
+    """Return an upper bound of the rounding error (m) of points V + 2 D (n, 3)."""
     largest = (np.abs(V).max() + 2 * np.abs(D).max()) * MM_PER_M
     return float(np.spacing(np.float32(largest)) / MM_PER_M)
 
 
 def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
-    """Collapse short edges and merge coplanar faces of a closed mesh V (n, 3), F (m, 3); it stays closed and oriented.
-    tolerance : largest move of each collapse, in V's unit. All collapses together may move points up to 3 times as far.
-    Raises SolidError if manifold3d rejects the mesh, or if all of it collapses."""
+    """Collapse short edges and merge coplanar faces of a closed mesh V (n, 3), F (m, 3).
+    tolerance : largest move of each collapse; all together may move points up to 3 times as far. Raises SolidError."""
     import manifold3d
 
     solid = manifold3d.Manifold(manifold3d.Mesh64(np.array(V), np.array(F, dtype=np.uint64)))
@@ -46,7 +45,7 @@ def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
 
 
 def closed_skin(surface: Surface, D: Floats, shift: int = 0) -> tuple[Floats, Ints]:
-    """Return vertices (2 n, 3), metres, and triangles (k, 3) of the closed mesh (it may cross itself) around a sheet.
+    """Return vertices (2 n, 3), metres, and triangles (k, 3) of the closed mesh around a sheet.
     D     : (n, 3) half-thickness vectors, metres.
     shift : 0 for a sheet in the middle of the solid, 1 for a solid on the side of D, -1 for the opposite side."""
     skin = Skin.from_surface(surface, shift)
@@ -57,12 +56,11 @@ def closed_skin(surface: Surface, D: Floats, shift: int = 0) -> tuple[Floats, In
 class Skin:
     """Faces of the closed mesh around a sheet of n vertices. The sheet lies left of every boundary edge p -> q.
     Vertex i has copy i on the upper side of the first face around it, and copy n + i on the opposite side.
-    upper  : (m, 3) copies of each face's corners on the side of the face's normal.
-    lower  : (m, 3) copies of each face's corners on the opposite side.
+    upper, lower : (m, 3) copies of each face's corners on the side of the face's normal, and opposite.
     p, q   : (2, r) copies of the ends of the boundary edges: first on the side of the normal, then opposite.
     rim    : (r,) the faces of the boundary edges.
-    shift  : 0 for skins V + D and V - D, 1 for V + 2 D and V, -1 for V and V - 2 D (V: vertices, D: offset vectors).
-    single : True if `round_to_single` rounds the vertices.
+    shift  : 0 for skins V + D and V - D, 1 for V + 2 D and V, -1 for V and V - 2 D.
+    single : True if the vertices are rounded to single precision.
 
           p+ --- q+        upper skin        slash: diagonal q+ p-     backslash: diagonal p+ q-
           |       |
@@ -79,7 +77,7 @@ class Skin:
 
     @classmethod
     def from_surface(cls, surface: Surface, shift: int = 0, single: bool = False) -> "Skin":
-        """Return the skin of a manifold sheet; its faces may have mixed orientations. shift, single : as in `Skin`."""
+        """Return the skin of a manifold sheet."""
         F, n = surface.F, surface.n
         turned = corner_sides(F, surface.edges) < 0
         copies = np.stack([F + n * turned, F + n * ~turned])
@@ -89,19 +87,19 @@ class Skin:
 
     def vertices(self, V: Floats, D: Floats) -> Floats:
         """Return the vertices (2 n, 3) of the closed mesh, metres: n copies on the side of D, then n copies opposite.
-        V, D : (n, 3) vertices of the sheet and half-thickness vectors, metres."""
+        V, D : (n, 3) vertices and half-thickness vectors, metres."""
         copies = np.concatenate([V + (self.shift + 1) * D, V + (self.shift - 1) * D])
         return round_to_single(copies) if self.single else copies
 
     def shorter_diagonals(self, V: Floats, D: Floats) -> Bools:
-        """Return a mask (r,) of the walls whose diagonal `backslash` (see `Skin`) is shorter than their `slash`."""
+        """Return a mask (r,) of the walls whose diagonal `backslash` is the shorter diagonal."""
         P = self.vertices(V, D)
         back, slash = P[self.p[0]] - P[self.q[1]], P[self.q[0]] - P[self.p[1]]
         shorter: Bools = np.einsum("ri,ri->r", back, back) < (1 - 1e-9) * np.einsum("ri,ri->r", slash, slash)
         return shorter
 
     def faces(self, backslash: Bools) -> Ints:
-        """Return outward faces (2 m + 2 r, 3): upper, lower, first triangles of walls, second triangles; see `Skin`."""
+        """Return outward faces (2 m + 2 r, 3): upper, lower, first and second triangles of walls."""
         (p, below_p), (q, below_q) = self.p, self.q
         across = backslash[:, None]
         first_triangle = np.where(across, np.stack([q, p, below_q], axis=1), np.stack([q, p, below_p], axis=1))
@@ -109,11 +107,11 @@ class Skin:
         return np.concatenate([self.upper, self.lower[:, ::-1], first_triangle, second])
 
     def walls(self, faces: Ints) -> Ints:
-        """Return the numbers (k,) of the walls that contain some of the solid's faces (f,), each wall once."""
+        """Return the walls (k,) that contain some of the solid's faces (f,)."""
         skins = 2 * len(self.upper)
         return np.unique((faces[faces >= skins] - skins) % max(self.p.shape[1], 1))
 
     def sources(self) -> Ints:
-        """Return, for each face of the solid, the number (2 m + 2 r,) of the sheet's face from which it was made."""
+        """Return the number (2 m + 2 r,) of the sheet's source face for each face of the solid."""
         every = np.arange(len(self.upper))
         return np.concatenate([every, every, self.rim, self.rim])

@@ -1,4 +1,4 @@
-"""Union of patches of a sheet that crosses itself; each patch is thickened alone and overlaps its neighbours."""
+"""Union of patches of a sheet that crosses itself."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,14 +15,13 @@ from dsfab.surface.topology import adjacency, corner_fans, corners_of, edge_tabl
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin, coarsen_mesh, round_to_single
 
-INWARD = 0.005  # Vertices at seams and patch borders move by this fraction of the way to their neighbours' mean.
+INWARD = 0.005  # Fraction of the way to their neighbours' mean by which vertices at seams and patch borders move.
 
 
 @dataclass(frozen=True, eq=False)
 class Overlap:
     """A part of the sheet, extended over adjacent faces of other parts.
-    faces : (m,) mask of the faces of the extended part.
-    V     : (n, 3) vertices of the sheet, some of them moved, metres.
+    faces : (m,) mask of faces.    V : (n, 3) vertices of the sheet, some of them moved, metres.
     share : (n,) factors for the half-thickness vectors at the vertices."""
 
     faces: Bools
@@ -33,9 +32,7 @@ class Overlap:
 def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
     """Divide a sheet into parts that overlap: the faces of each colour, and adjacent faces of higher colours.
     colour  : (m,) number of the part of each face.
-    clashes : (k, 2) pairs of faces whose thickened solids meet; no part contains both faces of a pair.
-    Where the part of colour c meets a lower colour, its thickness is multiplied by 1 - 2 s, s = 0.01 (1 + c / 2).
-    At the neighbours of these vertices, the thickness is multiplied by 1 - s."""
+    clashes : (k, 2) pairs of faces whose thickened solids meet; no part contains both faces of a pair."""
     neighbours = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
     own_vertices = [corners_of(surface.F, colour == c, surface.n) for c in range(count)]
@@ -93,10 +90,9 @@ THINNEST = 0.3  # Smallest fraction of an offset that thinning leaves.
 
 @dataclass(frozen=True, eq=False)
 class PrismUnion:
-    """United solid of a sheet that crosses itself: closed mesh V (n, 3), metres, F (m, 3), and its number of pieces.
+    """Solid of a sheet that crosses itself: closed mesh V (n, 3), metres, F (m, 3), and its number of pieces.
     pairs  : (k, 2) pairs of faces of this mesh that intersect.
-    share  : (n',) remaining fraction of the thickness at each vertex of the sheet.
-    places : number of separate lines along which the sheet crosses itself."""
+    share  : (n',) remaining fraction of the thickness at each vertex of the sheet."""
 
     V: Floats
     F: Ints
@@ -107,11 +103,9 @@ class PrismUnion:
 
 
 def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> PrismUnion | None:
-    """Cut a sheet that crosses itself into patches, and unite the thickened patches.
+    """Return the solid of a sheet that crosses itself, or None if cuts or union fail.
     corners : (m, 3, 3) half-thickness vectors at the corners of the faces, on the side of each face's normal, metres.
-    pairs   : (k, 2) pairs of faces of `skin` that intersect.
-    Returns None if too many patches are needed, or if manifold3d rejects a patch. The sheet is thinned where no cut can
-    separate intersecting faces, because they have a common vertex."""
+    pairs   : (k, 2) pairs of faces of `skin` that intersect."""
     graph, share = _dual(surface), np.ones(surface.n)
     label = pieces(surface.F, surface.edges)[1]
     meeting = skin.sources()[pairs]
@@ -120,7 +114,7 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
     for round_ in range(30):
         inseparable = _stuck(meeting, around, label)
         clashes = np.unique(np.concatenate([clashes, np.sort(meeting[~inseparable], axis=1)]), axis=0)
-        thin = np.unique(surface.F[meeting[inseparable & bool(round_)]])  # the first round shortens no offset
+        thin = np.unique(surface.F[meeting[inseparable & bool(round_)]])
         thin = thin[share[thin] > THINNEST]
         share[thin] = np.maximum(THIN * share[thin], THINNEST)
         cut = _cut_patches(label, clashes, graph)
@@ -173,7 +167,7 @@ def _touching(F: Ints) -> Bools:
 
 
 def _cut_patches(label: Ints, clashes: Ints, graph: csr_array, patch_limit: int = 400) -> Ints | None:
-    """Return patch numbers (m,) for which no patch has both faces of a row of `clashes`; None if too many patches."""
+    """Return patch numbers (m,); no patch has both faces of a row of `clashes`. None if too many patches."""
     label = label.copy()
     count = int(label.max()) + 1
     while True:
@@ -215,9 +209,8 @@ class PrismPart(NamedTuple):
 
 
 def prism_part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> PrismPart:
-    """Thicken the part of a sheet that `overlap` describes.
-    corners : (m, 3, 3) half-thickness vectors at the corners of the sheet's faces, metres.
-    like    : skin of the whole sheet; the part has the same `shift` and the same rounding (`single`)."""
+    """Return the thickened part of a sheet that `overlap` describes.
+    corners : (m, 3, 3) half-thickness vectors at the corners of the sheet's faces, metres."""
     faces = np.flatnonzero(overlap.faces)
     F = corner_fans(surface.F[faces], edge_table(surface.F[faces]))
     _, first_corner = np.unique(F.ravel(), return_index=True)

@@ -1,4 +1,4 @@
-"""Thinnest wall of a solid, along straight lines from its faces inwards, at right angles to the faces."""
+"""Thinnest wall of a solid, along straight lines inwards from its faces."""
 
 from dataclasses import dataclass
 
@@ -9,15 +9,15 @@ from dsfab.core.arrays import Floats, Ints, lock
 from dsfab.surface import edge_table, link_components
 from dsfab.thickening.solid import Solid
 
-INSIDE = 0.02  # A test line starts at a face's corner, moved by this fraction of the way to the face's centre.
-OPPOSED = float(np.cos(np.radians(20)))  # Opposite faces form a wall if the angle between them is up to 20 degrees.
-LARGE = 1e6  # Size of the scaled mesh, because libigl's rays miss triangles with areas below 1e-6.
+INSIDE = 0.02  # Distance of a test line from a face's corner, as a fraction of the way to the face's centre.
+OPPOSED = float(np.cos(np.radians(20)))  # Cosine of the largest angle between the faces of a wall.
+LARGE = 1e6  # Size of the scaled mesh.
 FLAT = float(np.cos(1e-3))  # Least cosine of the angle between neighbours in one flat facet.
 
 
 @dataclass(frozen=True, eq=False)
 class Wall:
-    """The thinnest wall of a solid: its thickness (m), and the vertex (3,) at which it was measured (m)."""
+    """The thinnest wall of a solid: thickness (m), and the vertex (3,) of the measurement (m)."""
 
     thickness: float
     place: Floats
@@ -38,12 +38,12 @@ class Rays:
 
     def first_hits(self, start: Floats, direction: Floats) -> Ints:
         """Return the first face (k,) hit by each ray, or -1. start, direction : (k, 3) points and unit vectors."""
-        start = (start - self._middle) * self._scale + 1e-9 * LARGE * direction  # the line starts inside the face
+        start = (start - self._middle) * self._scale + 1e-9 * LARGE * direction
         return np.asarray(self._tree.intersect_ray_first(self._V, self._F, start, direction)[0], dtype=np.int64)
 
 
 class Facets:
-    """The flat facets (groups of coplanar neighbouring faces) of a closed mesh F (m, 3) with unit normals N (m, 3)."""
+    """The flat facets (groups of coplanar faces) of a closed mesh F (m, 3) with unit normals N (m, 3)."""
 
     def __init__(self, F: Ints, N: Floats) -> None:
         pairs = edge_table(F).pairs // 3
@@ -53,8 +53,8 @@ class Facets:
         self._first = np.searchsorted(self._facet, np.arange(len(F) + 1), sorter=self._order)
 
     def nearest_separate_pair(self, size: Floats, start_face: Ints, end_face: Ints) -> int | None:
-        """Return the index of the pair of faces, start_face (k,) and end_face (k,), with the smallest size (k,).
-        Pairs whose facets are different and touch do not count. Returns None if no pair counts."""
+        """Return the index of the pair of faces with the smallest size (k,), or None.
+        Different facets that touch do not count. start_face, end_face : (k,) faces."""
         for k in np.argsort(size, kind="stable").tolist():
             if not np.isfinite(size[k]):
                 break
@@ -71,8 +71,7 @@ class Facets:
 
 
 def thinnest_wall(solid: Solid) -> Wall | None:
-    """Return the thinnest wall of a solid, measured along a ray into the solid at each vertex; None without walls.
-    The thickness is the distance from the ray's start to the plane of the face that the ray hits.
+    """Return the thinnest wall of a solid, or None without walls.
     Facets that touch form a tip, not a wall."""
     V, F = np.array(solid.V), np.array(solid.F)
     face = _largest_faces(V, F)
@@ -82,7 +81,7 @@ def thinnest_wall(solid: Solid) -> Wall | None:
     start = (1 - INSIDE) * V[corner] + INSIDE * V[F[face]].mean(axis=1)
     hit = Rays(V, F).first_hits(start, -N[face])
     opposed = (hit >= 0) & (-np.einsum("ki,ki->k", N[face], N[hit]) > OPPOSED)
-    depth = np.einsum("ki,ki->k", V[F[hit, 0]] - start, N[hit])  # libigl's own distance has only six digits
+    depth = np.einsum("ki,ki->k", V[F[hit, 0]] - start, N[hit])
     thickness = np.where(opposed, depth, np.inf)
     k = Facets(F, N).nearest_separate_pair(thickness, face, hit)
     return None if k is None else Wall(float(thickness[k]), V[corner[k]])
@@ -94,11 +93,10 @@ def _normals(V: Floats, F: Ints) -> Floats:
 
 
 def _largest_faces(V: Floats, F: Ints) -> Ints:
-    """Return the face (n,) with the largest area at each vertex; -1 without faces."""
     area = np.linalg.norm(np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]), axis=1)
     order = np.argsort(area, kind="stable")
     largest = np.full(len(V), -1)
-    for corner in F[order].T:  # if indices repeat, numpy keeps the last face, which is the largest
+    for corner in F[order].T:  # numpy keeps the last face, which is the largest
         current = largest[corner]
         better = (current < 0) | (area[np.maximum(current, 0)] <= area[order])
         largest[corner[better]] = order[better]

@@ -1,6 +1,4 @@
-"""Verification of the elements by structures with known answers, on at least three meshes.
-
-Each kind of tests has a file. A test (`Test`) has a mesh, a load, and a value with its reference."""
+"""Tests of the finite elements with known answers, on several meshes."""
 
 from collections.abc import Callable, Iterator, Sequence
 
@@ -27,7 +25,7 @@ __all__ = [
 FAMILIES = (plates, beams, plane, shells, vibrations, cut_sheets)
 TESTS: dict[str, Test] = {test.name: test for family in FAMILIES for test in family.TESTS}  # All tests by name.
 PAIRS = (elements_of("directions"), elements_of("spread"), *REPORTED)
-"""Default pairs of membrane and bending elements. The first two pairs are only for comparison."""
+"""Default pairs of membrane and bending elements."""
 
 
 def choose(names: Sequence[str]) -> list[Test]:
@@ -46,7 +44,7 @@ def choose(names: Sequence[str]) -> list[Test]:
 def verify(
     tests: Sequence[Test], pairs: Sequence[Elements] = PAIRS, progress: Callable[[str, str], None] | None = None
 ) -> Iterator[VerificationRow]:
-    """Yield results for each test and mesh pattern: by each pair of membrane and bending elements, and by CalculiX."""
+    """Yield results for each test, mesh pattern and pair of elements, and by CalculiX."""
     for test in tests:
         if progress:
             progress(test.name, ", ".join(str(cells) for cells in test.cells) + " cells")

@@ -1,4 +1,4 @@
-"""Cantilever strips: straight on regular and distorted meshes, curved, twisted, bent in an arc, and Raasch's hook."""
+"""Cantilever strips: straight, curved, twisted, bent in an arc, and Raasch's hook."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -15,20 +15,18 @@ Vector = tuple[float, float, float]
 IN_PLANE, ACROSS = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 CELLS: tuple[int, ...] = (1, 2, 4)
 PATTERNS: tuple[Mesh, ...] = ("diagonal", "union_jack")
-"""Mesh patterns of strips. `jittered` is missing, because a strip of one cell has no inner vertices to move."""
+"""Mesh patterns of strips."""
 
 
 def straight_beam(cells: int, mesh: Mesh, force: Vector, shape: Shape = "rectangles") -> Problem:
-    """Return a cantilever 6 x 0.2 x 0.1 with a force on its end. The mesh has six blocks of `cells` by `cells` cells.
-    shape : shape of the blocks; slanted sides are at 45 degrees."""
+    """Return a cantilever 6 x 0.2 x 0.1 with a force on its end. cells : cells along each side of six blocks."""
     uv, F = square(6 * cells, cells, mesh)
     V = np.stack([6 * uv[:, 0] + lean(6 * uv[:, 0], shape) * (2 * uv[:, 1] - 1), 0.2 * uv[:, 1], 0 * uv[:, 0]], axis=1)
     return tip_loaded(uv, F, V, Material(1e7, 0.3), 0.1, force)
 
 
 def lean(station: Floats, shape: Shape) -> Floats:
-    """Return the distances (k,), along the beam, by which the upper ends of mesh lines are moved to slant the lines.
-    station : (k,) positions of the lines along the beam, 0 to 6. The first and the last line stay upright."""
+    """Return the distances (k,) by which the upper ends of mesh lines move. station : (k,) from 0 to 6."""
     lines = np.full(7, 0.0 if shape == "rectangles" else 1.0)
     if shape == "trapezoids":
         lines[1::2] = -1.0
@@ -37,7 +35,7 @@ def lean(station: Floats, shape: Shape) -> Floats:
 
 
 def curved_beam(cells: int, mesh: Mesh, force: Vector) -> Problem:
-    """Return a quarter ring between the radii 4.12 and 4.32, 0.1 thick, built in at one end, loaded at its free end."""
+    """Return a quarter ring between the radii 4.12 and 4.32, 0.1 thick, loaded at its free end."""
     uv, F = square(6 * cells, cells, mesh)
     radius, turn = 4.12 + 0.2 * uv[:, 1], np.pi / 2 * (1 - uv[:, 0])
     V = np.stack([radius * np.sin(turn), radius * np.cos(turn), 0 * turn], axis=1)
@@ -45,7 +43,7 @@ def curved_beam(cells: int, mesh: Mesh, force: Vector) -> Problem:
 
 
 def twisted_beam(cells: int, mesh: Mesh, force: Vector, thickness: float = 0.32) -> Problem:
-    """Return a cantilever 12 x 1.1, twisted by 90 degrees from the root to the tip, with a force on the tip."""
+    """Return a cantilever 12 x 1.1, twisted by 90 degrees, with a force on the tip."""
     uv, F = square(11 * cells, cells, mesh)
     across, turn = 1.1 * (uv[:, 1] - 0.5), np.pi / 2 * uv[:, 0]
     V = np.stack([12 * uv[:, 0], across * np.cos(turn), across * np.sin(turn)], axis=1)
@@ -53,11 +51,11 @@ def twisted_beam(cells: int, mesh: Mesh, force: Vector, thickness: float = 0.32)
 
 
 BENT = Material(young=1e9, poisson=0.0)
-BENT_WIDTH = 0.2  # Metres; the axis has a radius of 1 m.
+BENT_WIDTH = 0.2  # Metres.
 
 
 def bent_strip(cells: int, mesh: Mesh, slenderness: float) -> Problem:
-    """Return a strip 0.2 wide, bent into a quarter circle of radius 1, with a force on its free end along the radius.
+    """Return a strip 0.2 wide, bent into a quarter circle of radius 1, with a radial force on its free end.
     slenderness : radius divided by thickness."""
     uv, F = square(8 * cells, cells, mesh)
     turn = np.pi / 2 * uv[:, 0]
@@ -66,14 +64,12 @@ def bent_strip(cells: int, mesh: Mesh, slenderness: float) -> Problem:
 
 
 def bent_strip_tip(slenderness: float) -> float:
-    """Return the exact radial movement of the free end of `bent_strip`, for an axis that does not stretch.
-    It is pi / 4 P R^3 / (E I) for the force P = 1 and the radius R = 1."""
+    """Return the exact radial movement of the free end of `bent_strip`: pi / 4 P R^3 / (E I) for P = 1, R = 1."""
     return float(np.pi / 4 / (BENT.young * BENT_WIDTH / slenderness**3 / 12))
 
 
 def raasch_hook(cells: int, mesh: Mesh) -> Problem:
-    """Return a strip 20 x 2 with a bend of 60 degrees at radius 14 and a reverse bend of 150 degrees at radius 46.
-    A load along the width acts on its end."""
+    """Return a strip 20 x 2: a bend of 60 degrees at radius 14, then a reverse bend of 150 degrees at radius 46."""
     uv, F = square(9 * cells, cells, mesh)
     turn = np.radians(210 * uv[:, 0])
     first_arc = np.minimum(turn, np.pi / 3)
@@ -84,14 +80,13 @@ def raasch_hook(cells: int, mesh: Mesh) -> Problem:
 
 
 HOOK = 5.022
-"""Movement of the hook's end from solid elements: 5.02 by 20-node bricks [Abaqus 6.5 Benchmarks, 2.3.6; Knight 1997],
-5.02201 by extrapolation of three meshes of bricks in FinEtoolsFlexStructures.jl."""
+"""Movement of the hook's end from solid elements [Abaqus 6.5 Benchmarks, 2.3.6; Knight 1997]."""
 
 EDGES_OF_STRIP = 0.63 * 2 / 20
 """Fraction .63 t / b by which the torsional stiffness of a strip is below b t^3 / 3 (width b, thickness t) [de Saint
-Venant]. Theories of thin sheets lack the shear across the thickness that causes this loss."""
+Venant]."""
 
-IN_TORSION = 0.9899  # Fraction of torsion in the strain energy of the hook as a curved beam.
+IN_TORSION = 0.9899  # Fraction of torsion in the strain energy of the hook.
 
 STRIP = (
     "curved beam theory with the torsion constant b t^3 / 3 of a thin strip, unit load on the whole end (MacNeal and "
@@ -100,7 +95,7 @@ STRIP = (
 
 
 def _curved_strip() -> float:
-    """Return the displacement of a quarter ring under a unit load normal to its plane [Timoshenko 1955]."""
+    """Return the displacement of a quarter ring normal to its plane [Timoshenko 1955]."""
     young, poisson, radius, width, thickness = 1e7, 0.25, 4.22, 0.2, 0.1
     bending = young * width * thickness**3 / 12
     torsion = young / (2 * (1 + poisson)) * width * thickness**3 / 3
@@ -108,7 +103,7 @@ def _curved_strip() -> float:
 
 
 def _curved_plane() -> float:
-    """Return a quarter ring's end shift; unit shear, plane stress [Golovin 1881; Timoshenko and Goodier 1951, 33]."""
+    """Return the displacement of a quarter ring in its plane [Golovin 1881; Timoshenko and Goodier 1951, 33]."""
     a, b, young, thickness = 4.12, 4.32, 1e7, 0.1
     squares = a**2 + b**2
     return float(np.pi * squares / (young * thickness * (a**2 - b**2 + squares * np.log(b / a))))

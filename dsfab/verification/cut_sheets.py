@@ -1,4 +1,4 @@
-"""A vault cut into ribs. The reference is a solid model, because no formula or table exists for ribs."""
+"""A vault cut into ribs. The reference is a solid model."""
 
 import numpy as np
 
@@ -13,11 +13,11 @@ CONCRETE = Material(33e9, 0.2, 2500.0)
 THICKNESS = 0.05  # Metres, 1/80 of the vault's radius.
 RADIUS, LENGTH, OPENING = 4.0, 4.0, np.pi / 2  # Radius and length in metres, and angle of the vault.
 GRAVITY = np.array([0.0, 0.0, -9.81])
-COARSE = 12  # Cells along the arc before the cut; finer meshes split each triangle of the cut mesh into four.
+COARSE = 12  # Cells along the arc before the cut.
 
 
 def vault(cells: int) -> Surface:
-    """Return the mesh of a barrel vault cut into ribs (six by four openings). cells : number of cells along its arc."""
+    """Return the mesh of a barrel vault cut into ribs. cells : number of cells along its arc."""
     uv, F = square(COARSE, COARSE - 2, "union_jack")
     turn = OPENING * (uv[:, 0] - 0.5)
     uncut = Surface(np.stack([RADIUS * np.sin(turn), LENGTH * uv[:, 1], RADIUS * np.cos(turn)], axis=1), F)
@@ -30,14 +30,14 @@ def vault(cells: int) -> Surface:
 
 
 def on_cylinder(points: Floats) -> tuple[Floats, Floats]:
-    """Return the points (k, 3), metres, moved onto the vault's cylinder, and the cylinder's normals (k, 3) there."""
+    """Return the points (k, 3), metres, moved onto the vault's cylinder, and the cylinder's normals (k, 3)."""
     out = points * (1, 0, 1)
     normal = out / np.linalg.norm(out, axis=1, keepdims=True)
     return points * (0, 1, 0) + RADIUS * normal, normal
 
 
 def halved_on_cylinder(surface: Surface) -> Surface:
-    """Return the mesh with every triangle split into four; new vertices lie on the vault's cylinder."""
+    """Return the mesh with every triangle split into four, on the vault's cylinder."""
     F, edges = surface.F, surface.edges
     mid = surface.n + edges.of
     added = on_cylinder(surface.V[edges.ends].mean(axis=1))[0]
@@ -51,7 +51,7 @@ def feet(surface: Surface) -> Bools:
 
 
 def cut_vault(cells: int, mesh: Mesh) -> Problem:
-    """Return the vault as a thin sheet under its own weight, built in at both springing lines; value: compliance, J."""
+    """Return the vault as a thin sheet under its own weight; value: compliance, J."""
     surface = vault(cells)
     where, weight = feet(surface), CONCRETE.density * THICKNESS * GRAVITY
     fixed, clamped = held_directions(surface.n, (where, "xyz")), edges_on(surface, where)
@@ -59,7 +59,7 @@ def cut_vault(cells: int, mesh: Mesh) -> Problem:
 
 
 def vault_solid(cells: int, mesh: Mesh) -> tuple[int, float] | None:
-    """Return the number of unknowns and the compliance (J) of the vault as a solid; None without CalculiX."""
+    """Return the number of unknowns and the compliance (J) of the vault as a solid, or None."""
     surface = vault(cells)
     solid = wedges(surface, THICKNESS, on_cylinder)
     compliance = solid_compliance(solid, CONCRETE, end_face_nodes(solid, surface, feet(surface)), GRAVITY)

@@ -1,4 +1,4 @@
-"""The verification page: every test with a drawing, a plot of convergence, and its numbers."""
+"""The verification page: tests with drawings, plots and numbers."""
 
 import io
 import platform
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 COLOURS = ("#c0653c", "#3d7fc4", "#2c9a62", "#9a6fc0", "#b0892a", "#c0507f")
-"""Colours of the pairs of membrane and bending elements, readable on white and on black."""
+"""Colours of the pairs of membrane and bending elements."""
 
 PUBLISHED, SUPPORT, LOAD = "#8d8d8d", "#2c9a62", "#c0653c"
 MARKS = "xd+^v*sp<>hDPX"
@@ -34,8 +34,7 @@ INK, FAINT = "#010203", "#040506"  # Placeholders for the page's colours of text
 
 
 def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standing]) -> str:
-    """Return an SVG plot of the error (%) over the number of unknowns, with marks for published values.
-    Each pair of membrane and bending elements has a line for each mesh pattern."""
+    """Return an SVG plot of the error (%) over the number of unknowns."""
     with _figure(6.6, 3.1) as (figure, axes):
         for colour, name in zip(COLOURS, dict.fromkeys(row.elements for row in rows), strict=False):
             for k, mesh in enumerate(test.meshes):
@@ -75,7 +74,7 @@ def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standi
 
 
 def drawing(problem: Problem, title: str) -> str:
-    """Return an SVG drawing of the mesh with its supports (dots) and at most eight of its loads (arrows)."""
+    """Return an SVG drawing of the mesh with its supports and loads."""
     V = problem.surface.V
     view = np.eye(2, 3) if problem.plane_axis == 2 else _isometric()
     shown = V @ view.T
@@ -103,7 +102,7 @@ def _arrows(axes: "Axes", problem: Problem, view: Floats) -> None:
     if not size.any():  # a free vibration has no load
         return
     loaded = np.flatnonzero(size > 0.2 * size.max())
-    loaded = loaded[np.unique(np.linspace(0, len(loaded) - 1, 8).round().astype(int))]  # at most 8 arrows are drawn
+    loaded = loaded[np.unique(np.linspace(0, len(loaded) - 1, 8).round().astype(int))]
     reach = 0.2 * np.ptp(shown, axis=0).max() / size.max()
     for vertex in loaded:
         tip, tail = shown[vertex], shown[vertex] - reach * seen[vertex]
@@ -150,7 +149,7 @@ def _svg(figure: "Figure", title: str) -> str:
     svg = text.getvalue()
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
-    svg = re.sub(r' id="[a-zA-Z]+[a-z0-9]*_\d+"', "", svg)  # remove the ids of groups; nothing uses them
+    svg = re.sub(r' id="[a-zA-Z]+[a-z0-9]*_\d+"', "", svg)
     svg = re.sub(r"font: ([\d.]+)px[^;\"]*", r"font-size: \1px", svg)
     svg = re.sub(r"(?<![>\d.])(\d+\.\d\d)\d+", r"\1", svg)  # round coordinates, but not the labels of axes
     svg = svg.replace(INK, "currentColor").replace(FAINT, "var(--faint)")
@@ -158,7 +157,7 @@ def _svg(figure: "Figure", title: str) -> str:
 
 
 WORST_FIRST = ("off", "refused", "theory", "coarse", "not run", "ok")
-"""Verdicts, the worst first; the summary shows the worst verdict of each test."""
+"""Verdicts, the worst first."""
 PAIR = str(elements_of("displacement"))  # Elements whose results are compared with targets and published values.
 
 STYLE = """
@@ -179,7 +178,7 @@ svg { max-width: 100%; height: auto; font-family: var(--sans); } a { color: inhe
 
 
 def write_page(folder: Path, tests: Sequence[Test], rows: Sequence[VerificationRow]) -> Path:
-    """Write `index.html` with the results `rows` of the tests into `folder`. Return its path. Raises ExportError."""
+    """Write `index.html` with the results of the tests; return its path. Raises ExportError."""
     text = page(tests, rows)
     with atomic_folder(folder) as partial:
         (partial / "index.html").write_text(text, encoding="utf-8")
@@ -187,7 +186,7 @@ def write_page(folder: Path, tests: Sequence[Test], rows: Sequence[VerificationR
 
 
 def page(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
-    """Return the HTML text of the page. Equal rows give equal text."""
+    """Return the HTML text of the page."""
     against = standings(rows, {test.name: test for test in tests})
     short = shortfalls(rows)
     parts = [_head(tests, rows), _uses(), _summary(tests, rows), _published_counts(against)]
@@ -300,7 +299,7 @@ def _section(test: Test, rows: Sequence[VerificationRow], against: Sequence[Stan
     test_standings = [standing for standing in against if standing.published.test == test.name]
     mesh = test.meshes[-1] if len(test.meshes) < 3 else "union_jack"
     problem = test.problem(test.cells[min(1, len(test.cells) - 1)], mesh)
-    if len(problem.surface.edges.ends) > 3000:  # with more edges the lines of the drawing would merge
+    if len(problem.surface.edges.ends) > 3000:
         problem = test.problem(test.cells[0], mesh)
     sketch = drawing(problem, test.about)
     plot = "" if test.tolerance < 1e-6 else curves(test, test_rows, test_standings)

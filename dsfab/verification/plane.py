@@ -1,4 +1,4 @@
-"""Sheets loaded in their plane: patches of constant stress, Cook's panel, and stress at holes."""
+"""Sheets loaded in their plane."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -27,7 +27,7 @@ from dsfab.verification.problems import (
 
 
 def corner_stress(surface: Surface, material: Material, answer: Equilibrium) -> Floats:
-    """Return the stress tensors (m, 3 corners, 3, 3) of a sheet in plane stress at the corners of its faces, Pa."""
+    """Return the stress tensors (m, 3 corners, 3, 3) at the corners of the faces, Pa."""
     strain = membrane_strains(surface, answer)
     planar = membrane_stresses(surface, material, "plane_stress", answer.elements, strain)
     t = tangents(surface)
@@ -35,7 +35,7 @@ def corner_stress(surface: Surface, material: Material, answer: Equilibrium) -> 
 
 
 def vertex_stress(surface: Surface, material: Material, answer: Equilibrium, vertex: int) -> Floats:
-    """Return the stress tensor (3, 3) at a vertex, Pa: the mean over the faces there."""
+    """Return the mean stress tensor (3, 3) at a vertex, Pa."""
     return np.asarray(corner_stress(surface, material, answer)[vertex == surface.F].mean(axis=0))
 
 
@@ -59,7 +59,7 @@ def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:
 
 def cook(cells: int, mesh: Mesh) -> Problem:
     """Return a tapered panel 48 long, from 44 to 16 high, under a unit shear force.
-    Value: displacement of the middle of the loaded end. Mesh "diagonal" halves cells along the short diagonal."""
+    Value: displacement of the middle of the loaded end."""
     uv, F = square(cells, cells, mesh)
     if mesh == "diagonal":
         uv, F = np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1), F[:, ::-1]
@@ -71,16 +71,16 @@ def cook(cells: int, mesh: Mesh) -> Problem:
 
 
 def kirsch(cells: int, mesh: Mesh) -> Problem:
-    """Return a quarter of a sheet in unit tension along x around a hole of radius 1, cut out at radius 5.
-    Tractions of Kirsch's solution act on the outer edge. Value: largest stress at the hole, 3 in an infinite sheet."""
+    """Return a quarter of a sheet in unit tension along x around a hole of radius 1.
+    Value: largest stress at the hole, 3 in an infinite sheet."""
     uv, F = square(cells, cells, mesh)
-    radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # this makes cells as long as wide
+    radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]
     V = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn], axis=1)
     return quarter(uv, F[:, ::-1], V, Material(1.0, 0.3), 1.0, kirsch_stress, (1.0, "xx"))
 
 
 def kirsch_stress(x: Floats, y: Floats) -> Floats:
-    """Return the stress (..., 2, 2) around a hole of radius 1 in a sheet under a unit tension along x [Kirsch 1898]."""
+    """Return the stress (..., 2, 2) around a hole of radius 1 under a unit tension along x [Kirsch 1898]."""
     q, turn = 1 / (x**2 + y**2), np.arctan2(y, x)
     c2, c4, s2, s4 = np.cos(2 * turn), np.cos(4 * turn), np.sin(2 * turn), np.sin(4 * turn)
     xx = 1 - q * (1.5 * c2 + c4) + 1.5 * q**2 * c4
@@ -90,8 +90,8 @@ def kirsch_stress(x: Floats, y: Floats) -> Floats:
 
 
 def elliptic_membrane(cells: int, mesh: Mesh) -> Problem:
-    """Return NAFEMS LE1: a quarter of a sheet between two ellipses, 0.1 m thick, pulled by 10 MPa on its outer edge.
-    The value is the stress, Pa, along the inner edge at the end of its long axis."""
+    """Return NAFEMS LE1: a quarter of a sheet between two ellipses, pulled by 10 MPa on its outer edge.
+    Value: stress along the inner edge at the end of its long axis, Pa."""
     uv, F = square(cells, cells, mesh)
     turn, out = np.pi / 2 * uv[:, 0], uv[:, 1]
     V = np.stack([(2 + 1.25 * out) * np.cos(turn), (1 + 1.75 * out) * np.sin(turn), 0 * out], axis=1)
@@ -107,11 +107,10 @@ def quarter(
     stress: Callable[[Floats, Floats], Floats],
     target: tuple[float, str],
 ) -> Problem:
-    """Return a quarter of a sheet with a hole, loaded by tractions on its outer edge.
-    uv     : (n, 2) coordinates u, v of the vertices. u = 0 is on the x axis, u = 1 on the y axis; v = 0 is the edge of
-             the hole, v = 1 the outer edge.
-    stress : function (x, y) -> (..., 2, 2) of the stress, Pa, whose tractions act on the outer edge.
-    target : u and a component ("xx"): the problem's value is this stress component at the hole, at this u."""
+    """Return a quarter of a sheet with a hole, loaded by tractions on the outer edge.
+    uv     : (n, 2) coordinates: u from 0 (x axis) to 1 (y axis), v from 0 (hole) to 1 (outer edge).
+    stress : function (x, y) -> (..., 2, 2) of the stress, Pa.
+    target : u and a component ("xx") of the stress at the hole, the problem's value."""
     end, component = target
     surface = Surface(V, F)
     outer = edges_on(surface, is_at(uv[:, 1], 1.0))
@@ -126,7 +125,7 @@ def quarter(
 
 
 def tractions(surface: Surface, marked: Bools, stress: Callable[[Floats, Floats], Floats]) -> Floats:
-    """Return the mean traction (e, 3) of a stress field on marked boundary edges (e,), Pa; 0 on all other edges."""
+    """Return the mean traction (e, 3) of a stress field on marked boundary edges (e,), Pa; 0 on other edges."""
     ends = surface.V[surface.edges.ends[marked], :2]
     along = ends[:, 1] - ends[:, 0]
     n = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)

@@ -52,7 +52,7 @@ SKEWED = Material(young=1085.0, poisson=0.31)
 
 
 def skew_plate(cells: int, mesh: Mesh) -> Problem:
-    """Return a rhombus with sides of 100 and an angle of 60 degrees, .1 thick, simply supported on two opposite sides.
+    """Return a rhombus with an angle of 60 degrees, simply supported on two opposite sides.
     The value is 100 D / (q a^4) times the deflection of its centre; stiffness D, load q, side a."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(100 * np.stack([uv[:, 0] + uv[:, 1] / 2, np.sqrt(3) / 2 * uv[:, 1], 0 * uv[:, 0]], axis=1), F)
@@ -115,7 +115,7 @@ def _moment() -> float:
     """Return the moment M / (q a^2) at the centre of a simply supported square plate [Timoshenko 1959, 30]."""
     odd = np.arange(1, 400, 2)
     m, n = np.meshgrid(odd, odd, indexing="ij")
-    sign = np.where((m + n) % 4 == 2, 1.0, -1.0)  # the sign is sin(m pi / 2) sin(n pi / 2)
+    sign = np.where((m + n) % 4 == 2, 1.0, -1.0)
     return float((sign * 16 / np.pi**4 * (m**2 + PLATE.poisson * n**2) / (m * n * (m**2 + n**2) ** 2)).sum())
 
 

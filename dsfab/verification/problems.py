@@ -1,4 +1,4 @@
-"""Problems for the tests: meshes of square and sphere, supports, loads, and the value to compare."""
+"""Problems for the tests: meshes of square and sphere, supports, loads, and values to compare."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -24,14 +24,13 @@ from dsfab.surface import LoadCase, Surface
 
 Mesh = Literal["diagonal", "union_jack", "jittered"]
 MESHES: tuple[Mesh, ...] = ("diagonal", "union_jack", "jittered")
-"""Mesh patterns. `diagonal` halves squares by parallel diagonals, `union_jack` by alternating diagonals; `jittered` is
-`union_jack` with randomly moved inner vertices."""
+"""Mesh patterns. `diagonal` halves squares by parallel diagonals, `union_jack` by alternating diagonals."""
 
-NEAR = 1e-9  # Coordinates in the unit square that differ by less are equal.
+NEAR = 1e-9  # Largest difference of equal coordinates in the unit square.
 
 
 def square(nx: int, ny: int, mesh: Mesh) -> tuple[Floats, Ints]:
-    """Mesh the unit square with nx by ny cells of two triangles. Return vertices (n, 2) and faces (m, 3)."""
+    """Mesh the unit square with nx by ny cells. Return vertices (n, 2) and faces (m, 3)."""
     x, y = np.meshgrid(np.arange(nx + 1) / nx, np.arange(ny + 1) / ny, indexing="ij")
     uv = np.stack([x.ravel(), y.ravel()], axis=1)
     i, j = np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij")
@@ -42,7 +41,7 @@ def square(nx: int, ny: int, mesh: Mesh) -> tuple[Floats, Ints]:
     parts += [np.stack(corners, axis=1)[other_diagonal] for corners in ((a, b, d), (b, c, d))]
     F = np.concatenate(parts)
     if mesh == "jittered":
-        # the centre vertex does not move, because tests read its values
+        # tests read values at the centre vertex
         inner = ((uv > NEAR) & (uv < 1 - NEAR)).all(axis=1) & (np.abs(uv - 0.5).max(axis=1) > NEAR)
         shift = np.random.default_rng(0).uniform(-0.25, 0.25, (inner.sum(), 2))
         uv[inner] += shift / (nx, ny)
@@ -55,13 +54,13 @@ def is_at(values: Floats, position: float) -> Bools:
 
 
 def edges_on(surface: Surface, *lines: Bools) -> Bools:
-    """Return a mask (e,) of the boundary edges on any of the lines. lines : masks (n,) of the vertices on each line."""
+    """Return a mask (e,) of the boundary edges on lines. lines : masks (n,) of the vertices on each line."""
     is_on_line = np.logical_or.reduce([line[surface.edges.ends].all(axis=1) for line in lines])
     return np.asarray(is_on_line & surface.edges.boundary)
 
 
 def octasphere(cells: int) -> tuple[Floats, Ints]:
-    """Return V (n, 3), F (m, 3) of a unit sphere made from an octahedron with `cells` cells along each edge."""
+    """Return V (n, 3), F (m, 3) of a unit sphere from an octahedron with `cells` cells along each edge."""
     b, faces = _octahedron_side(cells)
     signs = np.array([[x, y, z] for x in (1, -1) for y in (1, -1) for z in (1, -1)])
     points = (b[None] * signs[:, None]).reshape(-1, 3)
@@ -77,7 +76,7 @@ def octant(cells: int) -> tuple[Floats, Ints]:
 
 
 def _octahedron_side(cells: int) -> tuple[Ints, Ints]:
-    """Return corners (n, 3) and faces of one octahedron side; corners are integers x, y, z with the sum `cells`."""
+    """Return corners (n, 3), integers with the sum `cells`, and faces of one octahedron side."""
     i, j = np.meshgrid(np.arange(cells + 1), np.arange(cells + 1), indexing="ij")
     inside = i + j <= cells
     number = np.full((cells + 1, cells + 1), -1)
@@ -98,11 +97,11 @@ def _on_sphere(points: Ints, cells: int) -> Floats:
 class Problem:
     """One mesh of one test: structure, loads, and the value that is compared with the reference.
     fixed   : (n, 3) marks of fixed directions (x, y, z) at each vertex.
-    clamped : (e,) marks of edges that cannot rotate (built in, or on a symmetry plane).
+    clamped : (e,) marks of edges that cannot rotate.
     force   : (n, 3) concentrated loads, newtons.
     face    : (m, 3) loads per area, Pa.    edge : (e, 3) loads per length, N/m.
     value   : function that returns the value from an equilibrium.
-    modes   : for vibration and buckling: function that calculates the value with given elements; else None."""
+    modes   : for vibration and buckling: function that calculates the value; else None."""
 
     surface: Surface
     material: Material
@@ -134,7 +133,7 @@ class Problem:
 
     @property
     def plane_axis(self) -> int | None:
-        """Number (0, 1, 2) of the axis normal to a flat sheet that is solved in its plane only; else None."""
+        """Number (0, 1, 2) of the axis normal to a sheet solved in its plane only; else None."""
         return None if self.modes else flat_axis(self.surface, self.load)
 
     @property
@@ -143,7 +142,7 @@ class Problem:
         return bool(self.clamped.any()) and self.plane_axis is None
 
     def unknowns(self, elements: Elements) -> int:
-        """Return the number of unknowns that are not fixed: displacements of vertices, and unknowns of edges."""
+        """Return the number of unknowns that are not fixed."""
         fixed = self.fixed.copy()
         if self.plane_axis is not None:
             fixed[:, self.plane_axis] = True
@@ -151,8 +150,7 @@ class Problem:
         return int((~fixed).sum() + (~held_on_edges(self.surface, elements, fixed, self.clamped)).sum())
 
     def nodal_unknowns(self) -> int:
-        """Return the number of unknowns that usual shell elements would have on this mesh, without fixed unknowns.
-        Each vertex has three displacements and two rotations; in a sheet loaded in its plane, it has no rotations."""
+        """Return the number of free unknowns that usual shell elements would have on this mesh."""
         fixed = self.fixed.copy()
         if self.plane_axis is not None:
             fixed[:, self.plane_axis] = True
@@ -163,7 +161,7 @@ class Problem:
         return int((~fixed).sum() + 2 * self.surface.n - turning.sum() - built_in.sum())
 
     def solve(self, elements: Elements) -> float:
-        """Calculate the value (displacement, frequency, ...) with the given elements. Raises StaticsError."""
+        """Calculate the value with the given elements. Raises StaticsError."""
         if self.modes:
             return self.modes(elements)
         clamped = self.clamped if self.clamped.any() else None
@@ -176,17 +174,16 @@ class Test:
     """A structure with a known answer.
     reference : reference value, in SI units or the source's own consistent units.
     source    : source of the reference, and the modelled part of structure and load.
-    about     : description of the structure in a line.
     problem   : (cells, mesh) -> Problem; `cells` counts the cells along the side that is refined.
     cells     : numbers of cells, coarse to fine.      meshes : mesh patterns.
     within    : tolerance; None for the tolerance of the quantity.
-    targets   : largest allowed relative error of the elements for displacements, by number of cells.
-    limit     : value to which thin sheets converge, if it differs from `reference`; then `targets` refer to `limit`.
+    targets   : largest allowed relative error for displacements, by number of cells.
+    limit     : value to which thin sheets converge, if this differs from `reference`; `targets` then refer to `limit`.
     quantity  : kind of value, which decides the tolerance.
-    beyond    : text on an effect that thin-sheet theories lack; if not empty, the value may agree with `limit` instead.
-    outside   : (cells, mesh) -> unknowns and value that another program calculates; None without this program."""
+    beyond    : effect that thin-sheet theories lack, or ""; with a text, the value may agree with `limit` instead.
+    outside   : (cells, mesh) -> unknowns and value that another program calculates, or None."""
 
-    __test__ = False  # pytest would collect a class with this name
+    __test__ = False  # pytest must not collect this class
 
     name: str
     reference: float
@@ -204,12 +201,12 @@ class Test:
 
     @property
     def tolerance(self) -> float:
-        """Accepted relative error on the finest mesh, for the membrane and bending elements in dsfab's report."""
+        """Accepted relative error on the finest mesh."""
         return tolerance_of(self.quantity) if self.within is None else self.within
 
 
 def held_directions(n: int, *supports: tuple[Bools, str]) -> Bools:
-    """Return a mask (n, 3) of fixed directions. supports : pairs of a vertex mask (n,) and directions, such as "xz"."""
+    """Return a mask (n, 3) of fixed directions. supports : pairs of a mask (n,) and directions, such as "xz"."""
     fixed = np.zeros((n, 3), dtype=bool)
     for where, axes in supports:
         for axis in axes:
@@ -218,7 +215,7 @@ def held_directions(n: int, *supports: tuple[Bools, str]) -> Bools:
 
 
 def point_force(n: int, *forces: tuple[Bools, tuple[float, float, float]]) -> Floats:
-    """Return forces (n, 3), newtons. Each pair in `forces`, mask (n,) and force, loads the mask's first vertex."""
+    """Return forces (n, 3), newtons. Each pair in `forces`, mask (n,) and force, loads the first marked vertex."""
     force = np.zeros((n, 3))
     for where, newtons in forces:
         force[np.flatnonzero(where)[0]] += newtons
@@ -226,21 +223,21 @@ def point_force(n: int, *forces: tuple[Bools, tuple[float, float, float]]) -> Fl
 
 
 def mean_move(where: Bools, direction: tuple[float, float, float]) -> Callable[[Equilibrium], float]:
-    """Return a function of an `Equilibrium`: the mean displacement (m) of marked vertices (n,) along a direction."""
+    """Return a function of an `Equilibrium`: the mean displacement (m) of marked vertices (n,)."""
     return lambda answer: float((answer.u[where] @ np.array(direction)).mean())
 
 
 def lines_on(where: Bools, newtons_per_metre: tuple[float, float, float]) -> Floats:
-    """Return line loads (e, 3) that are constant on marked edges (e,) and 0 on the other edges."""
+    """Return line loads (e, 3) that are constant on marked edges (e,) and 0 elsewhere."""
     return np.asarray(where[:, None] * np.array(newtons_per_metre))
 
 
 def tip_loaded(
     uv: Floats, F: Ints, V: Floats, material: Material, thickness: float, force: tuple[float, float, float]
 ) -> Problem:
-    """Return a strip built in at its end u = 0, with a force spread along its end u = 1.
+    """Return a strip built in at its end u = 0, with a force along its end u = 1.
     uv, V : (n, 2) coordinates u, v of the vertices, 0 to 1, and (n, 3) places of the vertices.
-    The problem's value is the displacement of the end u = 1 along the force."""
+    The problem's value is the displacement along the force."""
     surface = Surface(V, F)
     root, tip = is_at(uv[:, 0], 0.0), is_at(uv[:, 0], 1.0)
     end = edges_on(surface, tip)

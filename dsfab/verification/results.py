@@ -1,4 +1,4 @@
-"""Results of the tests: ratios to references, rates of convergence, and comparison with published values."""
+"""Results of the tests: ratios to references, rates of convergence, and published values."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -14,18 +14,14 @@ from dsfab.verification.problems import Mesh, Problem, Test
 
 @dataclass(frozen=True)
 class VerificationRow:
-    """Result of one test on one mesh with one choice of membrane and bending elements.
-    unknowns : number of free unknowns.
-    ratio    : value / reference; `ratio` and `value` are None if the elements cannot clamp the edges of the test.
-    rate     : observed order of convergence from this mesh and the two coarser meshes; None on the first two meshes,
-               and if rounding dominates.
+    """Result of a test on a mesh with a choice of elements.
+    ratio    : value / reference; `ratio` and `value` are None if the elements cannot clamp the edges.
+    rate     : observed order of convergence on three meshes, or None.
     verdict  : `ok`: error within the test's tolerance. `off`: larger error, also on the finest mesh. `coarse`: larger
                error, but not on the finest mesh. `theory`: like `off`, but right in the thin-sheet limit. `not run`:
-               the test clamps edges, which hinge elements cannot do. `refused`: the sheet is too thin for the solver.
-    target   : largest allowed relative error on this mesh; None without a target.
-    met      : True if the error is below the target.
-    limit    : value to which the error for `target` refers; None if this is `reference` (see `Test.limit`).
-    of_limit : value / limit."""
+               the elements cannot clamp edges. `refused`: the sheet is too thin for the solver.
+    target   : largest allowed relative error on this mesh, or None.
+    limit    : value to which the error for `target` refers, or None."""
 
     test: str
     mesh: str
@@ -45,7 +41,7 @@ class VerificationRow:
 
 
 def series(test: Test, mesh: Mesh, elements: Elements) -> list[VerificationRow]:
-    """Return the results of one test for all its refinements, with one mesh pattern and the given elements."""
+    """Return the results of a test for all refinements of a mesh pattern."""
     problems = [test.problem(cells, mesh) for cells in test.cells]
     if elements.bending == "hinge" and any(problem.needs_rotations for problem in problems):
         values: list[float | None] = [None] * len(problems)
@@ -56,11 +52,11 @@ def series(test: Test, mesh: Mesh, elements: Elements) -> list[VerificationRow]:
     return _rows(test, mesh, str(elements), [problem.unknowns(elements) for problem in problems], values, missing)
 
 
-OUTSIDE = "solid wedges (CalculiX)"  # Name of CalculiX's elements in results.
+OUTSIDE = "solid wedges (CalculiX)"  # Name of CalculiX's elements.
 
 
 def outside_series(test: Test, mesh: Mesh) -> list[VerificationRow]:
-    """Return the results of the test by CalculiX for all refinements; empty if CalculiX is not installed."""
+    """Return the results of the test by CalculiX for all refinements; empty without CalculiX."""
     results = [test.outside(cells, mesh) for cells in test.cells] if test.outside else []
     solved = [result for result in results if result is not None]
     return _rows(test, mesh, OUTSIDE, [count for count, _ in solved], [value for _, value in solved])
@@ -84,13 +80,13 @@ def _rows(
 
 
 def failures(rows: Iterable[VerificationRow]) -> list[VerificationRow]:
-    """Return the rows with the verdict `off` or `refused`, for elements whose results dsfab reports (`REPORTED`)."""
+    """Return the rows with the verdict `off` or `refused`, for reported elements."""
     gated = {str(pair) for pair in REPORTED}
     return [row for row in rows if row.elements in gated and row.verdict in ("off", "refused")]
 
 
 def observed_rate(values: Sequence[float | None]) -> float | None:
-    """Return the order of convergence from values on meshes of sizes 1, 1/2 and 1/4; None if rounding dominates."""
+    """Return the order of convergence from values on meshes of sizes 1, 1/2 and 1/4; None if unclear."""
     if any(value is None for value in values):
         return None
     a, b, c = (value for value in values if value is not None)
@@ -99,7 +95,7 @@ def observed_rate(values: Sequence[float | None]) -> float | None:
 
 
 def pattern_spread(rows: Iterable[VerificationRow]) -> dict[tuple[str, str, int], float]:
-    """Return the spread of the values over all mesh patterns, max / min - 1, for each (test, elements, cells)."""
+    """Return the spread of the values over all mesh patterns, max / min - 1, by (test, elements, cells)."""
     values: dict[tuple[str, str, int], list[float]] = {}
     for row in rows:
         if row.value is not None:
@@ -127,7 +123,7 @@ Seen = Literal["page", "transcript", "recalled"]
 
 @dataclass(frozen=True)
 class Publication:
-    """A published document. seen : where its numbers were read; "recalled" means quoted from memory."""
+    """A published document. seen : where its numbers were read, or "recalled" from memory."""
 
     title: str
     seen: Seen
@@ -138,10 +134,9 @@ class Publication:
 
 @dataclass(frozen=True)
 class Published:
-    """One published value for a test. ratio : this value divided by the reference of its source.
-    cells    : number of cells of the published mesh, counted as in the test; None if only a `note` describes the mesh.
-    unknowns : number of unknowns of the published mesh, if it is not a mesh of the test; else None. If given, `cells`
-               is the cell count of the next coarser mesh of the test."""
+    """A published value for a test. ratio : this value divided by the reference of its source.
+    cells    : number of cells of the published mesh, or of the next coarser mesh of the test; None if unknown.
+    unknowns : number of unknowns of a published mesh that is not a mesh of the test, else None."""
 
     test: str
     element: str
@@ -153,12 +148,12 @@ class Published:
 
     @property
     def constant(self) -> bool:
-        """True if the element's membrane is a triangle of constant strain."""
+        """True for a membrane triangle of constant strain."""
         return self.element in CONSTANT
 
     @property
     def middles(self) -> bool:
-        """True if the element also has nodes in the middle of its sides."""
+        """True if the element has nodes in the middle of its sides."""
         return self.element in MIDDLES
 
 
@@ -181,7 +176,7 @@ SIMO = Publication(
 )
 DVORKIN = Publication("Dvorkin and Bathe 1984, Engineering Computations 1, 77-88", "recalled")
 FELIPPA = Publication("table of Cook's panel in Felippa 2003, Computer Methods in Applied Mechanics 192", "recalled")
-TWELVE_BY_TWO = 12 * 3 * 5  # Free unknowns of a twisted beam with 12 x 2 cells.
+TWELVE_BY_TWO = 12 * 3 * 5  # Free unknowns of 12 x 2 cells.
 Ratios = dict[str, tuple[float, ...]]
 SHAPES = ("", "_parallelograms", "_trapezoids")
 
@@ -235,7 +230,7 @@ NAFEMS: tuple[tuple[str, Publication, float, Ratios], ...] = (
     ("closed_hemisphere", LE3, 0.185, {"Abaqus S3R": (0.080, 0.161), "Abaqus S4R": (0.180, 0.180)}),
     ("closed_hemisphere", LE3, 0.185, {"Abaqus S8R5": (0.179, 0.185), "Abaqus S4": (0.083, 0.175)}),
 )
-"""Published stress (MPa) or displacement (m) on the coarse and on the fine mesh that NAFEMS defines for the test."""
+"""Published stress (MPa) or displacement (m) on the coarse and on the fine mesh of NAFEMS."""
 
 CONSTANT = ("OptiStruct TRI3", "CATIA TR3", "Abaqus CPS3", "Abaqus S3R", "constant strain triangle")
 MIDDLES = ("OptiStruct TRI6", "NASTRAN QUAD8", "Abaqus CPS6", "Abaqus CPS8R", "Abaqus S8R5")
@@ -266,13 +261,11 @@ Outcome = Literal["better", "alike", "worse", "unknown"]
 
 @dataclass(frozen=True)
 class Standing:
-    """Comparison of a published value with dsfab's elements for displacements.
-    unknowns : number of unknowns of the published mesh; None if unknown.
-    ours     : largest relative error of dsfab's elements on regular meshes at least as fine as the published mesh; None
-               without a comparable mesh.
-    basis    : "unknowns" if `ours` is for the published number of unknowns, or for dsfab's finest mesh if this is
-               coarser. "cells" if it is for the published number of cells, as dsfab's meshes have more unknowns.
-    outcome  : "better" if dsfab's error is smaller than the published error, "alike", "worse", or "unknown"."""
+    """Comparison of a published value with dsfab's elements.
+    unknowns : number of unknowns of the published mesh, or None.
+    ours     : largest relative error of dsfab's elements on comparable meshes, or None.
+    basis    : "unknowns" or "cells", the number by which meshes are compared.
+    outcome  : "better" if dsfab's error is smaller, "alike", "worse", or "unknown"."""
 
     published: Published
     unknowns: int | None
@@ -282,7 +275,7 @@ class Standing:
 
 
 def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> list[Standing]:
-    """Compare each published value with the results in `rows` of dsfab's elements for displacements."""
+    """Compare each published value with the results in `rows`."""
     compared = []
     for published in PUBLISHED:
         test_rows = [row for row in rows if row.test == published.test and row.mesh != "jittered"]
@@ -293,8 +286,7 @@ def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> lis
 
 
 def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, float]]:
-    """Return, by number of cells, the largest number of unknowns and the largest relative error over all patterns.
-    Cell counts with a missing result are left out."""
+    """Return, by number of cells, the largest number of unknowns and the largest relative error."""
     worst: dict[int, tuple[int, float]] = {}
     for cells in sorted({row.cells for row in rows}):
         cell_rows = [row for row in rows if row.cells == cells]
@@ -305,8 +297,7 @@ def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, floa
 
 
 def shortfalls(rows: Sequence[VerificationRow]) -> dict[str, str]:
-    """Return, by test, a sentence for each test in which the error of the elements `PAPER` is too large.
-    The sentence also has published values of elements with constant strain."""
+    """Return, by test, a sentence if the error of the elements `PAPER` is too large."""
     lines = {}
     for name in dict.fromkeys(row.test for row in rows):
         ours = [row for row in rows if row.test == name and row.elements == str(PAPER) and row.ratio is not None]
@@ -336,10 +327,9 @@ def _standing(published: Published, ours: Mapping[int, tuple[int, float]], test:
     if unknowns is None or not ours:
         return Standing(published, unknowns, None, "", "unknown")
     sizes, errors = np.array(list(ours.values())).T
-    # take the largest error on this and finer meshes: a value may pass through the reference before it converges
     errors = np.maximum.accumulate(errors[::-1])[::-1]
     theirs = abs(published.ratio - 1)
-    if unknowns >= 0.8 * sizes[0]:  # the published mesh may have a fifth fewer unknowns than dsfab's coarsest mesh
+    if unknowns >= 0.8 * sizes[0]:
         error = float(np.exp(np.interp(np.log(unknowns), np.log(sizes), np.log(np.maximum(errors, 1e-9)))))
         return Standing(published, unknowns, error, "unknowns", _outcome(error, theirs))
     if published.cells is not None and published.cells in ours:
@@ -349,6 +339,6 @@ def _standing(published: Published, ours: Mapping[int, tuple[int, float]], test:
 
 
 def _outcome(ours: float, theirs: float) -> Outcome:
-    if abs(ours - theirs) <= 0.005:  # references in different sources differ by up to half a percent
+    if abs(ours - theirs) <= 0.005:  # references in different sources differ
         return "alike"
     return "better" if ours < theirs else "worse"

@@ -1,4 +1,4 @@
-"""Curved sheets: the obstacle course for shell elements [Belytschko et al. 1985], and vessels under pressure."""
+"""Curved sheets: tests for shell elements [Belytschko et al. 1985], and vessels under pressure."""
 
 from collections.abc import Callable
 from functools import partial
@@ -25,21 +25,20 @@ from dsfab.verification.problems import (
 
 
 def scordelis_lo(cells: int, mesh: Mesh) -> Problem:
-    """Return the Scordelis-Lo roof: a barrel vault of 80 degrees, radius 25, length 50, 0.25 thick, under a load of 90
-    per area, on diaphragms at its ends. Value: sag of the middle of a free edge."""
+    """Return the Scordelis-Lo roof, a barrel vault on diaphragms.
+    Value: sag of the middle of a free edge."""
     uv, F = square(cells, cells, mesh)
     turn = np.radians(80) * (uv[:, 0] - 0.5)
     surface = Surface(np.stack([25 * np.sin(turn), 50 * uv[:, 1], 25 * np.cos(turn)], axis=1), F)
     ends = is_at(uv[:, 1], 0.0) | is_at(uv[:, 1], 1.0)
-    crown = is_at(uv[:, 1], 0.0) & is_at(uv[:, 0], 0.5)  # this support prevents sliding, without a reaction
+    crown = is_at(uv[:, 1], 0.0) & is_at(uv[:, 0], 0.5)  # prevents sliding, without a reaction
     fixed = held_directions(surface.n, (ends, "xz"), (crown, "y"))
     sag = mean_move(is_at(uv[:, 0], 0.0) & is_at(uv[:, 1], 0.5), (0.0, 0.0, -1.0))
     return Problem(surface, Material(4.32e8, 0.0), 0.25, fixed, sag, face=(0.0, 0.0, -90.0))
 
 
 def holed_hemisphere(cells: int, mesh: Mesh) -> Problem:
-    """Return a quarter of a hemisphere with a hole of 18 degrees at its pole: radius 10, 0.04 thick.
-    Four forces of 2 act on the hemisphere's rim, inward and outward in turn. The quarter bears halves of two forces."""
+    """Return a quarter of a hemisphere with a hole at the pole, under four forces on the rim."""
     uv, F = square(cells, cells, mesh)
     turn, polar = np.pi / 2 * uv[:, 0], np.radians(18 + 72 * uv[:, 1])
     V = 10 * np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=1)
@@ -52,8 +51,7 @@ def holed_hemisphere(cells: int, mesh: Mesh) -> Problem:
 
 
 def pinched_cylinder(cells: int, mesh: Mesh) -> Problem:
-    """Return an eighth of a cylinder between diaphragms, pinched by two unit forces.
-    Radius 300, length 600, thickness 3. The eighth bears a quarter of a force."""
+    """Return an eighth of a cylinder between diaphragms, pinched by two forces."""
     uv, F = square(cells, cells, mesh)
     turn = np.pi / 2 * uv[:, 0]
     surface = Surface(np.stack([300 * np.cos(turn), 300 * uv[:, 1], 300 * np.sin(turn)], axis=1), F)
@@ -65,8 +63,7 @@ def pinched_cylinder(cells: int, mesh: Mesh) -> Problem:
 
 
 def closed_hemisphere(cells: int, mesh: Mesh) -> Problem:
-    """Return the NAFEMS test LE3: a quarter of a closed hemisphere, radius 10 m, 40 mm thick, fixed at its pole.
-    A force of 2 kN outwards and a force of 2 kN inwards act on its rim."""
+    """Return the NAFEMS test LE3: a quarter of a closed hemisphere, fixed at the pole."""
     V, F = octant(cells)
     surface = Surface(10 * V, F)
     x0, y0, z0 = (np.abs(V[:, axis]) < 1e-9 for axis in range(3))
@@ -89,9 +86,9 @@ def pressurised_sphere(cells: int, mesh: Mesh) -> Problem:
 
 
 def pressurised_cylinder(cells: int, mesh: Mesh) -> Problem:
-    """Return a tube with free ends, 2 m long, under inner pressure. Value: mean radial displacement."""
+    """Return a tube with free ends under inner pressure. Value: mean radial displacement."""
     uv, F = square(cells, cells // 2, mesh)
-    # the last line of vertices is the first line of the closed tube
+    # the closed tube begins and ends at the same line
     F = np.where(cells * (cells // 2 + 1) <= F, F - cells * (cells // 2 + 1), F)
     uv = uv[uv[:, 0] < 1 - 1e-9]
     turn = 2 * np.pi * uv[:, 0]

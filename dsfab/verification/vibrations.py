@@ -1,4 +1,4 @@
-"""Vibrations of a plate and a membrane built in at one side [NAFEMS], and buckling of a cylinder under axial load."""
+"""Vibrations of a plate and a membrane built in at one side [NAFEMS], and buckling of a cylinder."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -16,8 +16,7 @@ THICKNESS = 0.05  # Metres, of all vibrating plates.
 
 PLATE_HERTZ = (0.421, 1.029, 2.582, 3.306, 3.753, 6.555)
 """Frequencies of FV16 [Abbassian, Dawswell and Knowles 1987, Selected benchmarks for natural frequency analysis,
-NAFEMS R0015], as Altair OptiStruct's verification problem OS-V 0430 lists them.
-The source is a Ritz method with few terms [Barton 1951]; elements converge to values .5 to 1 % lower."""
+NAFEMS R0015; Barton 1951]. Altair OptiStruct's verification problem OS-V 0430 lists them."""
 
 MEMBRANE_HERTZ = (44.623, 130.03, 162.70, 246.05, 379.90, 391.44)
 """Frequencies of FV32 [NAFEMS R0015], as ENERCALC 3D's verification problem F-03 lists them."""
@@ -45,7 +44,7 @@ def tapered_membrane(cells: int, mesh: Mesh, mode: int) -> Problem:
 
 
 def vibrating(surface: Surface, fixed: Bools, clamped: Bools, mode: int) -> Problem:
-    """Return a sheet in free vibration; the value is the frequency with number `mode`, from 1 on, in hertz."""
+    """Return a sheet in free vibration. The value is the frequency `mode`, from 1 on, in hertz."""
     sheet = SheetModel(surface, STEEL, THICKNESS, clamped=clamped)
 
     def modes(elements: Elements) -> float:
@@ -54,17 +53,16 @@ def vibrating(surface: Surface, fixed: Bools, clamped: Bools, mode: int) -> Prob
     return Problem(surface, STEEL, THICKNESS, fixed, clamped=clamped, modes=modes)
 
 
-TUBE, TUBE_WALL = Material(young=1e7, poisson=0.3), 0.02  # Material and thickness of the tube, whose radius is 1.
+TUBE, TUBE_WALL = Material(young=1e7, poisson=0.3), 0.02  # Material and thickness of a tube of radius 1.
 CLASSICAL = 1 / np.sqrt(3 * (1 - TUBE.poisson**2))
 """Buckling load N R / (E t^2) of a cylinder, .605 for nu = .3 [Lorenz 1908]."""
 WAVE = np.pi * np.sqrt(TUBE_WALL) / (12 * (1 - TUBE.poisson**2)) ** 0.25
-"""Half wavelength of the buckling rings of a tube of radius 1. The tube has this length, so its lowest modes are rings.
-Longer tubes have modes with few waves around the circumference. For these, shallow-shell loads are 4 % too high."""
+"""Half wavelength of the buckling rings of a tube of radius 1. The tube has this length."""
 
 
 def axial_cylinder(cells: int, mesh: Mesh) -> Problem:
-    """Return a quarter of a tube pressed along its axis. Value: load N R / (E t^2) at buckling; N: force per length.
-    Before buckling, the ends can widen, so that the stress is uniform. In buckling modes, the ends cannot widen."""
+    """Return a quarter of a tube pressed along its axis.
+    The problem's value is the load N R / (E t^2) at buckling; N: force per length."""
     uv, F = square(cells, 2 * max(1, round(cells * WAVE / np.pi)), mesh)
     turn = np.pi / 2 * uv[:, 0]
     surface = Surface(np.stack([np.cos(turn), np.sin(turn), WAVE * uv[:, 1]], axis=1), F)

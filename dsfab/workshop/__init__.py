@@ -1,4 +1,4 @@
-"""Workshop: members as flat parts to cut from sheets, with bolts, splices and names, nested on the stock.
+"""Workshop: members as flat parts to cut from sheets.
 
 plan          the whole plan: `workshop_plan`           files      drawings and cut lists
 development   strips developed into the plane           layers     height of each family over the surface

@@ -1,4 +1,4 @@
-"""Bodies of built members in space: strips and planks, bent from their flat parts, and straight bars."""
+"""Bodies of built members in space: strips, planks and straight bars."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ from dsfab.workshop.planks import PlankPlan, plank_courses, upright_course
 
 @dataclass(frozen=True, eq=False)
 class RefoldedStrip:
-    """Strip or plank in its built shape in space, at k stations along its length.
+    """Strip or plank in its built shape in space, at k stations.
     edges   : (k, 2, 3) points of the right and of the left edge, metres.
     normals : (k, 3) unit normals of the face.
     holes   : (h, 3) middles of the holes of a strip, or of the slot bottoms of a plank, metres.
@@ -36,8 +36,7 @@ class RefoldedStrip:
 
 @dataclass(frozen=True, eq=False)
 class RefoldedPlan:
-    """Strips or planks of a plan in their built shape, and errors `deviations` (h,) of their joints (m).
-    An error is the distance of a hole from the line of its bolt, or the distance between the two slots at a node."""
+    """Strips or planks of a plan in their built shape, and errors `deviations` (h,) of the joints (m)."""
 
     strips: tuple[RefoldedStrip, ...]
     deviations: Floats
@@ -45,7 +44,7 @@ class RefoldedPlan:
 
 @lru_cache(maxsize=2)
 def refolded_plan(plan: WorkshopPlan) -> RefoldedPlan:
-    """Return the strips or planks of a plan in their built shape; empty for a scale model or a flat sheet."""
+    """Return the strips or planks of a plan in their built shape."""
     graph, layering = plan.graph, plan.layering
     if plan.planks and graph:
         return _refolded_planks(plan.planks, graph)
@@ -116,7 +115,6 @@ def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
     left_start = int((y > y.max() / 2).argmax())
     right_edge, left_edge = (places[:left_start], y[:left_start]), (places[left_start:][::-1], y[left_start:][::-1])
     chains = [_with_ends(right_edge, left_edge), _with_ends(left_edge, right_edge)]
-    # at a slot's upright side, one position has two depths; move the positions apart for the interpolation
     steps = [np.maximum.accumulate(x) + 1e-7 * np.arange(len(x)) for x, _ in chains]
     every = np.unique(np.concatenate([*steps, along]))
     sides = [np.interp(every, x, side) for x, (_, side) in zip(steps, chains, strict=True)]
@@ -153,10 +151,9 @@ def _line_coordinates(axis: Floats, along: Floats, places: Floats, beyond: bool 
 
 
 def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) -> tuple[MemberShape, ...]:
-    """Return the members of a plan as built, in the order of `shapes`, with the stock's thickness; lengths in metres.
-    shapes : members of the design; vertices of the upper skin come first, then vertices of the lower skin.
-    shift  : distance of the sheet's middle above the surface, divided by half of the sheet's thickness.
-    The oblique cuts of bars are left out."""
+    """Return the members of a plan as built, in the order of `shapes`; lengths in metres.
+    shapes : members of the design; vertices of the upper skin first, then of the lower skin.
+    shift  : distance of the sheet's middle above the surface, divided by half the thickness."""
     if plan.bars:
         return _bar_shapes(plan.bars, shapes, shift)
     built = {part.member for part in plan.parts}
@@ -191,7 +188,7 @@ def _bar_shapes(plan: BarPlan, shapes: Sequence[MemberShape], shift: int) -> tup
 
 
 def strip_body(strip: RefoldedStrip, thickness: float) -> tuple[Floats, Ints]:
-    """Return vertices (4 k, 3) in metres and triangles of a strip: four corners at each of its k stations."""
+    """Return vertices (4 k, 3) in metres and triangles of a strip."""
     up = thickness / 2 * strip.normals
     right_edge, left_edge = strip.edges[:, 0], strip.edges[:, 1]
     V = np.stack([right_edge - up, right_edge + up, left_edge + up, left_edge - up], axis=1).reshape(-1, 3)

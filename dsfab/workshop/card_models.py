@@ -36,7 +36,7 @@ def scaled_surface(surface: Surface, scale: float) -> Surface:
 
 
 def scaled_graph(graph: MemberGraph, scale: float) -> MemberGraph:
-    """Return members and nodes at 1 : scale; lengths shrink, curvatures grow, and names do not change."""
+    """Return members and nodes at 1 : scale."""
     sheet = replace(graph.sheet, surface=scaled_surface(graph.sheet.surface, scale))
     members = tuple(_scaled_member(member, scale) for member in graph.members)
     nodes = [replace(n, point=n.point / scale, area=n.area / scale**2) for n in graph.nodes]
@@ -53,8 +53,7 @@ def _scaled_member(member: Member, scale: float) -> Member:
 
 
 def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: float) -> list[str]:
-    """Return notes on bends, narrow members and a coarse mesh of a card model at 1 : scale.
-    graph : members at the size of the model. bolt : diameter of the pins (m)."""
+    """Return notes on a card model. graph : members at the size of the model. bolt : diameter of the pins (m)."""
     notes = []
     card = f"card of {length(limits.thickness)}"
     bending_text = f"{card} bends to a strain of {limits.bending:.2%} ({limits.member} most)"
@@ -87,7 +86,7 @@ def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: flo
 
 
 def packing_parts(graph: MemberGraph, layering: Layering) -> list[FlatPart]:
-    """Return squares of card with a hole, as spacers: they fill empty layers between the two members of a node."""
+    """Return squares of card as spacers."""
     families = {member.id: member.family for member in graph.members}
     squares = []
     for node in graph.nodes:
@@ -116,9 +115,9 @@ SHARP_SINE = float(np.sin(np.radians(25.0)))  # members that cross at sharper an
 @dataclass
 class PanelParts:
     """Panels (pieces of members) of a card model, with counts for notes.
-    sharp   : names of nodes at which the angle between members is too sharp for a cut.
-    covered : number of pieces between two crossing members that are too short for a panel.
-    feet    : name of each panel that stands on the base plate, with the end of the panel that stands there."""
+    sharp   : names of nodes with a sharp angle between members.
+    covered : number of pieces that are too short for a panel.
+    feet    : name and foot of each panel that stands on the base plate."""
 
     parts: list[FlatPart] = field(default_factory=list)
     sharp: list[str] = field(default_factory=list)
@@ -143,10 +142,6 @@ class PanelParts:
 
 @dataclass(frozen=True, eq=False)
 class _CrossingEdge:
-    """Member that crosses a panel's member at the node `name`, at the arc length `s` of the crossed member, metres.
-    way  : (2,) unit direction of the crossing member, along and to the left of the crossed member.
-    half : half its width, metres.    over : True if this member is continuous and the crossed member is cut."""
-
     name: str
     s: float
     way: Floats
@@ -157,8 +152,7 @@ class _CrossingEdge:
         lock(self, "way", np.float64, (2,))
 
     def stations(self, side: int, away: float, y: Floats) -> Floats:
-        """Return arc lengths (q,) of points y (q,) m left of the crossed axis, `away` metres from this member's axis.
-        side : 1 for points after the crossing, -1 for points before it."""
+        """Return arc lengths (q,) of points y (q,) m left of the crossed axis."""
         nx, ny = np.array([-self.way[1], self.way[0]]) * np.sign(-self.way[1]) * side
         return np.asarray(self.s + (away - y * ny) / nx)
 
@@ -172,7 +166,7 @@ def panel_parts(
 ) -> PanelParts:
     """Return the panels of all strips of a graph at model size.
     letters : largest height of names, metres.
-    room    : lengths and widths that parts may have on the stock, metres.
+    room    : lengths and widths of the stock, metres.
     ground  : base plate for feet with tabs; None for ends without feet."""
     members = [member for member in graph.members if is_strip(member)]
     widest = max((member.mean_width for member in members), default=0.0)
@@ -205,9 +199,6 @@ def _crossing_edge(
 
 @dataclass(frozen=True)
 class _PanelEnd:
-    """End of a panel: arc lengths at its right and left edge, and a tab that may be a `foot` in the base plate.
-    tab : corners from right to left: arc lengths, and distances left of the strip's axis (m); empty without a tab."""
-
     right: float
     left: float
     tab: tuple[Floats, Floats] = (np.zeros(0), np.zeros(0))

@@ -1,9 +1,9 @@
 """Development of members: axes with their edges, and strips developed into the plane.
 
-The points P of an axis move by a height h along its normals N to a curve P + h N. This curve has the length ds_h, the
-angle phi to the axis, and the geodesic curvature kg_h:
+Points P of an axis move by a height h along normals N to a curve P + h N of length ds_h, at the angle phi to the
+axis, with the geodesic curvature kg_h:
     ds_h = sqrt((1 - h kn)^2 + (h tg)^2) ds      phi = atan2(-h tg, 1 - h kn)      kg_h = (kg + phi') ds / ds_h
-They follow from N' = -kn T - tg B. T, B, N is the Darboux frame; kg, kn, tg are its curvatures and its torsion."""
+kg, kn, tg are the axis's curvatures and torsion."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,20 +15,19 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 from dsfab.core.arrays import Bools, Floats, cross, lock
 from dsfab.members import Member, MemberAxis, MemberGraph
 
-PARALLEL_SHARE = 0.05  # relative change of width up to which edges count as parallel
-OBLIQUE_WIDTHS = 1.5  # length of the part at a member's end that an oblique cut may shape, in member widths
-EXTENSION_STATIONS = 16  # number of stations beyond each end of an axis
+PARALLEL_SHARE = 0.05  # largest relative change of width of parallel edges
+OBLIQUE_WIDTHS = 1.5  # length of an oblique cut at a member's end, in member widths
+EXTENSION_STATIONS = 16  # number of stations beyond each end
 
 
 @dataclass(frozen=True, eq=False)
 class StripCourse:
-    """Stations along a member's axis, and a little beyond its ends; metres and 1/m.
+    """Stations along a member's axis and beyond its ends; metres and 1/m.
     s           : (k,) arc length; a closed axis has stations for more than one round.
     P, T, N     : (k, 3) points, unit tangents, unit normals of the surface.
     kg, kn, tg  : (k,) geodesic curvature, normal curvature, geodesic torsion.
     left, right : (k,) distances from the axis to the edges of the member.
-    begin, end  : first and last arc length of the part that is built.
-    closed      : True if both ends are at the same place."""
+    begin, end  : first and last arc length of the part that is built."""
 
     s: Floats
     P: Floats
@@ -50,7 +49,7 @@ class StripCourse:
             lock(self, name, np.float64, (len(self.s), 3))
 
     def frame_at(self, s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return points, unit tangents and unit normals, (q, 3) each, at arc lengths (q,), by cubic interpolation."""
+        """Return points, unit tangents and unit normals, (q, 3) each, at arc lengths (q,)."""
         i = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
         h = (self.s[i + 1] - self.s[i])[:, None]
         t = (np.asarray(s) - self.s[i])[:, None] / h
@@ -64,7 +63,7 @@ class StripCourse:
         return place, T / np.linalg.norm(T, axis=1)[:, None], N
 
     def repeated_stations(self, s: Floats) -> Floats:
-        """Return the arc lengths s (q,); for a closed axis of length L, one array (3 q,) of s - L, s and s + L."""
+        """Return the arc lengths s (q,); for a closed axis of length L, s - L, s and s + L (3 q,)."""
         around = self.end - self.begin
         return np.concatenate([s - around, s, s + around]) if self.closed else s
 
@@ -73,7 +72,7 @@ class StripCourse:
         return np.asarray(np.interp(s, self.s, self.left + self.right))
 
     def wrapped_station(self, s: float) -> float:
-        """Return `s`; for a closed axis, move s by whole rounds until it lies between `begin` and `end`."""
+        """Return `s`, for a closed axis moved by whole rounds to between `begin` and `end`."""
         if not self.closed:
             return s
         return self.begin + float(np.mod(s - self.begin, self.end - self.begin))
@@ -82,9 +81,7 @@ class StripCourse:
 def member_course(graph: MemberGraph, member: Member, overhang: float, extra_length: float) -> StripCourse:
     """Return the course of a member: stations along its axis, and distances to its edges.
     overhang     : least length beyond the first node and beyond the last node, metres.
-    extra_length : length of stations beyond the built part, metres.
-    A closed course begins halfway between the neighbouring nodes with the largest distance. An open course stops before
-    a sharp bend at an end."""
+    extra_length : length beyond the built part, metres."""
     axis = member.curve
     left_edge, right_edge = smooth_edge_distances(axis, member.sides)
     node_places = np.array([node.at[node.members.index(member.id)] for node in graph.nodes_along[member.id]])
@@ -104,12 +101,12 @@ def member_course(graph: MemberGraph, member: Member, overhang: float, extra_len
 
 
 def turns_within_its_width(member: Member) -> Bools:
-    """Return a mask (k,) of stations where the axis turns in the surface, at a radius under about half the width."""
+    """Return a mask (k,) of stations where the axis turns sharply in the surface."""
     return np.asarray(np.abs(member.curve.kg) * member.width / 2 >= 0.9)
 
 
 def uncurled_span(member: Member) -> tuple[float, float]:
-    """Return the first and the last arc length of a member without its sharply turning ends."""
+    """Return the first and the last arc length of a member without sharply turning ends."""
     axis = member.curve
     reach = OBLIQUE_WIDTHS * float(np.median(member.width))
     if axis.closed or axis.length < 4 * reach:
@@ -121,9 +118,8 @@ def uncurled_span(member: Member) -> tuple[float, float]:
 
 
 def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
-    """Return the smoothed distances (k,) from a member's axis to its left edge and to its right edge (m).
-    sides : (k, 2) distances before smoothing, metres.
-    Edges that are nearly parallel to the axis become exactly parallel. Other edges are smoothed."""
+    """Return the smoothed distances (k,) from a member's axis to its left and right edge (m).
+    sides : (k, 2) distances before smoothing, metres."""
     if not axis.closed:
         sides = _square_ends(axis.s, sides)
     per_station = axis.length / (len(axis.s) - 1)
@@ -179,50 +175,50 @@ def _extension(axis: MemberAxis, end_index: int, distance: float) -> MemberAxis:
     return replace(axis, s=s, P=P, T=tangents, N=normals, **rows)
 
 
-CHORD_TOLERANCE = 2e-5  # largest distance between an outline's chord and its arc (m)
+CHORD_TOLERANCE = 2e-5  # largest distance of an arc from its chord (m)
 
 
 @dataclass(frozen=True, eq=False)
 class Development:
-    """Strip of a member, developed into the plane. In space, the strip lies `height` (m) above the member's axis, along
-    normals. The developed middle line x (k, 2) begins at the origin along +x; k is the number of stations."""
+    """Strip of a member, developed into the plane.    height : of the strip above the member's axis (m).
+    The developed middle line x (k, 2) begins at the origin along +x."""
 
     course: StripCourse
     height: float
 
     @cached_property
     def length_ratio(self) -> Floats:
-        """Length of the strip's middle line divided by the length of the member's axis, at each station (k,)."""
+        """Length of the strip's middle line / length of the member's axis, at each station (k,)."""
         c, h = self.course, self.height
         return np.asarray(np.hypot(1 - h * c.kn, h * c.tg))
 
     @cached_property
     def turn(self) -> Floats:
-        """Angle phi (k,) from the member's axis to the strip's middle line, `height` above the axis (radians)."""
+        """Angle phi (k,) from the member's axis to the strip's middle line (radians)."""
         c, h = self.course, self.height
         return np.asarray(np.arctan2(-h * c.tg, 1 - h * c.kn))
 
     @cached_property
     def length(self) -> Floats:
-        """Arc length (k,) of the strip's middle line from the first station to each station (m)."""
+        """Arc length (k,) of the strip's middle line at the stations (m)."""
         steps = (self.length_ratio[1:] + self.length_ratio[:-1]) / 2 * np.diff(self.course.s)
         return np.concatenate([[0.0], np.cumsum(steps)])
 
     @cached_property
     def angle(self) -> Floats:
-        """Direction (k,) of the flat middle line at the stations: angle from the x axis (radians)."""
+        """Direction (k,) of the flat middle line at the stations (radians)."""
         kg = self.course.kg
         bent = np.concatenate([[0.0], np.cumsum((kg[1:] + kg[:-1]) / 2 * np.diff(self.course.s))])
         return np.asarray(bent + self.turn - self.turn[0])
 
     @cached_property
     def x(self) -> Floats:
-        """Points (k, 2) of the flat middle line at the stations; circular arcs connect the points."""
+        """Points (k, 2) of the flat middle line at the stations."""
         arcs = _chords(np.diff(self.length), self.angle[:-1], self.angle[1:])
         return np.concatenate([np.zeros((1, 2)), np.cumsum(arcs, axis=0)])
 
     def middle_line_at(self, s: Floats) -> tuple[Floats, Floats]:
-        """Return points (q, 2) and angles (q,) of the flat middle line at arc lengths s (q,) of the member's axis."""
+        """Return points (q, 2) and angles (q,) of the flat middle line at arc lengths s (q,)."""
         s = np.atleast_1d(s)
         i = np.clip(np.searchsorted(self.course.s, s, side="right") - 1, 0, len(self.course.s) - 2)
         step = np.interp(s, self.course.s, self.length) - self.length[i]
@@ -230,20 +226,20 @@ class Development:
         return self.x[i] + _chords(step, self.angle[i], angle), angle
 
     def to_plane(self, s: Floats, y: Floats) -> Floats:
-        """Return points (q, 2) of the developed strip, y (q,) metres left of its middle line at arc lengths s (q,)."""
+        """Return points (q, 2) of the developed strip at arc lengths s (q,), y (q,) metres left of the middle line."""
         x, angle = self.middle_line_at(s)
         return np.asarray(x + np.asarray(y)[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1))
 
     def frame(self, s: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return points, tangents, left directions and normals (q, 3) of the strip in space at arc lengths s (q,)."""
+        """Return points, tangents, left directions and normals (q, 3) of the strip at arc lengths s (q,)."""
         P, T, N = self.course.frame_at(s)
         B = cross(N, T)
         turn = np.interp(s, self.course.s, self.turn)[:, None]
         return P + self.height * N, np.cos(turn) * T + np.sin(turn) * B, np.cos(turn) * B - np.sin(turn) * T, N
 
     def piercing_point(self, point: Floats, normal: Floats, s: float) -> tuple[float, float]:
-        """Return where the line through a point (3,) along a unit normal (3,) meets the strip, near the arc length `s`:
-        the arc length on the member's axis, and the distance left of the strip's middle line (m)."""
+        """Return where the line through a point (3,) along a unit normal (3,) meets the strip near the arc length `s`:
+        the arc length, and the distance left of the strip's middle line (m)."""
         y = 0.0
         for _ in range(4):  # Newton steps
             P, T, B, N = (row[0] for row in self.frame(np.array([s])))
@@ -259,12 +255,12 @@ class Development:
         """Return the flat outline (k, 2) between two arc lengths, counter-clockwise from the right edge at `begin`."""
         s = self.stations(begin, end)
         left_edge, right_edge = (np.interp(s, self.course.s, side) for side in (self.course.left, self.course.right))
-        x, angle = self.middle_line_at(s)  # computed once for both edges, to save time
+        x, angle = self.middle_line_at(s)
         across = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
         return np.concatenate([x - right_edge[:, None] * across, (x + left_edge[:, None] * across)[::-1]])
 
     def stations(self, begin: float, end: float) -> Floats:
-        """Return arc lengths (k,) from `begin` to `end`, in steps so small that a polyline can replace the curve."""
+        """Return arc lengths (k,) from `begin` to `end` in small steps."""
         longest_step = float(np.diff(self.course.s).max())
         count = int(np.ceil((end - begin) / min(longest_step, np.sqrt(8 * CHORD_TOLERANCE / self._largest_bend)))) + 1
         return np.linspace(begin, end, max(count, 2))

@@ -1,4 +1,4 @@
-"""Files of the workshop: drawings of parts and sheets (DXF, SVG), and cut lists (CSV, XLSX)."""
+"""Files of the workshop: drawings of parts and sheets, and cut lists."""
 
 import csv
 import io
@@ -27,11 +27,11 @@ from dsfab.workshop.parts import FlatPart, strokes
 from dsfab.workshop.plan import WorkshopPlan
 from dsfab.workshop.stock import stock_cost
 
-TITLE, SMALL_TITLE = 0.06, 0.06  # largest height of a sheet's title: in metres, and as a fraction of the sheet's width
+TITLE, SMALL_TITLE = 0.06, 0.06  # largest height of a sheet's title: metres, and fraction of the sheet's width
 
 
 def part_drawing(part: FlatPart) -> FlatDrawing:
-    """Return the drawing of a part. Its middle line is on the layer AXIS, which is not cut."""
+    """Return the drawing of a part. The middle line is on the layer AXIS."""
     axis = [FlatLine("AXIS", part.axis)] if len(part.axis) else []
     return FlatDrawing(part.id, (*part_lines(part), *axis), part_circles(part))
 
@@ -42,7 +42,7 @@ def file_stem(part: str) -> str:
 
 
 def drawing_files(plan: WorkshopPlan) -> dict[str, list[str]]:
-    """Return the drawing files of each member's parts, by member name."""
+    """Return the names of the drawing files of each member's parts, by member name."""
     drawings: dict[str, list[str]] = {}
     for group in plan.equal_parts:
         for k in group:
@@ -51,7 +51,7 @@ def drawing_files(plan: WorkshopPlan) -> dict[str, list[str]]:
 
 
 def part_lines(part: FlatPart) -> Iterator[FlatLine]:
-    """Yield the outline, openings, engraved lines and folds of a part as lines of a drawing."""
+    """Yield the outline, openings, engraved lines and folds of a part."""
     outline, *slots = part.contours
     yield FlatLine("CUT", outline, closed=True)
     yield from (FlatLine("SLOTS", slot, closed=True) for slot in slots)
@@ -65,9 +65,9 @@ def part_circles(part: FlatPart) -> tuple[FlatCircle, ...]:
 
 
 def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
-    """Return the drawing of all sheets of a plan in rows from left to right, each sheet below its number."""
+    """Return the drawing of all sheets of a plan in rows."""
     lines, circles = list[FlatLine](), list[FlatCircle]()
-    pitch = 1.15  # step from one sheet to the next, in sizes of the largest sheet
+    pitch = 1.15  # step from one sheet to the next, in sheet sizes
     wide = max(sheet.size[0] for sheet in plan.sheets) * pitch
     high = max(sheet.size[1] for sheet in plan.sheets) * pitch
     across = max(1, round(np.sqrt(len(plan.sheets) * high / wide)))
@@ -80,7 +80,7 @@ def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
         tall = min(TITLE, SMALL_TITLE * sheet.size[1])
         lines += [FlatLine("STOCK", mark + frame[3] + [0.0, tall / 2]) for mark in strokes(title, tall)]
         for nested in sheet.parts:
-            _ = nested.part.contours  # computes the contours once; moved copies of the part reuse them
+            _ = nested.part.contours
             part = nested.placed_part.moved_by(0.0, origin)
             lines += part_lines(part)
             circles += part_circles(part)
@@ -88,7 +88,7 @@ def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
 
 
 def sheet_drawing(sheet: NestedSheet, title: str) -> FlatDrawing:
-    """Return the drawing of a sheet for a laser, with its lower left corner at the origin."""
+    """Return the drawing of a sheet for a laser."""
     frame = FlatLine("STOCK", np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * sheet.size, closed=True)
     parts = [nested.placed_part for nested in sheet.parts]
     lines = [line for part in parts for line in part_lines(part)]
@@ -96,7 +96,7 @@ def sheet_drawing(sheet: NestedSheet, title: str) -> FlatDrawing:
 
 
 Cell = str | int | float
-FIXED_DATE = datetime(1980, 1, 1)  # date in every workbook, so that equal plans have equal bytes
+FIXED_DATE = datetime(1980, 1, 1)  # date in every workbook, for equal bytes
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class PlanTable:
 
 
 def part_table(plan: WorkshopPlan) -> PlanTable:
-    """Return the table of parts: a row for each group of equal parts, with their number, names and sizes."""
+    """Return the table of parts: a row for each group of equal parts."""
     costs = part_costs(plan)
     head = (
         *("part", "count", "same_as_it", "member", "length_mm", "width_mm", "thickness_mm", "area_m2", "holes"),
@@ -131,7 +131,7 @@ def part_table(plan: WorkshopPlan) -> PlanTable:
 
 
 def part_costs(plan: WorkshopPlan) -> dict[str, float]:
-    """Return the cost of each part, by name: its sheet's price, divided among parts by area; empty without prices."""
+    """Return the cost of each part by name; empty without prices."""
     if not any(s.price for s in plan.sheets):
         return {}
     areas = [sum(x.part.area for x in s.parts) for s in plan.sheets]
@@ -140,7 +140,7 @@ def part_costs(plan: WorkshopPlan) -> dict[str, float]:
 
 
 def stock_table(plan: WorkshopPlan) -> PlanTable:
-    """Return the table of the stock: a row for each sheet size, thickness and price, with the number of sheets."""
+    """Return the table of the stock: a row for each sheet size, thickness and price."""
     kinds: dict[tuple[float, ...], list[NestedSheet]] = {}
     for sheet in plan.sheets:
         thickness = plan.part_thickness(sheet.parts[0].part)
@@ -155,7 +155,7 @@ def stock_table(plan: WorkshopPlan) -> PlanTable:
 
 
 def nest_table(plan: WorkshopPlan) -> PlanTable:
-    """Return the table of places: a row for each part, with its sheet, its box's lower left corner, and rotation."""
+    """Return the table of places: a row for each part, with the sheet, lower left corner and rotation."""
     head = ("sheet", "sheet_length_mm", "sheet_width_mm", "sheet_used", "part", "x_mm", "y_mm", "turned_deg")
     rows = []
     for k, s in enumerate(plan.sheets, 1):
@@ -167,7 +167,7 @@ def nest_table(plan: WorkshopPlan) -> PlanTable:
 
 
 def node_table(plan: WorkshopPlan) -> PlanTable:
-    """Return the table of nodes: a row for each node with a bolt; empty for a flat sheet."""
+    """Return the table of nodes with a bolt; empty for a flat sheet."""
     head = ("node", "kind", "member_a", "member_b", "along_a_mm", "along_b_mm", "angle_deg", "x_mm", "y_mm", "z_mm")
     nodes = [node for node in plan.graph.nodes if node.kind != "grazing"] if plan.graph else []
     rows = []
@@ -179,7 +179,7 @@ def node_table(plan: WorkshopPlan) -> PlanTable:
 
 
 def bar_table(plan: WorkshopPlan) -> PlanTable:
-    """Return the table of a plan's bars (see `bar_rows`); empty without bars."""
+    """Return the table of a plan's bars; empty without bars."""
     if plan.bars is None:
         return PlanTable("bars", BAR_HEAD, ())
     files = {plan.parts[k].id: file_stem(plan.parts[group[0]].id) for group in plan.equal_parts for k in group}
@@ -193,8 +193,7 @@ BAR_HEAD = (
 
 
 def bar_rows(plan: BarPlan, files: Mapping[str, str]) -> PlanTable:
-    """Return the table of bars: a row for each bar, with its nodes, sizes and angles.
-    files : name of the drawing, without suffix, by bar; equal bars share a drawing. Some columns:
+    """Return the table of bars, with nodes, sizes and angles. files : name of the drawing by bar.
     along : degrees from the node's first bar to this bar, counter-clockwise as seen from outside.
     dip   : degrees below the node plate.
     twist : degrees from the normal at the first node to the normal at the second node, right-handed about the bar.
@@ -225,7 +224,7 @@ def table_csv(table: PlanTable) -> str:
 
 
 def cut_list_workbook(plan: WorkshopPlan) -> bytes:
-    """Return parts, nests, stock, nodes and bars as an Excel workbook, with a sheet for each non-empty table."""
+    """Return all tables of a plan as an Excel workbook."""
     import xlsxwriter
 
     file = io.BytesIO()
@@ -256,10 +255,9 @@ NEST, CUTLIST, WORKBOOK, BARS, SHEET = "nest", "cutlist.csv", "cutlist.xlsx", "b
 def write_workshop(
     plan: WorkshopPlan, folder: Path, name: str, documents: Mapping[str, bytes] = MappingProxyType({})
 ) -> Path:
-    """Write the files of a plan into a folder, all of them or none; equal plans give equal bytes.
+    """Write the files of a plan into a folder, all of them or none.
     documents : further files by name.
-    Files of an earlier plan are removed if the cut list in the folder names them. Raises ExportError if the folder is
-    not writable."""
+    Files of an earlier plan are removed. Raises ExportError if the folder is not writable."""
     with atomic_folder(folder, _outdated_files) as partial:
         nest = nest_drawing(plan, name)
         write_chunks(partial / f"{NEST}.dxf", [flat_dxf(nest)])

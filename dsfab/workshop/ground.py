@@ -1,6 +1,6 @@
 """Feet with tabs at the ends of strips of card, and the base plate on which the feet stand.
 
-layer   ║ ║         shoulders stand on the plate, which is as thick as the card of the strips;
+layer   ║ ║         shoulders stand on the plate;
       ──╨─╨──       the tab between the shoulders goes through a slot of the plate
      ▒▒▒▒│▒│▒▒▒     plate"""
 
@@ -21,7 +21,7 @@ STEEP_SINE = np.sin(np.radians(25.0))  # smallest slope (sine) of a strip with a
 
 @dataclass(frozen=True, eq=False)
 class StripFoot:
-    """Foot of a strip: an end that stands on the base plate, with a tab. Arc lengths are measured on the strip's axis.
+    """Foot of a strip: an end with a tab that stands on the base plate. Arc lengths are measured on the strip's axis.
     shoulders : (4,) arc lengths of the points on the plate: strip's right edge, tab's two sides, strip's left edge.
     sides     : (4,) distances of these points from the axis, positive to the left, metres.
     tips      : (2,) arc lengths of the right and left corner of the tab's end.
@@ -46,8 +46,8 @@ class BasePlane:
     """Upper face of the base plate of a model.
     point, up : (3,) point in the face, metres, and unit normal of the face.
     supports  : (q, 3) vertices of the surface with a support, metres.
-    reach     : metres; a standing strip ends closer to a support than `reach` plus the strip's width.
-    clearance : gap between a tab and its slot, on each side, metres."""
+    reach     : metres; a strip stands on a support closer to its end than `reach` plus the strip's width.
+    clearance : gap between a tab and its slot, metres."""
 
     point: Floats
     up: Floats
@@ -80,13 +80,13 @@ class BasePlane:
         return np.asarray(points @ np.stack([right, np.cross(self.up, right)], axis=1))
 
     def support_height(self, point: Floats, width: float) -> float | None:
-        """Return the height (m) above the plate of the support nearest to a point (3,); None if it is too far away."""
+        """Return the height (m) above the plate of the support nearest to a point (3,); None if no support is near."""
         distance, k = cKDTree(self.supports).query(point)
         is_near = float(distance) < self.reach + width
         return float(self.heights(self.supports[int(k)][None])[0]) if is_near else None
 
     def cut_course(self, course: StripCourse, height: float) -> tuple[StripCourse, tuple[StripFoot, ...]]:
-        """Cut a strip at the base plate. Return its course (built part of the axis) and its feet (ends with tabs).
+        """Cut a strip at the base plate. Return the remaining course, and the feet at its ends.
         height : height of the strip above the surface, metres."""
         if course.closed:
             return self._trim_course(course, height), ()
@@ -110,7 +110,7 @@ class BasePlane:
         if -down @ self.up < STEEP_SINE:
             return None
         left_width, right_width = (float(np.interp(station, course.s, side)) for side in (course.left, course.right))
-        middle, half = (left_width - right_width) / 2, 0.6 * (left_width + right_width) / 2  # tab's axis, half width
+        middle, half = (left_width - right_width) / 2, 0.6 * (left_width + right_width) / 2
         sides = np.array([-right_width, middle - half, middle + half, left_width])
         shoulders = self.stations_at_height(layer, sides, station, 0.0)
         tips = self.stations_at_height(layer, sides[1:3], station, -self.thickness)
@@ -119,11 +119,10 @@ class BasePlane:
         return StripFoot(shoulders, sides, tips, self._slot(layer, shoulders[1:3], sides[1:3], (down, N, B)), at_end)
 
     def stations_at_height(self, layer: Development, sides: Floats, station: float, height: float) -> Floats | None:
-        """Return arc lengths (q,), near `station`, where lines along a strip reach a height above the plate (m).
-        sides : (q,) distances of the lines from the axis, positive to the left, metres.
-        Returns None if a line does not reach the height."""
+        """Return arc lengths (q,) where lines along a strip reach a height above the plate (m), or None.
+        sides : (q,) distances of the lines from the axis, positive to the left, metres."""
         s, course = np.full(len(sides), station), layer.course
-        for _ in range(20):  # these are Newton steps
+        for _ in range(20):  # Newton steps
             P, T, B, _ = layer.frame(s)
             slope = (T @ self.up) * np.interp(s, course.s, layer.length_ratio)
             excess = self.heights(P + sides[:, None] * B) - height
@@ -137,7 +136,7 @@ class BasePlane:
         down, N, B = frame
         P, _, across, _ = layer.frame(s)
         ends = P + sides[:, None] * across
-        half = self.thickness / 2  # the strip is as thick as the plate
+        half = self.thickness / 2
         corners = np.array([end + u * half * N for end in ends for u in (-1, 1)])
         drops = [(self.heights(corners) - z) / (down @ self.up) for z in (0.0, -self.thickness)]
         corners = np.concatenate([corners - drop[:, None] * down for drop in drops])
@@ -156,13 +155,13 @@ class BasePlane:
         for side, rise in ((course.left, slope), (course.right, -slope)):
             falls = rise < -1e-9
             limit = np.where(falls, above / np.where(falls, -rise, 1.0), np.inf)
-            least = 0.2 * (course.left + course.right) - side  # at least a fifth of the width remains
+            least = 0.2 * (course.left + course.right) - side
             sides.append(np.where(above + rise * side < 0, np.clip(limit, least, side), side))
         return replace(course, left=sides[0], right=sides[1])
 
 
 def outline_with_feet(layer: Development, span: tuple[float, float], feet: tuple[StripFoot, ...]) -> Floats:
-    """Return the outline (k, 2) of a strip between the arc lengths `span`, counter-clockwise, with tabs at its ends."""
+    """Return the outline (k, 2) of a strip between arc lengths `span`, counter-clockwise, with tabs."""
     ends: dict[bool, StripFoot] = {foot.at_end: foot for foot in feet}
     course = layer.course
     begin = ends.get(False) if span[0] == course.begin else None
@@ -192,14 +191,12 @@ NO_FEET_NOTE = "no strip ends on the base plate steeply enough for a tab: glue t
 def base_parts(
     ground: BasePlane, surface: Surface, feet: list[tuple[str, StripFoot]], room: list[tuple[float, float]]
 ) -> list[FlatPart]:
-    """Return the base plate of a model in as few equal rectangles as possible, each in its place under the model.
-    surface : surface at model size, with the supports of `ground`.
-    feet    : pairs of a part's name and its foot.
-    room    : lengths and widths of the stock, metres; each rectangle fits into one of them."""
+    """Return the base plate of a model in as few equal rectangles as possible.
+    feet : pairs of a part's name and its foot.    room : lengths and widths of the stock, metres."""
     engraved = [*_support_marks(ground, surface), *_slot_names(feet)]
     slots = [foot.slot for _, foot in feet]
     every = np.concatenate([ground.plan_view(ground.supports), *slots])
-    border = 0.012  # metres: width of the plate's border around the supports
+    border = 0.012  # metres
     low, size = every.min(axis=0) - border, np.ptp(every, axis=0) + 2 * border
     turned = [*room, *((b, a) for a, b in room)]
     counts = ((int(np.ceil(size[0] / a)), int(np.ceil(size[1] / b))) for a, b in turned)
@@ -218,7 +215,7 @@ def base_parts(
 
 
 def clipped_polygon(P: Floats, box: Floats) -> Floats:
-    """Return the part (k, 2) of a convex polygon (q, 2) inside a box. box : (2, 2) lowest and highest corner."""
+    """Return the part (k, 2) of a convex polygon (q, 2) inside a box (2, 2), lowest and highest corner."""
     for axis, side in product((0, 1), (0, 1)):
         sign = -1 if side == 0 else 1
         P = half_plane_clip(P, sign * np.eye(2)[axis], sign * box[side, axis])
@@ -249,13 +246,13 @@ def _slot_names(feet: list[tuple[str, StripFoot]]) -> list[Floats]:
         deep = float(np.linalg.norm(direction))
         direction = direction / deep * (1 if direction @ (middle - centre) >= 0 else -1)
         angle = float(np.arctan2(*(foot.slot[1] - foot.slot[0])[::-1]))
-        angle -= np.pi * round(angle / np.pi) if abs(angle) > np.pi / 2 else 0.0  # names are never upside down
+        angle -= np.pi * round(angle / np.pi) if abs(angle) > np.pi / 2 else 0.0
         lines += label(name, middle + (deep / 2 + 0.002 + NAME_HEIGHT / 2) * direction, angle, NAME_HEIGHT)
     return lines
 
 
 def base_notes(ground: BasePlane, feet: list[tuple[str, StripFoot]], plates: list[FlatPart]) -> list[str]:
-    """Return notes on the feet, on supports above the base plate, and on a base plate in several pieces."""
+    """Return notes on the feet and the base plate."""
     names = {name for name, _ in feet}
     notes = [f"{len(feet)} feet of {len(names)} parts stand in slots of the base plate" if feet else NO_FEET_NOTE]
     highest = float(ground.heights(ground.supports).max())

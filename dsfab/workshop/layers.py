@@ -1,4 +1,4 @@
-r"""Layers of strips: the height of each family over the surface, and strip ends that collide within a layer.
+r"""Layers of strips.
 
  \ | /        three strips of one layer are too close at their ends:
 ──┼─┼─┼──     every second strip stops at its last node before the collision
@@ -16,7 +16,7 @@ from dsfab.workshop.development import StripCourse
 from dsfab.workshop.parts import NODE_LETTERS, PART_LETTERS
 
 FAMILIES_BELOW = ("rim", "keep")
-"""Families (edge strips, kept regions) that cross all stripes; their layers are below all layers of stripes."""
+"""Families of strips along edges and of kept regions."""
 END_DISTANCE = 3.0  # distance from a bolt to the end of a part, in bolt diameters
 BOLT_PITCH = 4.0  # distance between bolts of a splice, in bolt diameters
 
@@ -29,11 +29,10 @@ class Layering:
     minor  ─┤ ├─── ┤ ├────     1
     rim    ═══════════════     2, 3   strips along edges (2); strips of kept regions (3)
                                4      plates (members that are not strips), below all strips
-    count          : number of layers of stripes (families "major" and "minor").
-    bolt           : diameter of the bolts, metres.
+    count          : number of layers of stripes.    bolt : diameter of the bolts, metres.
     families_below : families of `FAMILIES_BELOW` that exist in this structure.
     letters        : largest heights of part names and of node names, metres.
-    alike          : parts whose outlines differ by up to this distance may become equal, metres; 0 changes no part."""
+    alike          : largest difference of outlines of parts that may become equal, metres; 0 changes no part."""
 
     thickness: float
     count: int
@@ -43,27 +42,27 @@ class Layering:
     alike: float = 0.0
 
     def family_layers(self, family: str) -> tuple[int, ...]:
-        """Return the numbers of the layers that a family has, from the top."""
+        """Return the numbers of a family's layers, from the top."""
         if family in self.families_below:
             return (self.count + self.families_below.index(family),)
         return tuple(range(0 if family == "major" else 1, self.count, 2))
 
     @property
     def skips_crowded_names(self) -> bool:
-        """True on models: node names that do not fit are omitted."""
+        """True if node names that do not fit are omitted."""
         return self.letters[0] < PART_LETTERS
 
     @property
     def plate_layer(self) -> int:
-        """Number of the layer of plates, below all strips."""
+        """Number of the layer of plates."""
         return self.count + len(self.families_below)
 
     def layer_height(self, number: int) -> float:
-        """Return the height of the middle of a layer over the surface (m)."""
+        """Return the height of the middle of a layer over the surface, metres."""
         return ((self.count - 1) / 2 - number) * self.thickness
 
     def cover_height(self, family: str, number: int) -> float:
-        """Return the height over the surface (m) of the cover plate of a splice in the layer `number` of a family."""
+        """Return the height over the surface (m) of the cover plate of a splice."""
         return self.layer_height(number - 1 if family == "major" else number + 1)
 
     def packing_layers(self, node: Node, families: dict[str, str]) -> int:
@@ -74,21 +73,19 @@ class Layering:
 
     @property
     def half_cover_length(self) -> float:
-        """Distance from a splice to each end of its cover plate (m), with room for two bolts along this distance."""
+        """Distance from a splice to each end of its cover plate, metres."""
         return (END_DISTANCE + BOLT_PITCH + END_DISTANCE) * self.bolt
 
     def splice_bolts(self, width: float) -> tuple[tuple[float, float], ...]:
-        """Return the places of a splice's bolts (m): distance along the strip from the splice, and left of the axis."""
+        """Return the places of a splice's bolts (m): along the strip from the splice, and left of the axis."""
         row = round(width / 4 / self.alike) * self.alike if self.alike else width / 4
-        rows = (-row, row) if width / 4 >= 3 * self.bolt else (0.0,)  # only wide parts have two rows of bolts
+        rows = (-row, row) if width / 4 >= 3 * self.bolt else (0.0,)
         along = (END_DISTANCE * self.bolt, (END_DISTANCE + BOLT_PITCH) * self.bolt)
         return tuple((side * x, y) for side in (-1, 1) for x in along for y in rows)
 
 
 @dataclass(frozen=True, eq=False)
 class _StripEnd:
-    """End of a strip: points (k, 3) of the strip's axis from this end to the opposite end, with arc lengths (k,)."""
-
     name: str
     at_end: bool
     width: float
@@ -98,7 +95,7 @@ class _StripEnd:
     @classmethod
     def from_course(cls, name: str, course: StripCourse, at_end: bool) -> "_StripEnd":
         width = float(np.median(course.left + course.right))
-        count = max(int(6 * (course.end - course.begin) / width), 2)  # six points per width of the strip
+        count = max(int(6 * (course.end - course.begin) / width), 2)
         s = np.linspace(course.begin, course.end, count)
         s = s[::-1] if at_end else s
         return cls(name, at_end, width, course.frame_at(s)[0], s)
@@ -108,7 +105,6 @@ class _StripEnd:
         return self.name != rival.name and bool(np.linalg.norm(self.places[0] - rival.places[0]) < width)
 
     def clear_station(self, rival: "_StripEnd") -> float | None:
-        """Return the arc length where this strip, going inwards, no longer overlaps `rival`; None without overlap."""
         least = 0.98 * (self.width + rival.width) / 2
         away = np.asarray(cKDTree(rival.places).query(self.places)[0])
         is_far = np.linalg.norm(rival.places[0] - self.places[0]) > least
@@ -124,9 +120,8 @@ def shortened_courses(
     overhang: float,
 ) -> dict[str, StripCourse]:
     """Return shorter courses (built parts of axes) for strips that would run into another strip of their layer.
-    A shorter course ends `overhang` metres beyond its last node before the collision, or at the collision.
-    courses : courses of a layer, by member.    nodes : arc lengths of the nodes of each member, metres.
-    joined  : pairs of members with a common node; these strips may overlap."""
+    overhang : length of a strip beyond its last node, metres.    nodes : arc lengths of each member's nodes, metres.
+    joined   : pairs of members that may overlap."""
     open_courses = {name: course for name, course in courses.items() if not course.closed}
     ends = [_StripEnd.from_course(name, c, at_end) for name, c in open_courses.items() for at_end in (False, True)]
     accepted, stopped = list[_StripEnd](), dict[str, StripCourse]()
@@ -142,13 +137,13 @@ def shortened_courses(
 
 
 def courses_without_curls(courses: Mapping[str, StripCourse], members: Sequence[Member]) -> dict[str, StripCourse]:
-    """Return, by member, the courses (built parts of axes) that omit a sharply turning end of their member."""
+    """Return the courses (built parts of axes) without sharply turning ends, by member."""
     lengths = {member.id: member.length for member in members}
     return {name: c for name, c in courses.items() if not c.closed and (c.begin > 0 or c.end < lengths[name])}
 
 
 def vanished_courses(stopped: Mapping[str, StripCourse], widths: Mapping[str, float]) -> set[str]:
-    """Return the names of members that are not built, because their courses in `stopped` are shorter than `widths`."""
+    """Return the names of members whose courses in `stopped` are shorter than `widths`."""
     return {name for name, course in stopped.items() if course.end - course.begin < widths[name]}
 
 

@@ -1,7 +1,6 @@
-"""Flat parts with holes and openings, and the single-stroke letters that are engraved on them.
+"""Flat parts with holes and openings, and engraved letters.
 
-A letter is a few polylines on a grid 4 wide and 6 high; "xy" are the two digits of a point. Each stroke is one line,
-unlike in ordinary fonts with outlines."""
+A letter is a few polylines on a grid 4 wide and 6 high."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
     import compas.geometry
 
 GLYPH_HEIGHT, GLYPH_WIDTH, GLYPH_GAP = 6, 4, 2
-SMALL_LETTER_SHARE = 0.7  # height of small letters divided by the height of capitals
+SMALL_LETTER_SHARE = 0.7  # height of small letters / height of capitals
 GLYPHS = {
     "A": "00 26 40|12 32", "B": "00 06 36 45 34 03|33 42 41 30 00", "C": "45 36 16 05 01 10 30 41",
     "D": "00 06 26 44 42 20 00", "E": "46 06 00 40|03 33", "F": "46 06 00|03 33", "G": "45 36 16 05 01 10 30 41 43 23",
@@ -37,7 +36,7 @@ GLYPHS = {
 
 
 def strokes(text: str, height: float) -> list[Floats]:
-    """Return polylines (k, 2) of a line of text from its lower left corner; unknown characters become dashes."""
+    """Return polylines (k, 2) of a line of text."""
     lines, x = list[Floats](), 0.0
     for letter in text:
         scale = height / GLYPH_HEIGHT * (SMALL_LETTER_SHARE if letter.islower() else 1.0)
@@ -54,15 +53,15 @@ def text_length(text: str, height: float) -> float:
     return (width - GLYPH_GAP) * height / GLYPH_HEIGHT
 
 
-NAME_SHARE = 0.9  # largest share of the available length that a name fills
-SAME_DISTANCE = 2e-4  # largest distance (m) between matching corners or holes of two equal parts
-OUTLINE_TOLERANCE = 2e-5  # largest distance between a written outline and the outline of the part (m)
-PART_LETTERS, NODE_LETTERS = 0.02, 0.008  # largest heights of part names and of node names (m)
+NAME_SHARE = 0.9  # largest share of the available length for a name
+SAME_DISTANCE = 2e-4  # largest distance (m) of corners or holes of equal parts
+OUTLINE_TOLERANCE = 2e-5  # largest distance of a written outline from the part (m)
+PART_LETTERS, NODE_LETTERS = 0.02, 0.008  # largest heights of names (m)
 
 
 @dataclass(frozen=True, eq=False)
 class Hole:
-    """Round hole: its centre (2,) and diameter (m), and the name of its bolt: the name of a node or of a splice."""
+    """Round hole: its centre (2,) and diameter (m), and the name of its bolt."""
 
     at: Floats
     diameter: float
@@ -74,7 +73,7 @@ class Hole:
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """Fold of a part along a line (2, 2) by an angle (radians); a positive angle folds away from the viewer."""
+    """Fold of a part along a line (2, 2) by an angle (radians); positive angles fold away from the viewer."""
 
     line: Floats
     angle: float
@@ -90,12 +89,10 @@ class FlatPart:
     member    : name of the member; "" for pieces of a sheet.
     span      : arc lengths of the axis at both ends, metres; (0, 0) without an axis.
     outline   : (k, 2) corners, counter-clockwise, metres.
-    slots     : (k, 2) closed cuts within the outline, metres.
-    marks     : (k, 2) lines to engrave, metres.
+    slots     : (k, 2) closed cuts, metres.    marks : (k, 2) lines to engrave, metres.
     layer     : height of the part's middle over the surface, metres.
-    strain    : largest strain when the part is built.
-    axis      : (k, 2) middle line, which is not cut, metres; (0, 2) without a middle line.
-    thickness : thickness of the part, metres; 0 for the thickness of the plan."""
+    axis      : (k, 2) middle line, metres, or (0, 2).
+    thickness : metres; 0 for the thickness of the plan."""
 
     id: str
     member: str
@@ -133,20 +130,19 @@ class FlatPart:
 
     @cached_property
     def radii(self) -> Floats:
-        """Distances (k,) of the outline's corners from the origin (m), sorted, to compare parts."""
+        """Distances (k,) of the outline's corners from the origin (m), sorted."""
         return np.sort(np.linalg.norm(self.outline, axis=1))
 
     @cached_property
     def features(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Points by which parts are compared: corners, hole middles, slot corners and fold middles, (k, 2) each.
-        Fold middles are multiplied by 1 + the fold's angle, so that different angles give different points."""
+        """Points for comparison of parts: corners, hole middles, slot corners and fold middles, (k, 2) each."""
         slots = np.concatenate(self.slots) if self.slots else np.zeros((0, 2))
         folds = np.array([fold.line.mean(axis=0) * (1 + fold.angle) for fold in self.folds]).reshape(-1, 2)
         return self.outline, np.array([hole.at for hole in self.holes]).reshape(-1, 2), slots, folds
 
     def to_compas(self) -> "dict[str, list[compas.geometry.Curve]]":
         """Return closed polylines `cut`, circles `drilled`, polylines `engraved` and lines `folded`, in metres.
-        Raises SurfaceError if compas is not installed."""
+        Raises SurfaceError without compas."""
         return {
             "cut": [as_polyline(np.vstack([loop, loop[:1]])) for loop in self.contours],
             "drilled": [as_circle(hole.at, hole.diameter / 2) for hole in self.holes],
@@ -166,12 +162,12 @@ class FlatPart:
             axis=self.axis @ R + shift,
             folds=tuple(Fold(fold.line @ R + shift, fold.angle) for fold in self.folds),
         )
-        if "contours" in self.__dict__:  # moving contours is faster than computing new contours
+        if "contours" in self.__dict__:
             part.__dict__["contours"] = tuple(x @ R + shift for x in self.contours)
         return part
 
     def along_x(self) -> "FlatPart":
-        """Return the part with its longer direction along x and its middle at the origin, as on drawings and stock."""
+        """Return the part with its longer direction along x and its middle at the origin."""
         line = self.axis if len(self.axis) > 1 else longest_direction(self.outline)
         direction = line[-1] - line[0]
         return self.moved_by(-float(np.arctan2(direction[1], direction[0])), np.zeros(2)).at_origin()
@@ -199,7 +195,7 @@ def polygon_area(P: Floats) -> float:
 
 
 def longest_direction(P: Floats) -> Floats:
-    """Return two points (2, 2) on the line along which points (k, 2) spread most (principal axis)."""
+    """Return two points (2, 2) on the line along which points (k, 2) spread most."""
     middle = P.mean(axis=0)
     direction = np.linalg.svd(P - middle, full_matrices=False)[2][0]
     direction = direction if direction[np.abs(direction).argmax()] > 0 else -direction
@@ -207,13 +203,12 @@ def longest_direction(P: Floats) -> Floats:
 
 
 def shape_key(part: FlatPart) -> tuple[int, int]:
-    """Return the numbers of corners and holes of a part, for a fast comparison: equal parts have equal keys."""
+    """Return the numbers of corners and holes of a part."""
     return len(part.outline), len(part.holes)
 
 
 def congruent(part_a: FlatPart, part_b: FlatPart) -> bool:
-    """Return whether two parts have equal shapes, directly or after half a turn; engraved lines are ignored.
-    The parts must be in the position that `FlatPart.along_x` gives."""
+    """Return whether two parts, placed by `FlatPart.along_x`, have equal shapes, directly or after half a turn."""
     keys = [(shape_key(part), part.thickness, len(part.slots)) for part in (part_a, part_b)]
     if keys[0] != keys[1] or (np.abs(part_a.size - part_b.size) > 2 * SAME_DISTANCE).any():
         return False
@@ -231,11 +226,10 @@ def _same_points(points_a: Floats, points_b: Floats) -> bool:
 
 
 def alike_parts(parts: Sequence[FlatPart], distance: float, fit: float) -> list[FlatPart]:
-    """Return the parts with fewer different shapes: a part that is nearly equal to an earlier part takes its shape.
-    parts    : parts in the position that `FlatPart.along_x` gives. Names and engraved lines stay.
-    distance : largest distance between the outlines of nearly equal parts, metres.
-    fit      : largest distance between their matching holes, metres.
-    Nearly equal parts may be rotated by 180 degrees, but not mirrored."""
+    """Return the parts with fewer shapes: a part that is nearly equal to an earlier part takes its shape.
+    parts    : parts, placed by `FlatPart.along_x`.
+    distance : largest distance between nearly equal outlines, metres.
+    fit      : largest distance between matching holes, metres."""
     first_parts = dict[tuple[int, float], list[FlatPart]]()
     result = list[FlatPart]()
     for part in parts:
@@ -250,7 +244,7 @@ def alike_parts(parts: Sequence[FlatPart], distance: float, fit: float) -> list[
 
 
 def _in_place_of(model: FlatPart, part: FlatPart, turn: int, distance: float, fit: float) -> FlatPart | None:
-    """Return `part` in the shape of `model`, turned 180 degrees if `turn` is -1; None if the shapes differ too much."""
+    """Return `part` in the shape of `model`; None if the shapes differ too much."""
     if (np.abs(model.size - part.size) > 2 * distance).any() or bool(len(model.axis)) != bool(len(part.axis)):
         return None
     holes, model_holes = part.features[1], turn * model.features[1]
@@ -261,7 +255,6 @@ def _in_place_of(model: FlatPart, part: FlatPart, turn: int, distance: float, fi
         return None
     if _outline_distance(turn * model.outline, part.outline + shift) > distance:
         return None
-    # outlines begin with the right edge; half a turn makes the left edge the right edge
     outline = model.outline if turn == 1 else -np.roll(model.outline, len(model.axis), axis=0)
     drilled = tuple(replace(hole, at=model_holes[k]) for hole, k in zip(part.holes, order, strict=True))
     marks = tuple(mark + shift for mark in part.marks)
@@ -288,7 +281,7 @@ def inside_outline(points: Floats, outline: Floats) -> Bools:
 
 
 def half_plane_clip(P: Floats, a: Floats, b: float) -> Floats:
-    """Return the part (k, 2) of a convex polygon (q, 2) in a half plane a . x <= b [Sutherland, Hodgman 1974]."""
+    """Return the part (k, 2) of a convex polygon (q, 2) where a . x <= b [Sutherland, Hodgman 1974]."""
     excess = P @ a - b
     corners = list[Floats]()
     for k in range(len(P)):
@@ -301,7 +294,7 @@ def half_plane_clip(P: Floats, a: Floats, b: float) -> Floats:
 
 
 def label(text: str, middle: Floats, angle: float, height: float) -> tuple[Floats, ...]:
-    """Return a text as polylines (k, 2), rotated by an angle (radians). middle : (2,) place of its middle, metres."""
+    """Return a text as polylines (k, 2). angle : radians.    middle : (2,) metres."""
     lines = strokes(text, height)
     width = max(float(line[:, 0].max()) for line in lines)
     return tuple((line - [width / 2, height / 2]) @ rotation_matrix(angle) + middle for line in lines)

@@ -1,4 +1,4 @@
-"""Workshop plan: the route by which a design is built, its parts, their sheets and the warnings."""
+"""Workshop plan: the route by which a design is built, its parts and their sheets."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -51,7 +51,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class ConstructionRoute:
-    """Way to build a design ("strips", "bars", ...). reason : why dsfab chose it; "" if the preset names the route."""
+    """Way to build a design ("strips", "bars", ...). reason : why dsfab chose this route, or ""."""
 
     name: str
     reason: str = ""
@@ -63,9 +63,8 @@ def construction_route(
     design: Design, graph: MemberGraph | None, layering: Layering | None, up: Floats = UP
 ) -> ConstructionRoute:
     """Return the way to build a design (route), from section [workshop] of its preset.
-    graph, layering : members, and layers of strips, at built size; None for a flat sheet.
-    up              : (3,) upward unit vector.
-    Raises PatternError if the design cannot be built by the requested route."""
+    graph, layering : None for a flat sheet.    up : (3,) upward unit vector.
+    Raises PatternError if the requested route is impossible."""
     options = design.preset.workshop
     if options.route == "sheet" or graph is None or layering is None:
         return ConstructionRoute("sheet", "" if options.route == "sheet" else "the design is flat")
@@ -88,7 +87,7 @@ def construction_route(
 
 
 def design_footing(design: Design, up: Floats) -> Footing | None:
-    """Return the supports of a design, with their anchors; None for a scale model, or if the preset has no anchors."""
+    """Return the supports of a design, with their anchors, or None without anchors."""
     options = design.preset.workshop
     if options.model or not options.anchor:
         return None
@@ -103,7 +102,7 @@ def design_bars(design: Design, graph: MemberGraph, up: Floats = UP) -> BarPlan:
 
 
 def design_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> PlankPlan:
-    """Return the planks of a design. Raises PatternError if no piece fits on the stock, or no member can be a plank."""
+    """Return the planks of a design. Raises PatternError if planks are not possible."""
     options, statics = design.preset.workshop, design.preset.statics
     widths = [member.mean_width for member in graph.members if is_strip(member)]
     if not widths:
@@ -124,8 +123,8 @@ def design_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> PlankP
 
 
 def usable_sizes(options: Workshop) -> list[tuple[float, float]]:
-    """Return the largest part size (two lengths, m) for each stock sheet. Raises PatternError if gaps leave no room."""
-    slack = 5e-4  # metres: parts may be slightly rotated on their drawings
+    """Return the largest part size (two lengths, m) for each stock sheet. Raises PatternError if no room is left."""
+    slack = 5e-4  # metres
     room = [(a - 2 * options.gap - slack, b - 2 * options.gap - slack) for a, b in options.stock]
     if min(min(size) for size in room) <= 0:
         raise PatternError("workshop.gap leaves no room on the smallest stock; give a smaller gap or larger sheets")
@@ -159,7 +158,7 @@ def _bars_or_reason(design: Design, graph: MemberGraph, up: Floats) -> tuple[Bar
     try:
         bars = design_bars(design, graph, up)
     except PatternError as error:
-        reason = str(error).partition("; ")[0]  # the text after "; " proposes other ways to build
+        reason = str(error).partition("; ")[0]
         return None, f"bars are impossible too: {reason}"
     if bars.too_short:
         return None, f"{len(bars.too_short)} bar{'s' * (len(bars.too_short) > 1)} would be too short for bolts"
@@ -181,7 +180,7 @@ def _planks_or_reason(design: Design, graph: MemberGraph, up: Floats) -> tuple[P
 
 
 def longest_oversize_part(parts: Sequence[FlatPart], options: Workshop) -> FlatPart | None:
-    """Return the longest of the parts that fit on no stock sheet, or None if all parts fit."""
+    """Return the longest of the parts that fit on no stock sheet, or None."""
     room = [(a - 2 * options.gap, b - 2 * options.gap) for a, b in options.stock]
     if not options.grain:
         room += [(b, a) for a, b in room]
@@ -190,7 +189,7 @@ def longest_oversize_part(parts: Sequence[FlatPart], options: Workshop) -> FlatP
 
 
 def node_normals(design: Design, graph: MemberGraph) -> Floats:
-    """Return vectors (n, 3) along the surface normals at the vertices of a graph's sheet; their lengths vary."""
+    """Return vectors (n, 3), of any length, along the surface normals at the vertices of a sheet."""
     return graph.sheet.carry(spherical_normals(design.surface))
 
 
@@ -200,19 +199,18 @@ JOINT_SENTENCES = {
     "scarf": "which overlap by {} and are glued there; cut bevels from the engraved lines to the edges: at right and "
     "upper edges on the engraved face, at left and lower edges on the back",
 }
-"""Words after "the sheet is in 2 x 3 pieces, ", by the joint of the pieces."""
-TAB_CLEARANCE = 1e-4  # gap between a tab and its slot in a model's base plate, on each side (m)
+"""Words for the joint of the pieces of a sheet."""
+TAB_CLEARANCE = 1e-4  # gap between a tab and its slot, on each side (m)
 TABS_LENGTH = 4.0  # largest length that two tabs add to a strip, in strip thicknesses
 
 
 @dataclass(frozen=True, eq=False)
 class WorkshopPlan:
-    """Parts of a design and the sheets from which they are cut.
+    """Parts of a design and the sheets from which the parts are cut.
     route       : "strips", "planks", "bars", "panels" or "sheet".
-    thickness   : thickness of the stock, metres; a part may have a different thickness.
-    sheets      : nested sheets, each part on one of them.
+    thickness   : thickness of the stock, metres.
     equal_parts : groups of part numbers; the parts of a group have equal shapes.
-    notes       : sentences for the builder on the route, the parts and the sheets.
+    notes       : sentences for the builder.
     graph       : members and nodes at built size; None for a flat sheet.
     layering    : layers of strips; None for other routes.
     model       : 50 for a model at 1:50; 0 for full size.
@@ -236,7 +234,7 @@ class WorkshopPlan:
 
     @cached_property
     def sheet_numbers(self) -> dict[str, int]:
-        """Sheet number of each part, by part name; the first sheet has the number 1."""
+        """Sheet number of each part, by part name, from 1 on."""
         return {item.part.id: k for k, sheet in enumerate(self.sheets, 1) for item in sheet.parts}
 
     @property
@@ -248,7 +246,7 @@ class WorkshopPlan:
 def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
     """Return the workshop plan of a design, from section [workshop] of its preset.
     up : (3,) upward unit vector.
-    If the stock has prices, dsfab also tries plans without the longer sheets, and returns the cheapest plan.
+    If the stock has prices, the plan is the cheapest that dsfab finds.
     Raises PatternError if the route is impossible, a part fits on no sheet, or a library is missing."""
     if design.preset.workshop.nesting == "spyrrow":
         require_spyrrow()
@@ -299,7 +297,7 @@ def _plan_for_stock(design: Design, up: Floats) -> WorkshopPlan:
 
 
 def nested_by_thickness(parts: list[FlatPart], options: Workshop) -> tuple[list[NestedSheet], list[str]]:
-    """Nest the parts of each thickness on separate sheets. Return the sheets, and notes on saved sheets."""
+    """Nest the parts of each thickness on separate sheets. Return the sheets, and notes."""
     groups: dict[float, list[FlatPart]] = {}
     for part in parts:
         groups.setdefault(part.thickness, []).append(part)
@@ -312,13 +310,11 @@ def nested_by_thickness(parts: list[FlatPart], options: Workshop) -> tuple[list[
     return [sheet for sheets in nests for sheet in sheets], notes
 
 
-MOST_FACES = 250_000  # largest number of faces of a cut sheet refined for drilling
+MOST_FACES = 250_000  # largest number of faces of a refined sheet
 
 
 def drilling_members(design: Design) -> tuple[MemberGraph, float]:
-    """Return the members of a design on a mesh fine enough for exact holes, and the edge length (m) of this mesh.
-    If the design's mesh is too coarse, its triangles are divided, and points move to the smooth surface. The pattern
-    and the names of members stay."""
+    """Return the members of a design on a fine mesh, and the edge length (m) of this mesh."""
 
     def members() -> tuple[MemberGraph, float]:
         graph, sheet, edge = design.members, design.sheet, design.surface.mean_edge
@@ -421,7 +417,7 @@ def _panel_design_parts(
     return parts, notes
 
 
-NEARLY_EQUAL = 5e-3  # distance of outlines of near-equal parts, if workshop.alike is 0 (m)
+NEARLY_EQUAL = 5e-3  # default distance of outlines of near-equal parts (m)
 
 
 def _alike_notes(parts: list[FlatPart], alike: list[FlatPart], distance: float) -> list[str]:
@@ -455,7 +451,7 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
         notes.append(f"{splices} are too close to a node: the cover plate or lap may overlap the crossing strip")
     if strips.missing_holes:
         holes = _quantity(len(strips.missing_holes), "hole")
-        places = list(dict.fromkeys(strips.missing_holes))  # the bolts of a splice have a common name
+        places = list(dict.fromkeys(strips.missing_holes))
         notes.append(f"{holes} not drilled, too near to an edge: {names_and_count(places)}")
     families = {member.id: member.family for member in graph.members}
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
@@ -477,7 +473,7 @@ def _quantity(number: int, what: str) -> str:
 
 
 def equal_part_groups(parts: list[FlatPart]) -> tuple[tuple[int, ...], ...]:
-    """Return groups of part numbers; the parts of a group have equal shapes (see `congruent`)."""
+    """Return groups of part numbers; the parts of a group have equal shapes."""
     groups: dict[tuple[int, int], list[list[int]]] = {}
     for k, part in enumerate(parts):
         candidates = groups.setdefault(shape_key(part), [])

@@ -1,8 +1,8 @@
 """Flattened plates [Liu et al. 2008], and flat designs divided into pieces of the stock's size.
 
-fingers   ──┐  ┌──┐      fingers of two pieces alternate; if they cut a small bit off a rib,
-            └──┘  └──    this bit joins the neighbouring piece
-scarf     ────╲╲────     both pieces overlap at the joint"""
+fingers   ──┐  ┌──┐      fingers of two pieces alternate
+            └──┘  └──
+scarf     ────╲╲────     two pieces overlap at the joint"""
 
 from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
@@ -33,12 +33,12 @@ from dsfab.workshop.strips import HOLE_EDGE_DISTANCE, is_strip
 
 
 def is_plate(member: Member) -> bool:
-    """Return True if a member is built as a plate: it is not a strip, and not the filling of a corner."""
+    """Return True if a member is built as a plate."""
     return member.kind != "fill" and not is_strip(member)
 
 
 def layer_numbers(layering: Layering, member: Member) -> tuple[int, ...]:
-    """Return the numbers of the layers in which a member lies, from the top; empty for a member that is not built."""
+    """Return the numbers of the layers of a member, from the top; empty if the member is not built."""
     if member.kind == "fill":
         return ()
     return layering.family_layers(member.family) if is_strip(member) else (layering.plate_layer,)
@@ -83,7 +83,7 @@ def _flat_plate(
 
 @dataclass(frozen=True, eq=False)
 class FlattenedMesh:
-    """Triangles F (m, 3), their points V (n, 3) in space, and the places U (n, 2) of these points in the plane (m)."""
+    """Triangles F (m, 3), points V (n, 3) in space, and places U (n, 2) of the points in the plane (m)."""
 
     V: Floats
     F: Ints
@@ -120,7 +120,7 @@ class FlattenedMesh:
         return sorted(loops, key=lambda loop: -abs(polygon_area(loop)))
 
     def flat_point(self, point: Floats) -> Floats:
-        """Return the flattened place (2,) of the point of the mesh that is nearest to a point (3,)."""
+        """Return the flattened place (2,) of the mesh point nearest to a point (3,)."""
         projection = nearest_places(point[None], self.V, self.F)
         face = self.F[projection.simplex]
         return np.asarray((weights_at(projection.place, self.V, face) @ self.U[face[0]])[0])
@@ -128,24 +128,24 @@ class FlattenedMesh:
 
 FINGER_LENGTH, FINGER_WIDTH = 4.0, 2.0  # length and approximate width of a finger, in sheet thicknesses
 REASSIGN_ROUNDS, LEAST_FINGERS = 4, 4.0
-"""Rounds in which small bits of a piece join a neighbouring piece; area below which bits are small, in finger areas."""
-LINE_TOLERANCE = 1e-9  # largest distance of a mesh edge from the line that divides the sheet, divided by sheet size
+"""Rounds in which small bits of a piece join a neighbour; largest area of small bits, in finger areas."""
+LINE_TOLERANCE = 1e-9  # largest distance of a mesh edge from a dividing line, divided by sheet size
 
 
 @dataclass(frozen=True)
 class SheetJoint:
-    """Joint of the pieces of a sheet: "fingers", "scarf" or "butt" (straight cuts). thickness : of the sheet (m)."""
+    """Joint of the pieces of a sheet: "fingers", "scarf" or "butt" (straight cuts)."""
 
     kind: str = "butt"
     thickness: float = 0.0
 
     @property
     def reach(self) -> float:
-        """Length of a joint (m): the length of the fingers, or the overlap of a scarf."""
+        """Length of the fingers, or the overlap of a scarf (m)."""
         return {"fingers": FINGER_LENGTH, "scarf": SCARF_SLOPE}.get(self.kind, 0.0) * self.thickness
 
     def count(self, size: float, room: float) -> int:
-        """Return the number of pieces into which to cut a length `size`, if the stock has the length `room` (m).
+        """Return the number of pieces for a length `size`, if the stock has the length `room` (m).
         Raises PatternError if the joints are too long for the stock."""
         if size <= room:
             return 1
@@ -166,13 +166,12 @@ class SheetParts:
 
 
 def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJoint = SheetJoint()) -> SheetParts:
-    """Cut a flat sheet into as few equal rectangles as possible, with joints between neighbouring rectangles.
-    room : lengths and widths that parts may have on the stock, metres.
-    Disconnected pieces of a rectangle become separate parts. Raises PatternError if parts with joints are too long."""
+    """Cut a flat sheet into as few equal rectangles as possible, with joints.
+    room : lengths and widths of the stock, metres. Raises PatternError if parts with joints are too long."""
     x = plane_coordinates(surface)
     level = Surface(np.pad(x - x.min(axis=0), ((0, 0), (0, 1))), surface.F)
     reduction = 0.0
-    for _ in range(4):  # try smaller rectangles, because a piece with a bit of its neighbour can be too large
+    for _ in range(4):  # try smaller rectangles
         division = _rectangles(level, [(a - reduction, b - reduction) for a, b in room], joint)
         turned = [*room, *((b, a) for a, b in room)]
         excesses = ((p, min(float(max(p.size[0] - a, p.size[1] - b)) for a, b in turned)) for p in division.pieces)
@@ -203,7 +202,7 @@ def _rectangles(level: Surface, room: list[tuple[float, float]], joint: SheetJoi
 
 @dataclass(frozen=True, eq=False)
 class _SheetGrid:
-    """Division of a sheet into equal rectangles that are connected by joints. size : (2,) of the sheet (m)."""
+    """Division of a sheet into equal rectangles that are connected by joints."""
 
     size: Floats
     counts: tuple[int, int]
@@ -224,16 +223,15 @@ class _SheetGrid:
         return np.unique(lines)
 
     def pieces(self, places: Floats) -> Ints:
-        """Return the piece number (m,) of places (m, 3); along joints, the fingers of two pieces alternate."""
         numbers = list[Ints]()
         for axis in (0, 1):
             odd = (places[:, 1 - axis] * self.fingers(1 - axis) / self.size[1 - axis]).astype(int) % 2
-            moved = places[:, axis] + (odd - 0.5) * self.joint.reach  # fingers cross a joint by half their length
+            moved = places[:, axis] + (odd - 0.5) * self.joint.reach
             numbers.append(np.clip((moved * self.counts[axis] / self.size[axis]).astype(int), 0, self.counts[axis] - 1))
         return np.asarray(numbers[0] * self.counts[1] + numbers[1])
 
     def inside(self, places: Floats, which: tuple[int, int], margin: float) -> Bools:
-        """Return a mask (m,) of places (m, 3) in the piece `which`, or up to `margin` metres beyond its joints."""
+        """Return a mask (m,) of places (m, 3) in the piece `which`, with `margin` metres beyond the joints."""
         is_inside = np.ones(len(places), dtype=bool)
         for axis in (0, 1):
             ends = np.concatenate([[-np.inf], self.joints(axis), [np.inf]])[which[axis] : which[axis] + 2]
@@ -241,7 +239,7 @@ class _SheetGrid:
         return is_inside
 
     def bevels(self, which: tuple[int, int]) -> list[tuple[int, float]]:
-        """Return where scarf bevels of piece `which` begin: axis (0: along the sheet, 1: across) and place (m)."""
+        """Return where scarf bevels of piece `which` begin: axis (0: along, 1: across) and place (m)."""
         if self.joint.kind != "scarf":
             return []
         half = self.joint.reach / 2
@@ -279,7 +277,6 @@ def _connected_to(divided: Surface, selected: Bools, roots: Bools) -> Bools:
 
 
 def _with_bits_reassigned(divided: Surface, pieces: Ints, least: float) -> Ints:
-    """Return piece numbers (m,). A connected bit below `least` (m2) joins the piece with the longest common border."""
     face_a, face_b = (divided.edges.pairs // 3).T
     ends = divided.V[divided.edges.ends[divided.edges.count == 2]]
     edge_lengths, pieces = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), pieces.copy()
@@ -298,7 +295,7 @@ def _with_bits_reassigned(divided: Surface, pieces: Ints, least: float) -> Ints:
 
 
 def plane_coordinates(surface: Surface) -> Floats:
-    """Return the vertices (n, 2) of a flat surface in its plane; on a level surface these are x and y."""
+    """Return the vertices (n, 2) of a flat surface in its plane."""
     normal = surface.normals[0]
     if abs(normal[2]) > 1 - 1e-9:
         return np.asarray(surface.V[:, :2] * ([1, 1] if normal[2] > 0 else [1, -1]))

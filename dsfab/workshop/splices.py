@@ -1,4 +1,4 @@
-"""Splices of strips that are longer than the stock: away from nodes, and with pieces as long as possible."""
+"""Splices of strips that are longer than the stock."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,23 +17,22 @@ BEVEL_TEXTS = ("BEVEL", "BEVEL BACK")  # engraved texts for a bevel on the engra
 
 @dataclass(frozen=True)
 class Cuts:
-    """Arc lengths at which a strip begins, is divided and ends. near_nodes : number of cuts too close to a node."""
+    """Arc lengths at which a strip begins, is divided and ends. near_nodes : number of cuts near a node."""
 
     stations: tuple[float, ...]
     near_nodes: int
 
 
 def box_fits(outline: Floats, along: Floats, room: Sequence[tuple[float, float]]) -> bool:
-    """Return whether points (k, 2) fit into a rectangle of `room` with a side parallel to `along` (2,)."""
+    """Return True if points (k, 2) fit into a rectangle of `room` along `along` (2,)."""
     direction = along / np.linalg.norm(along)
     a, b = float(np.ptp(outline @ direction)), float(np.ptp(outline @ [-direction[1], direction[0]]))
     return any((a <= x and b <= y) or (b <= x and a <= y) for x, y in room)
 
 
 def fits_stock(outline: Floats, along: Floats, room: Sequence[tuple[float, float]]) -> bool:
-    """Return whether the outline (k, 2) of a strip fits into a rectangle of `room`, lengthwise or crosswise.
-    along : (2,) direction from the beginning of the strip's axis to its end, as in `FlatPart.along_x`.
-    A strip that overlaps itself does not fit."""
+    """Return True if the outline (k, 2) of a strip fits into a rectangle of `room`.
+    along : (2,) direction of the strip."""
     k = len(outline) // 2
     turns = np.unwrap(np.arctan2(*np.diff(outline[:k], axis=0).T[::-1]))
     return bool(np.ptp(turns) <= np.pi and polygon_area(outline) > 0) and box_fits(outline, along, room)
@@ -47,10 +46,9 @@ def splice_cuts(
     name: str = "the strip",
 ) -> Cuts:
     """Return the cuts of a strip between two arc lengths.
-    nodes : (q,) arc lengths from which cuts keep the distance `clear` if possible, metres.
-    clear : distance from cuts to nodes, and least length of a piece, metres.
-    fits  : function that returns whether a piece between two arc lengths fits on the stock.
-    Raises PatternError if the longest piece that fits is shorter than `clear`."""
+    nodes : (q,) arc lengths near which cuts are avoided.    clear : least length of a piece, metres.
+    fits  : function of two arc lengths; returns True if the piece fits on the stock.
+    Raises PatternError if no long piece fits."""
     begin, end = course
     cuts, near_nodes = [begin], 0
     while not fits(cuts[-1], end):
@@ -95,14 +93,13 @@ def _middle_of_bay(nodes: Floats, least: float, limit: float) -> float:
 def lapped_span(
     span: tuple[float, float], strip_span: tuple[float, float], lap: float, closed: bool
 ) -> tuple[float, float]:
-    """Return the `span` of a piece (two arc lengths), made longer by `lap` metres at each splice.
-    Ends of the strip are not splices, unless the strip is closed."""
+    """Return the `span` of a piece, made longer by `lap` metres at each splice."""
     begin = span[0] - lap if closed or span[0] > strip_span[0] else span[0]
     return begin, span[1] + lap if closed or span[1] < strip_span[1] else span[1]
 
 
 def scarf_line(splices: int, lap: float) -> str:
-    """Return a sentence on a number of scarf joints with an overlap of `lap` metres."""
+    """Return a sentence on scarf joints."""
     return (
         f"{splices} splices are glued: pieces overlap by {length(lap)} and are bevelled 1 to {SCARF_SLOPE:g}; the text "
         "BEVEL marks bevels of the engraved face, and BEVEL BACK marks bevels of the back"
@@ -113,8 +110,7 @@ def lap_marks(
     layer: Development, span: tuple[float, float], full_span: tuple[float, float], lap: float, height: float
 ) -> tuple[Floats, ...]:
     """Return lines and texts that mark the bevels of a piece at its splices, as polylines (k, 2).
-    span, full_span : arc lengths of the piece's ends, without and with its overlaps.    lap : half of an overlap (m).
-    height          : largest height of the letters, metres."""
+    span, full_span : arc lengths of the piece's ends, without and with overlaps.    lap : half of an overlap (m)."""
     lines = list[Floats]()
     for k, (s, end) in enumerate(zip(span, full_span, strict=True)):
         if s != end:
@@ -129,8 +125,8 @@ def lap_marks(
 
 
 def strip_fits(development: Development, room: Sequence[tuple[float, float]]) -> Callable[[float, float], bool]:
-    """Return a function that tests whether the flat piece of a strip between two arc lengths fits on the stock.
-    room : lengths and widths that parts may have on the stock, metres."""
+    """Return a function of two arc lengths that tests whether the piece of a strip fits on the stock.
+    room : lengths and widths of the stock, metres."""
     longest = max(np.hypot(x, y) for x, y in room) + 1e-6
 
     def fits(begin: float, end: float) -> bool:

@@ -15,7 +15,7 @@ from dsfab.workshop.parts import FlatPart
 
 
 def stock_choices(options: Workshop) -> list[Workshop]:
-    """Return the options and, if the stock has prices, variants of the options without the longer sheets."""
+    """Return the options and, with prices, variants without the longer sheets."""
     lengths = sorted({size[0] for size in options.stock}, reverse=True) if options.prices else []
     choices = [options]
     for longest in lengths[1:]:
@@ -31,7 +31,7 @@ def stock_cost(sheets: Sequence[NestedSheet]) -> float:
 
 
 def stock_words(sheets: Sequence[NestedSheet]) -> str:
-    """Return numbers, sizes and prices (if not 0) of sheets in words: "12 of 2.5 x 1.25 m at 45"."""
+    """Return sheets in words: "12 of 2.5 x 1.25 m at 45"."""
     count = Counter((sheet.size, sheet.price) for sheet in sheets)
     return ", ".join(
         f"{many} of {size_words(size)}" + (f" at {money(price)}" if price else "")
@@ -41,7 +41,7 @@ def stock_words(sheets: Sequence[NestedSheet]) -> str:
 
 def price_notes(sheets: Sequence[NestedSheet], alternatives: Sequence[tuple[Workshop, float]]) -> list[str]:
     """Return notes on the cost of the sheets and of other stock; empty without prices.
-    alternatives : pairs of options with other stock sizes, and the cost of the sheets for these options."""
+    alternatives : options with other stock sizes, and cost of the sheets for these options."""
     cost = stock_cost(sheets)
     if not cost:
         return []
@@ -53,7 +53,7 @@ def price_notes(sheets: Sequence[NestedSheet], alternatives: Sequence[tuple[Work
 
 
 def size_words(size: tuple[float, float]) -> str:
-    """Return a sheet size in words: "2.5 x 1.25 m", "420 x 297 mm"."""
+    """Return a sheet size in words: "2.5 x 1.25 m"."""
     return f"{MM_PER_M * size[0]:g} x {MM_PER_M * size[1]:g} mm" if size[0] < 1 else f"{size[0]:g} x {size[1]:g} m"
 
 
@@ -62,15 +62,15 @@ def money(amount: float) -> str:
     return f"{amount:,.2f}".removesuffix(".00")
 
 
-NARROWING_SHARES = (0.95, 0.9)  # trial widths of strips, as fractions of their true width, widest first
-LEAST_SAVING = 0.04  # smallest saving for a hint, as a fraction of the sheets or of their area
+NARROWING_SHARES = (0.95, 0.9)  # trial widths of strips / true width, widest first
+LEAST_SAVING = 0.04  # smallest saving for a hint, as a fraction
 StockSizes = Sequence[tuple[float, float]]
 
 
 def sheet_hints(
     parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: StockSizes, gap: float, grain: bool = False
 ) -> list[str]:
-    """Return sentences on narrower strips or larger stock that would need fewer sheets; empty for large plans.
+    """Return sentences on narrower strips or larger stock that would need fewer sheets.
     stock, gap, grain : as for `nest_parts`."""
     if len(parts) * len(sheets) > 20_000:
         return []
@@ -78,7 +78,7 @@ def sheet_hints(
 
 
 def narrow_strip(part: FlatPart, share: float) -> FlatPart:
-    """Return a strip with `share` times its width. Its middle line and holes stay. Other parts do not change."""
+    """Return a strip with `share` times the width. Other parts do not change."""
     if not _is_strip(part):
         return part
     outline = part.outline

@@ -1,4 +1,4 @@
-"""Strips that lie in the surface: their flat parts, and the limits of their bending and stretching."""
+"""Flat parts of strips, and limits of bending and stretching."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -16,14 +16,14 @@ from dsfab.workshop.layers import END_DISTANCE, Layering, courses_without_curls,
 from dsfab.workshop.parts import NAME_SHARE, FlatPart, Hole, label, text_length
 from dsfab.workshop.splices import SCARF_SLOPE, Cuts, lap_marks, lapped_span, splice_cuts, strip_fits
 
-STRIP_KINDS = ("strip", "stub", "rim", "band", "ring")  # kinds of members that are built as strips
-HOLE_EDGE_DISTANCE = 1.0  # least distance from a hole's middle to the edges of its part, in bolt diameters
+STRIP_KINDS = ("strip", "stub", "rim", "band", "ring")  # members that are built as strips
+HOLE_EDGE_DISTANCE = 1.0  # least distance from a hole's middle to the edges / bolt diameter
 LEGIBLE_HEIGHT, TALL_LETTER_SHARE = 0.002, 0.6  # letters on narrow parts: height (m), and largest share of the width
 
 
 @dataclass(frozen=True)
 class StripBolt:
-    """Bolt of a member: surface point (3,), unit normal (3,) along the bolt, and arc length s on the member's axis."""
+    """Bolt of a member: surface point (3,), unit normal (3,), and arc length s on the member's axis."""
 
     name: str
     point: Floats
@@ -33,13 +33,13 @@ class StripBolt:
 
 @dataclass
 class StripParts:
-    """Flat parts of all strips: pieces, and cover plates of their splices.
-    missing_holes      : nodes without a hole in a part, "N003 in A07", because the hole would be too close to an edge.
+    """Flat parts of all strips, and cover plates of splices.
+    missing_holes : nodes without a hole in a part, "N003 in A07".
     splices_near_nodes : number of splices that are too close to a node.
-    shortened          : names of members that stop before they run into a member of their layer.
-    vanished           : names of members that are not built, because they would be shorter than wide.
-    missed_nodes       : (node, member) names where a shortened member does not reach its node.
-    feet               : pairs of a part's name and its foot on the base plate of a model."""
+    shortened     : members that stop before another member of the same layer.
+    vanished      : members that are not built, because they would be shorter than wide.
+    missed_nodes  : (node, member) names of nodes that a shortened member does not reach.
+    feet          : pairs of a part's name and the foot on the base plate."""
 
     pieces: list[FlatPart] = field(default_factory=list)
     covers: list[FlatPart] = field(default_factory=list)
@@ -53,7 +53,7 @@ class StripParts:
 
 
 def is_strip(member: Member) -> bool:
-    """Return whether a member can be built as a strip: except at its ends, it has no sharp turn within the surface."""
+    """Return True if a member can be built as a strip: no sharp turn within the surface except at its ends."""
     if member.axis is None or member.kind not in STRIP_KINDS:
         return False
     begin, end = uncurled_span(member)
@@ -70,8 +70,7 @@ def strip_parts(
 ) -> StripParts:
     """Return the parts of all members that are strips.
     room   : lengths and widths that parts may have on the stock, metres.
-    splice : "cover" plates, a "scarf", or "none".
-    ground : base plate for feet with tabs; None for ends without feet."""
+    splice : "cover" plates, a "scarf", or "none".    ground : base plate for feet with tabs, or None."""
     parts = StripParts()
     members = [member for member in graph.members if is_strip(member)]
     overhang, cover_length = END_DISTANCE * layering.bolt, 2 * layering.half_cover_length
@@ -127,7 +126,7 @@ class _StripLayer:
 
     @property
     def name(self) -> str:
-        """Name of the strip: "A07"; for a member in several layers, with the layer's number (from 0): "A07-2"."""
+        """Name of the strip: "A07", or "A07-2" for layer 2 (from 0) of a member."""
         several = len(self.layering.family_layers(self.member.family)) > 1
         return f"{self.member.id}-{self.number}" if several else self.member.id
 
@@ -168,7 +167,7 @@ class _StripLayer:
         course, height = self.course, self.layering.cover_height(self.member.family, self.number)
         kg, kn = (float(np.interp(joint, course.s, values)) for values in (course.kg, course.kn))
         for x, y in self.layering.splice_bolts(float(course.width(np.array([joint]))[0])):
-            if self.layering.alike:  # rows of bolts are straight on the flat cover plate
+            if self.layering.alike:
                 x, y = x / (1 - height * kn), y - kg * x**2 / 2
             P, T, N = (row[0] for row in course.frame_at(np.array([joint + x])))
             yield StripBolt(f"{self.name}.c{number}", P + y * np.cross(N, T), N, joint + x)
@@ -218,7 +217,7 @@ class _StripLayer:
         marks = list(label(name, position[0], float(angle[0]), high))
         taken = [(middle, text_length(name, high))]
         for s, hole in holes:
-            if "." not in hole.bolt:  # a name with "." belongs to a splice bolt, and is not engraved
+            if "." not in hole.bolt:  # bolts of splices have no engraved names
                 ahead = 1 if s + 4 * bolt < span[1] else -1
                 long = text_length(hole.bolt, height)
                 places = [s + side * (bolt / 2 + 3.5 * height) for side in (ahead, -ahead)]
@@ -232,7 +231,7 @@ class _StripLayer:
 
 
 def letter_height(width: float, limit: float) -> float:
-    """Return the height of letters (m), at most `limit`, on a part with a width (m)."""
+    """Return the height of letters (m), at most `limit`, on a part `width` (m) wide."""
     return min(limit, max(0.3 * width, min(LEGIBLE_HEIGHT, TALL_LETTER_SHARE * width)))
 
 
@@ -242,28 +241,25 @@ def _is_clear(place: float, text_size: float, taken: list[tuple[float, float]], 
 
 
 def bending_strain(course: StripCourse, span: tuple[float, float], thickness: float) -> float:
-    """Return the largest bending strain t |kn| / 2 of a layer of thickness t (m) between the arc lengths of `span`.
-    kn is the normal curvature of the layer's axis, in 1/m."""
+    """Return the largest bending strain of a layer between the arc lengths of `span`."""
     inside = (course.s >= span[0]) & (course.s <= span[1])
     bend = np.abs(course.kn[inside]).max() if inside.any() else np.abs(np.interp(sum(span) / 2, course.s, course.kn))
     return float(thickness * bend / 2)
 
 
-UNCERTAIN_WIDTHS = 1.5  # length of the part at a member's end where its curvature is uncertain, in member widths
+UNCERTAIN_WIDTHS = 1.5  # length of a member's end with uncertain curvature, in member widths
 HOLE_FIT = 5e-4
-"""Largest error (m) of a length between holes. A hole may be a millimetre larger than its bolt [EN 1995-1-1, 10.4.3].
-Each of the two parts at a bolt may use half of this millimetre."""
-LEAST_STRAIN = 5e-6  # smallest strain that a sentence reports
+"""Largest error (m) of a length between holes [EN 1995-1-1, 10.4.3]."""
+LEAST_STRAIN = 5e-6  # smallest reported strain
 
 
 @dataclass(frozen=True)
 class StripLimits:
-    """Largest strains of all strips of a design, and their limits, for one thickness of the layers (m).
-    bending     : largest bending strain, which occurs in the strip `member`.
-    shape       : largest strain |K| w^2 / 12 from the Gauss curvature K of the surface, in a strip of width w.
-    limit       : strain at the material's strength; 0 if the preset has none.
-    edge        : mean edge of the mesh, metres.
-    wanted_edge : mesh edge that makes distances between holes exact enough (`drilling_edge`), metres."""
+    """Largest strains of all strips of a design, and limits, for a thickness of the layers (m).
+    bending : largest bending strain, in the strip `member`.
+    shape   : largest strain from the Gauss curvature of the surface.
+    limit   : strain at the material's strength; 0 if the preset has none.
+    edge, wanted_edge : mean edge of the mesh, and edge for exact distances between holes, metres."""
 
     thickness: float
     bending: float
@@ -275,12 +271,12 @@ class StripLimits:
 
     @property
     def thickest(self) -> float:
-        """Thickest layer that can be bent (m); infinite without bending or without a limit."""
+        """Thickest layer that can be bent (m); may be infinite."""
         return self.thickness * self.limit / self.bending if self.limit and self.bending else np.inf
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Sentences about the strips and their limits, for the builder."""
+        """Sentences about the strips and the limits."""
         lines = []
         layers = f"layers of {length(self.thickness)}"
         bending_text = f"{layers} are bent to a strain of {self.bending:.2%} (most in {self.member})"
@@ -306,8 +302,7 @@ class StripLimits:
 
 
 def drilling_edge(graph: MemberGraph) -> float:
-    """Return the longest mesh edge (m) for which typical distances between holes are exact to `HOLE_FIT`.
-    Edges of length e change a length L of curvature k by at most about L (e k)^2 / 8. Infinite if no strip bends."""
+    """Return the longest mesh edge (m) for which distances between holes are exact to `HOLE_FIT`; may be infinite."""
     strips = [member for member in graph.members if is_strip(member)]
     bends = [np.abs(member.axis.kn[calm_stations(member)]) for member in strips if member.axis is not None]
     bend = float(np.quantile(np.concatenate(bends), 0.95)) if bends else 0.0  # ignores rare peaks
@@ -316,11 +311,10 @@ def drilling_edge(graph: MemberGraph) -> float:
 
 
 def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: float, edge: float) -> StripLimits:
-    """Return the largest strains of all strips of a graph, and their limits (`StripLimits`).
-    surface   : surface before the pattern was cut.
-    thickness : thickness of the layers, metres.
-    limit     : strain at the material's strength; 0 if unknown.
-    edge      : mean edge length of the mesh, metres."""
+    """Return the largest strains of all strips of a graph, and the limits.
+    surface : surface before the pattern was cut.
+    thickness, edge : thickness of the layers, and mean edge length of the mesh, metres.
+    limit   : strain at the material's strength; 0 if unknown."""
     strips = [member for member in graph.members if is_strip(member)]
     tree, K = cKDTree(surface.centroids), face_curvatures(surface)
     bends, shapes = [0.0], [0.0]
@@ -335,14 +329,14 @@ def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: 
 
 
 def calm_stations(member: Member) -> Ints:
-    """Return the numbers (q,) of the stations of a member's axis where its curvature is reliable."""
+    """Return the stations (q,) of a member's axis where the curvature is reliable."""
     axis = member.curve
     past = 0.0 if axis.closed else min(UNCERTAIN_WIDTHS * member.mean_width, axis.length / 3)
     return np.flatnonzero((axis.s >= past) & (axis.s <= axis.length - past))
 
 
 def face_curvatures(surface: Surface) -> Floats:
-    """Return the Gauss curvature (m,) of each face (1/m2) from its vertex normals [Rusinkiewicz 2004]."""
+    """Return the Gauss curvature (m,) of each face, 1/m2 [Rusinkiewicz 2004]."""
     N, P = spherical_normals(surface)[surface.F], surface.V[surface.F]
     n = area_vectors(surface.V, surface.F)
     n = n / np.linalg.norm(n, axis=1)[:, None]

@@ -13,7 +13,7 @@ UNSET = 'PYTHON = ""'  # Line of the add-on that `addon` replaces by the path of
 
 
 def addon(python: str) -> str:
-    """Return the text of the add-on, which runs dsfab with this Python."""
+    """Return the text of the add-on for Blender. python : path of a Python with dsfab."""
     text = Path(__file__).with_name("addon.py").read_text(encoding="utf-8")
     return text.replace(UNSET, f"PYTHON = {python!r}", 1)
 

@@ -1,7 +1,7 @@
-"""dsfab in Blender: an add-on that builds a structure from the active object's mesh and shows its solid and members.
+"""dsfab in Blender: an add-on that builds a structure from the active object's mesh.
 
 `dsfab blender` writes this file. Install it in Preferences > Add-ons > Install from Disk. Its panel is in the sidebar
-(N) of the 3D view. dsfab runs as a separate program, with the Python in the add-on's preferences."""
+(N) of the 3D view."""
 
 import os
 import re
@@ -59,8 +59,8 @@ class Wishes(bpy.types.PropertyGroup):
 
 
 def mesh_file(source: bpy.types.Object, metres: float, path: Path) -> None:
-    """Write an object with its modifiers to an OBJ file, in metres and world coordinates.
-    metres : length of a unit of the scene. Raises BuildError if the object has no faces, or is a result of dsfab."""
+    """Write an object with its modifiers to an OBJ file, in metres and world coordinates. Raises BuildError.
+    metres : length of a unit of the scene."""
     if source.get(MADE_OF):
         raise BuildError(f"{source.name} is a result of dsfab; select the object {source[MADE_OF]} instead")
     if source.type not in WITH_FACES:
@@ -94,7 +94,7 @@ def command(python: str, mesh: Path, settings: Wishes, output: Path) -> list[str
 
 
 def failure_sentence(code: int, output: str) -> str:
-    """Return a message about a failed build: dsfab's last message in `output`, or the exit code."""
+    """Return a message about a failed build."""
     lines = [line for line in output.strip().splitlines() if line]
     messages = [line.removeprefix("dsfab: ") for line in lines if line.startswith("dsfab: ")]
     if "No module named dsfab" in output or "No module named 'dsfab'" in output:
@@ -103,7 +103,7 @@ def failure_sentence(code: int, output: str) -> str:
 
 
 def import_meshes(path: Path, source: str, collection: bpy.types.Collection, metres: float) -> list[bpy.types.Object]:
-    """Import the meshes of a GLB file into a collection, in the unit of the scene; return the new objects.
+    """Import the meshes of a GLB file into a collection; return the new objects.
     source : name of the object that was built.    metres : length of a unit of the scene."""
     before = set(bpy.data.objects)
     unit = bpy.context.scene.unit_settings
@@ -130,7 +130,7 @@ def import_meshes(path: Path, source: str, collection: bpy.types.Collection, met
 
 
 def new_collection(name: str, under: bpy.types.Collection) -> bpy.types.Collection:
-    """Return a new collection inside `under` for the build of object `name`; remove the object's earlier collection."""
+    """Return a new collection inside `under` for the build of object `name`. Removes the earlier collection."""
     for earlier in [item for item in bpy.data.collections if item.get(MADE_OF) == name]:
         for part in (*earlier.children_recursive, earlier):
             for item in list(part.objects):
@@ -146,7 +146,7 @@ def new_collection(name: str, under: bpy.types.Collection) -> bpy.types.Collecti
 
 
 def view_layer_of(collection: bpy.types.Collection) -> bpy.types.LayerCollection:
-    """Return the view layer's entry for a collection, which states whether the collection is visible."""
+    """Return the entry of a collection in the view layer."""
     layers = [bpy.context.view_layer.layer_collection]
     while layers:
         layer = layers.pop()
@@ -157,8 +157,8 @@ def view_layer_of(collection: bpy.types.Collection) -> bpy.types.LayerCollection
 
 
 def show_result(folder: Path, source: bpy.types.Object, metres: float) -> int:
-    """Import the solid and the members of a built folder; hide the members and the object `source`.
-    metres : length of a unit of the scene. Return the number of members."""
+    """Import the solid and the members of a built folder; return the number of members.
+    metres : length of a unit of the scene."""
     collection = new_collection(source.name, bpy.context.scene.collection)
     solid_file = next(path for path in folder.glob("*.glb") if not path.stem.endswith(".members"))
     for solid in import_meshes(solid_file, source.name, collection, metres):
@@ -167,7 +167,7 @@ def show_result(folder: Path, source: bpy.types.Object, metres: float) -> int:
     collection.children.link(members)
     bodies = import_meshes(next(folder.glob("*.members.glb")), source.name, members, metres)
     view_layer_of(members).hide_viewport = True
-    bpy.context.view_layer.objects.active = source  # the next build takes this object again
+    bpy.context.view_layer.objects.active = source
     source.hide_set(True)
     return len(bodies)
 
@@ -228,7 +228,7 @@ class Build(bpy.types.Operator):
         return {"FINISHED"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Build the structure, and return after the end of the build, for scripts."""
+        """Build the structure; return after the end of the build."""
         if not self._begin(context):
             return {"CANCELLED"}
         self._process.wait()

@@ -1,7 +1,6 @@
-"""Program of the process that builds and reads meshes for the editor. The editor may kill the process at any time.
+"""Program that builds and reads meshes for the editor, in a separate process.
 
-standard input : the length n of the request (8 bytes), then the pickled request (n bytes). If the editor closes this
-input, the process ends.
+standard input : the length n of the request (8 bytes), then the pickled request (n bytes).
 standard output: lines of JSON with the progress, then a line with the key done, preset, refused or mistaken"""
 
 import json
@@ -19,7 +18,7 @@ from dsfab.preset.file import preset_toml
 
 
 def main() -> None:
-    """Read a request from standard input; build, export or open a mesh, and write the result to standard output."""
+    """Read a request from standard input, and write the result to standard output."""
     output = os.fdopen(os.dup(1), "w", encoding="utf-8", newline="\n")
     os.dup2(2, 1)  # output of libraries goes to standard error
     source = sys.stdin.buffer

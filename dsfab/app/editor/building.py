@@ -1,4 +1,4 @@
-"""Builds that the page starts, each in a process that the user can cancel, and the folders of their files."""
+"""Builds that the page starts, and the folders of their files."""
 
 import io
 import json
@@ -32,7 +32,7 @@ from dsfab.report.design.save import save
 
 @dataclass(frozen=True)
 class EditorBuild:
-    """Result of a build: files (those in the preset's formats come first), and facts that the editor's page shows."""
+    """Result of a build: files, and facts that the editor's page shows."""
 
     files: list[Path]
     facts: dict[str, Any]
@@ -41,10 +41,8 @@ class EditorBuild:
 @dataclass(frozen=True)
 class BuildRequest:
     """A request to build a preset.
-    old     : design whose unchanged stages are used again.    picture : True to draw a picture, too.
-    mesh    : mesh file that is open in the editor. The build copies this file, and the written preset names the copy.
-    only    : a single format as in `dsfab export --to`; '' for all files of a build.
-    before  : folder of an earlier build; its design is used again if its preset equals this preset."""
+    old     : design whose unchanged stages are used again.    mesh : mesh file that is open in the editor.
+    only    : a single format as in `dsfab export --to`; '' for all files.    before : folder of an earlier build."""
 
     preset: Preset
     old: Design | None = None
@@ -55,8 +53,7 @@ class BuildRequest:
 
 
 def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
-    """Build a preset and write all its files into `folder`, like `dsfab build`. Raises DsfabError.
-    `facts["refused"]` of the result is the reason why no STEP file was written, or ''."""
+    """Build a preset and write all its files into `folder`. Raises DsfabError."""
     preset = request.preset
     design = _design_of_request(request, progress)
     if request.mesh:
@@ -79,8 +76,7 @@ def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -
 
 
 def export_file(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
-    """Write one file in the format `request.only`, like `dsfab export`. Raises DsfabError.
-    The design in the folder `request.before` is used if its preset is the requested preset."""
+    """Write one file in the format `request.only`. Raises DsfabError."""
     from dsfab.app.export import CALCULIX, CALCULIX_SUFFIX, ExportRequest, write_file
     from dsfab.design.output.archive import read_archive
 
@@ -105,8 +101,8 @@ def _mesh_copy_path(mesh: Path, folder: Path) -> Path:
 def draw_png(
     preset: Preset, earlier: Design | None, view: str, show: str, size: tuple[int, int], progress: ReportProgress
 ) -> bytes:
-    """Return a picture of a preset, as bytes of a PNG file. Raises DsfabError if drawing fails.
-    earlier : design whose unchanged stages are used again.    size : pixels.    view, show : as in `dsfab preview`."""
+    """Return a picture of a preset as a PNG file. Raises DsfabError if drawing fails.
+    earlier : design whose unchanged stages are used again.    size : pixels."""
     from PIL import Image
 
     from dsfab.render import light
@@ -130,8 +126,8 @@ class BuilderError(RuntimeError):
 
 
 def build_in_process(request: BuildRequest, folder: Path, progress: JobProgress) -> EditorBuild:
-    """Run `build_files`, or `export_file` for a single format, in another process, and raise its errors.
-    A cancellation raises Cancelled within a fraction of a second. If an error is raised, `folder` is removed."""
+    """Build a preset, or export a single format, in another process. Raises DsfabError and Cancelled.
+    After an error, `folder` is removed."""
     message = pickle.dumps((request, str(folder)), protocol=5)
     try:
         with (
@@ -146,8 +142,7 @@ def build_in_process(request: BuildRequest, folder: Path, progress: JobProgress)
 
 
 def open_mesh_in_process(request: MeshRequest, progress: JobProgress) -> OpenedPreset:
-    """Read a mesh in another process, and return the preset that dsfab proposes for this mesh.
-    Raises DsfabError, and Cancelled a moment after a cancellation."""
+    """Read a mesh in another process, and return the preset that dsfab proposes. Raises DsfabError and Cancelled."""
     progress("surface", f"reading {request.name}")
     message = pickle.dumps((request, ""), protocol=5)
     with (
@@ -232,14 +227,14 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
 
 
 class Builds:
-    """Builds of a session, by number, with their files. Files of unfinished builds are in the folder `aside`."""
+    """Builds of a session, by number, with their files."""
 
     def __init__(self, outputs: Outputs, aside: Path) -> None:
         self.outputs, self._aside = outputs, aside
         self._files: dict[int, list[Path]] = {}
 
     def file(self, build: int, index: int) -> Path | None:
-        """Return the path of file `index` (from 0) of a build; None if the build has no file with this index."""
+        """Return the path of file `index` (from 0) of a build; None without this file."""
         files = self._files.get(build, [])
         return files[index] if 0 <= index < len(files) else None
 
@@ -249,7 +244,7 @@ class Builds:
         return list(self._files[max(self._files)]) if self._files else []
 
     def replacement_question(self, name: str) -> dict[str, Any]:
-        """Return {}; or, if a build would replace files in folder `name`, a question (`taken`) and a `free` name."""
+        """Return a question (`taken`) and a `free` name if a build would replace files in folder `name`; else {}."""
         count = self.outputs.foreign_files(name)
         if not count:
             return {}
@@ -258,7 +253,7 @@ class Builds:
         return {"taken": text, "free": self.outputs.free_name(name)}
 
     def make(self, request: BuildRequest, progress: JobProgress) -> dict[str, Any]:
-        """Build a preset, move the files to the folder of its name; return facts. Raises DsfabError and Cancelled."""
+        """Build a preset and return facts. Raises DsfabError and Cancelled."""
         name = request.preset.name
         request = replace(request, before=self.outputs.folder(name))
         folder = Path(tempfile.mkdtemp(prefix="build-", dir=self._aside))

@@ -1,4 +1,4 @@
-"""Controls of the editor's page, such as sliders: each changes a key of the preset."""
+"""Controls of the editor's page, such as sliders."""
 
 from dataclasses import asdict, dataclass, replace
 from typing import Any, get_args
@@ -15,16 +15,14 @@ from dsfab.surface import Surface
 
 @dataclass(frozen=True)
 class Control:
-    """A control on the editor's page, for a single key of a preset.
-    kind    : number, whole (a whole number), choice, switch, length (metres), words (a list of words), size (three
-              lengths) or material (a choice that sets further keys).
-    low, high, step : range of the slider; the number field beside it accepts every valid value of the key.
-    log     : True for a logarithmic slider.
-    live    : True if the page draws a change without the server.
-    word    : word that the key accepts in place of a number ("auto", "off").
-    worth   : number that means the same as the word; None if no number does.
-    method  : the only pattern.method that has this control; '' for all.
-    instead : spacing (metres) that the page shows if the value is 0 and the stripes are evenly spaced."""
+    """A control on the editor's page, for a key of a preset.
+    kind  : number, whole, choice, switch, length (metres), words (a list), size (three lengths) or material.
+    low, high, step : range of the slider.
+    live  : True if the page draws a change without the server.
+    word  : word that the key accepts in place of a number, such as "auto".
+    worth : number that means the same as the word, or None.
+    method  : the only pattern.method with this control; '' for all.
+    instead : spacing (metres) that the page shows for a value of 0."""
 
     group: str
     key: str
@@ -51,7 +49,7 @@ def rounded_to_one_digit(value: float) -> float:
 
 
 def surface_controls(surface: Surface) -> list[Control]:
-    """Return the controls for stripe directions, sheet, mesh and workshop, with ranges for this surface."""
+    """Return the controls for stripe directions, sheet, mesh and workshop."""
     return [*_direction_controls(), *_sheet_controls(surface), *_mesh_controls(surface), *_workshop_controls(surface)]
 
 
@@ -134,7 +132,7 @@ def _limit_control(control: Control) -> Control:
 
 
 def controls(preset: Preset, surface: Surface) -> list[dict[str, Any]]:
-    """Return all controls of the page as values for JSON; ranges of lengths scale with the size of the surface."""
+    """Return all controls of the page as values for JSON."""
     reach = rounded_to_one_digit(EXACT_REACH_SHARE * surface.size)
     families = [control for name in ("major", "minor") for control in _family_controls(name, preset, surface, reach)]
     pattern_controls = [*_method_controls(), *families, *_width_controls(reach), *_kept_controls(reach)]

@@ -1,4 +1,4 @@
-"""Drafts (designs before the cut) for the editor's page: meshes as bytes, and measures."""
+"""Drafts (designs before the cut) for the editor's page."""
 
 import json
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ TYPES = {"f": "float32", "i": "uint32", "u": "uint32", "b": "uint8"}
 
 
 def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """Pack facts (JSON values) and arrays (32-bit floats, unsigned 32-bit integers or 8-bit masks) into bytes."""
+    """Pack facts (JSON values) and arrays into bytes."""
     table, blocks, place = {}, [], 0
     for name, array in arrays.items():
         kind = TYPES[array.dtype.kind]
@@ -44,9 +44,8 @@ def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
 
 
 def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return facts and arrays with which the page draws a draft (a design before the cut): surface, stripes, statics,
-    marks of loads and supports, and boundary loops. V (n, 3), metres from the surface's middle, and F (m, 3) are the
-    mesh of the stripes (`StripedMesh`). Loops index `uncut` (k, 3), the surface's vertices, if present, else V."""
+    """Return facts and arrays with which the page draws a draft (a design before the cut).
+    V (n, 3), metres from the surface's middle, and F (m, 3) are the mesh of the stripes."""
     surface, statics, modes = draft.surface, draft.statics, draft.diffusion
     mesh = StripedMesh.from_design(draft)
     up = up_axis(surface.V, surface, draft.load)
@@ -91,10 +90,10 @@ def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 
 def pattern_widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return facts about a draft's pattern, and arrays (n, 2) on the mesh of the stripes: columns major and minor.
-    half   : half the width of a stripe, in periods (distances between stripes before halvings remove stripes).
-    slope  : stripes per metre; for a pattern of modes, stripes per metre at the frequency 1.
-    shares : factor from half-widths, in periods of the remaining stripes, to `half`; only for evenly spaced stripes."""
+    """Return facts about a draft's pattern, and arrays (n, 2) of its stripes: columns major and minor.
+    half   : half the width of a stripe, in periods.
+    slope  : stripes per metre; for a pattern of modes, at the frequency 1.
+    shares : factor from half-widths to `half`; only for evenly spaced stripes."""
     pattern, options, surface = draft.pattern, draft.preset.pattern, draft.surface
     mesh = StripedMesh.from_design(draft)
     facts = {
@@ -122,9 +121,9 @@ def colour_scales() -> dict[str, list[list[int]]]:
 
 
 def has_creases(surface: Surface) -> bool:
-    """Return True if the surface has sharp folds, so that the page must compute the shading at each pixel."""
+    """Return True if the surface has sharp folds."""
     normals = surface.normals[:, None, :] * surface.vertex_normals[surface.F]
-    return bool(normals.sum(axis=2).min() < 0.8)  # shader.js uses the same cosine
+    return bool(normals.sum(axis=2).min() < 0.8)  # same cosine as in shader.js
 
 
 def _phases(draft: Design, mesh: StripedMesh) -> dict[str, Floats]:
@@ -180,23 +179,22 @@ def _gathered_forces(V: Floats, force: Floats, acts: Bools, spacing: Spacing, si
     acting = np.flatnonzero(acts)
     if not len(acting):
         return np.zeros((0, 6))
-    candidates = acting[:: max(len(acting) // 3000, 1)]  # 3000 vertices are enough to select places of arrows
+    candidates = acting[:: max(len(acting) // 3000, 1)]
     chosen = candidates[thin_points(V[candidates], size, spacing)]
     owner = cKDTree(V[chosen]).query(V[acting])[1]
     total = np.stack([np.bincount(owner, force[acting, i], len(chosen)) for i in range(3)], axis=1)
     return np.concatenate([V[chosen], total], axis=1)
 
 
-TINTS = ("major", "minor")  # Families with colours of their own; all other material has a third colour.
+TINTS = ("major", "minor")  # Families with colours of their own.
 
 
 def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
-    """Return the mesh of a cut sheet for the page: k vertices and m faces. Faces with different `tint` share no vertex.
+    """Return the mesh of a cut sheet for the page, as arrays by name.
     V : (k, 3) metres from the middle of the surface.    F : (m, 3).    E : (e, 2) edges of the outlines.
     tint    : (k,) 0 major family, 1 minor family, 2 other material.
     normals : (k, 3) unit normals of the uncut surface.
-    corners : (k, 3) vertices of the nearest face in the mesh of the stripes.
-    shares  : (k, 3) barycentric weights of `corners`."""
+    corners, shares : (k, 3) vertices in the mesh of the stripes, and their barycentric weights."""
     surface, striped_surface = sheet.surface, StripedMesh.from_design(draft).surface
     tints = np.array([TINTS.index(name) if name in TINTS else len(TINTS) for name in draft.pattern.names])
     tint = np.repeat(tints[sheet.family], 3)
@@ -220,7 +218,7 @@ def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
 
 
 def tidied_cut(draft: Design, progress: ReportProgress | None = None) -> tuple[SlicingResult, list[str]]:
-    """Cut a draft (a design before the cut) and remove loose ends; return the result, and notes for the user.
+    """Cut a draft and remove loose ends; return the result, and notes for the user.
     Raises DsfabError if the pattern leaves no material."""
     log = Log(progress)
     cut = slicing_step(draft.preset, draft.surface, draft.statics, draft.pattern, log)
@@ -228,9 +226,7 @@ def tidied_cut(draft: Design, progress: ReportProgress | None = None) -> tuple[S
 
 
 def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any]:
-    """Return measures of a cut sheet as values for JSON: area (m2), mass (kg), pieces, and widths (m).
-    under      : True if the narrowest member is narrower than `min_member`, the least width.
-    bars_under : for each bar of the histogram of widths, True if its widths are below `min_member`."""
+    """Return measures of a cut sheet as values for JSON: area (m2), mass (kg), pieces, and widths (m)."""
     preset, sheet = draft.preset, cut.sheet.surface
     solved = draft.statics.answers.equilibrium
     member_features = features(cut.cells, kept_cells(cut.cells, cut.sheet), draft.pattern.names)
@@ -248,7 +244,7 @@ def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[s
         "place": None if narrowest is None else narrowest.place.tolist(),
         "limits": limits.tolist(),
         "widths": share.tolist(),
-        "bars_under": below_limit((limits[1:] + limits[:-1]) / 2, least).tolist(),  # a bar of the chart ends at `least`
+        "bars_under": below_limit((limits[1:] + limits[:-1]) / 2, least).tolist(),
         "min_member": least,
         "pattern": _pattern_figures(draft, cut),
         "compliance": solved.compliance if solved.elements.is_reported else None,

@@ -1,4 +1,4 @@
-"""Jobs of the editor: progress, cancellation, and one worker for each kind of work."""
+"""Jobs of the editor, and their progress."""
 
 import itertools
 import logging
@@ -15,11 +15,12 @@ ReportProgress = Callable[[str, str], None]  # Function that reports a stage and
 
 
 class Cancelled(Exception):  # noqa: N818  # no error
-    """Raised by `JobProgress` in the worker, after the user has cancelled the job."""
+    """Raised after the user has cancelled the job."""
 
 
 class JobProgress:
-    """Progress of a job. A call reports a stage and its work; after a cancellation the call raises Cancelled."""
+    """Progress of a job. A call reports a stage and a text.
+    Raises Cancelled if the user has cancelled the job."""
 
     def __init__(self, stop: threading.Event, tell: ReportProgress) -> None:
         self._stop, self._tell = stop, tell
@@ -39,7 +40,7 @@ Work = Callable[[JobProgress], dict[str, Any]]  # Function that does a job and r
 
 @dataclass(eq=False)
 class EditorJob:
-    """A job of the editor. state : waiting, running, done, failed or cancelled."""
+    """A job of the editor. state : "waiting", "running", "done", "failed" or "cancelled"."""
 
     number: int
     kind: str
@@ -67,7 +68,7 @@ CANCEL_SECONDS = 0.5  # Time for the thread of a cancelled job to end.
 
 
 class Jobs:
-    """Worker threads of the editor, one for each kind of job; use as `with Jobs() as jobs`."""
+    """Worker threads of the editor, one for each kind of job. Use as `with Jobs() as jobs`."""
 
     def __init__(self) -> None:
         self._wake = threading.Condition()
@@ -94,7 +95,7 @@ class Jobs:
             worker.join(timeout=5)
 
     def submit(self, kind: str, work: Work) -> int:
-        """Run `work` in the worker for jobs of this kind; cancel an older job of this kind. Return the job's number."""
+        """Start a job, cancel any older job of this kind, and return the new number."""
         with self._wake:
             job = EditorJob(next(self._numbers), kind, work)
             self._known[job.number] = job
@@ -111,7 +112,7 @@ class Jobs:
         return job.number
 
     def cancel(self, number: int) -> bool:
-        """Cancel a job; return False if the job is neither waiting nor running."""
+        """Cancel a job. Return False if the job has ended or is unknown."""
         with self._wake:
             job = self._known.get(number)
             if job is None or job.state not in ("waiting", "running"):
@@ -127,24 +128,24 @@ class Jobs:
             return True
 
     def job(self, number: int) -> EditorJob | None:
-        """Return the job with this number; None if it is not among the last 64 jobs."""
+        """Return the job with this number, or None if the job is too old."""
         return self._known.get(number)
 
     def pending(self, number: int) -> bool:
-        """Return whether a job is waiting or running, and is not cancelled."""
+        """Return True if a job is waiting or running, and not cancelled."""
         with self._wake:
             job = self._known.get(number)
             return job is not None and job.state in ("waiting", "running") and not job.stop.is_set()
 
     def add_listener(self) -> "queue.Queue[dict[str, Any] | None]":
-        """Return a queue that receives a record of each job that changes, and None when the editor closes."""
+        """Return a queue of records of changed jobs; None at the end."""
         listener: queue.Queue[dict[str, Any] | None] = queue.Queue(maxsize=1000)
         with self._wake:
             self._listeners.append(listener)
         return listener
 
     def remove_listener(self, listener: "queue.Queue[dict[str, Any] | None]") -> None:
-        """Stop adding records to a queue from `add_listener`."""
+        """Stop adding records to a queue."""
         with self._wake, suppress(ValueError):
             self._listeners.remove(listener)
 

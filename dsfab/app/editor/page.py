@@ -17,14 +17,14 @@ from dsfab.core.errors import DsfabError
 KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 
 HTTP, NOTEBOOK, WIDGET = "transport.js", "transport_notebook.js", "widget.js"
-"""Modules of the page: its connection to a server, its connection to a notebook, and its start in a notebook."""
+"""Modules of the page: for a server, for a notebook, and the start in a notebook."""
 
 _FROM = re.compile(r"""(\b(?:from|import)\s*['"])\./((?:vendor/)?[\w.]+['"])""")
 """Pattern of a relative import in a module of the page."""
 
 
 def static_files() -> dict[str, bytes]:
-    """Return the content of each file of the editor's page, by its path below `/static/`."""
+    """Return the files of the editor's page, by path below `/static/`."""
     contents, folders = {}, [("", files("dsfab.app.editor").joinpath("static"))]
     while folders:
         prefix, folder = folders.pop()
@@ -37,8 +37,8 @@ def static_files() -> dict[str, bytes]:
 
 
 def index_page(static: Mapping[str, bytes], token: str) -> tuple[bytes, str]:
-    """Return index.html with the token of this run, and a security policy (CSP) that allows only files of this server.
-    static : files of the page, see `static_files`.    token : secret that every request of the page must contain."""
+    """Return index.html and the security policy (CSP) of the page.
+    static : files of the page, by path.    token : secret that every request of the page must contain."""
     nonce = secrets.token_urlsafe(12)
     policy = (
         f"default-src 'none'; script-src 'self' 'nonce-{nonce}'; style-src 'self'; connect-src 'self'; "
@@ -51,9 +51,7 @@ def index_page(static: Mapping[str, bytes], token: str) -> tuple[bytes, str]:
 
 
 def widget_module() -> str:
-    """Return the whole page as one module for anywidget: widget.js, which contains all other files in packed form.
-    Imports of './x.js' become imports of 'dsfab/x.js', because a packed module has no relative imports [HTML Standard].
-    The module `NOTEBOOK` takes the place and the name of the module `HTTP`, which needs a server."""
+    """Return the whole page as one module for anywidget."""
     texts = {name: content.decode() for name, content in static_files().items()}
     modules = {name: text for name, text in texts.items() if name.endswith(".js") and name != WIDGET}
     modules[HTTP] = modules.pop(NOTEBOOK)
@@ -73,7 +71,7 @@ RequestFields = Mapping[str, Any]
 
 
 class RequestError(DsfabError):
-    """A request that the page never sends: a field is missing or has a wrong type."""
+    """Error for a request with a missing field or a wrong type."""
 
 
 def _required_field(fields: RequestFields, name: str, kind: type) -> Any:
@@ -154,4 +152,4 @@ HANDLERS: dict[str, Callable[[Session, RequestFields], RequestFields]] = {
     "compare": _handle_compare,
     "cancel": lambda session, given: {"stopped": session.jobs.cancel(_required_field(given, "job", int))},
 }
-"""Functions that answer requests, by the request's name. They return data for JSON, and raise DsfabError."""
+"""Functions that answer requests, by the name of the request. They raise DsfabError."""

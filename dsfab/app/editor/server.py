@@ -1,7 +1,6 @@
-"""HTTP server of the editor, for this machine alone; it needs only the standard library.
+"""HTTP server of the editor, for this machine alone.
 
-A page of another site can make a browser send requests to this server. So every request must name this server as its
-host, and carry the token of this run. A request from a page must come from the editor's page. A POST must have JSON."""
+Every request must name this server as its host, and carry the token of this run. A POST must have JSON."""
 
 import hmac
 import json
@@ -46,12 +45,12 @@ class EditorServer(ThreadingHTTPServer):
         self.hosts = {f"{name}:{number}" for name in (LOOPBACK, "localhost")}
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Log a broken connection quietly, because browsers often reset connections."""
+        """Log a broken connection quietly."""
         log.debug("connection of %s", client_address, exc_info=True)
 
     @property
     def address(self) -> str:
-        """Address of the page with the token of this run; whoever has the token may use the editor."""
+        """Address of the page with the secret token of this run."""
         return f"http://{LOOPBACK}:{self.server_address[1]}/?token={self.token}"
 
 
@@ -70,7 +69,7 @@ class EditorHandler(BaseHTTPRequestHandler):
         self._guard(self._post)
 
     def log_message(self, format: str, *args: object) -> None:
-        """Print nothing, because the terminal belongs to the user."""
+        """Write no log."""
 
     def _guard(self, handle: Callable[[], None]) -> None:
         try:

@@ -1,4 +1,4 @@
-"""Session of the editor: the state behind its page, independent of HTTP."""
+"""State of the editor, independent of HTTP."""
 
 import base64
 import binascii
@@ -45,9 +45,10 @@ Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 @dataclass(frozen=True, eq=False)
 class SessionView:
-    """A draft (a design before the cut) that the page shows.    number : count of the drafts, from 1.
+    """A draft (a design before the cut) that the page shows.
+    number  : number of the draft, from 1.
     version : number that stays the same if only widths or the choice of modes change.
-    opening : number of the opened preset; the session counts the presets that it opens."""
+    opening : number of the opened preset."""
 
     draft: Design
     number: int
@@ -57,8 +58,8 @@ class SessionView:
 
 class Session:
     """The open preset, its last draft (a design before the cut), and builds; use as `with Session(opened)`.
-    drafted : draft of the preset that is open at the start; the page shows this draft at once.
-    outputs : folder of builds, and the folder's name; None for a temporary folder of the session."""
+    drafted : draft of the open preset.
+    outputs : folder of builds, and the folder's name; None for a temporary folder."""
 
     def __init__(self, opened: OpenedPreset, drafted: Design | None = None, outputs: Outputs | None = None) -> None:
         self.jobs = Jobs()
@@ -91,7 +92,7 @@ class Session:
             return self._opened
 
     def start(self) -> dict[str, Any]:
-        """Return the values that the editor's page needs at its start: preset, names, units, materials, colours."""
+        """Return the values that the editor's page needs at its start."""
         with self._lock:
             opened, number = self._opened, self._opening
         return {
@@ -118,14 +119,14 @@ class Session:
         return self._set_opened(self.current_preset.open_toml(text))
 
     def open_variant(self, number: int) -> dict[str, Any]:
-        """Open the preset of a variant. The result's key `changes` holds the user's changes to this preset."""
+        """Open the preset of a variant. The key `changes` of the result holds the user's changes."""
         variant = self.variants[number]
         with self._lock:
             is_open = variant.opened is self._opened
             return {**(self.start() if is_open else self._set_opened(variant.opened)), "changes": dict(variant.changes)}
 
     def ask_mesh(self, name: str, unit: str | None, data: str) -> dict[str, Any]:
-        """Start a job that opens a mesh file from the page; return its number as `job`. Raises DsfabError.
+        """Start a job that opens a mesh file from the page; return the job's number as `job`. Raises DsfabError.
         data : content of the file in base64.    unit : unit of the file's numbers, or None if unknown."""
         suffix = Path(name).suffix.lower()
         if suffix not in MESH_SUFFIXES:
@@ -156,13 +157,13 @@ class Session:
         return self.start()
 
     def preset_file(self, changes: Changes) -> dict[str, Any]:
-        """Return the changed preset as the name and the text of a file."""
+        """Return the changed preset as name and text of a file."""
         opened = self.current_preset
         return {"name": f"{opened.preset_with(changes).name}.toml", "toml": opened.toml(changes)}
 
     def command(self, changes: Changes) -> dict[str, Any]:
         """Return a command line that builds the changed preset, as the key `command`.
-        saved : preset file that the session wrote for this command, or ''.
+        saved : preset file for this command, or ''.
         save  : True if the user must first save the preset file."""
         opened, outputs = self.current_preset, self.builds.outputs
         command, save = opened.command(changes)
@@ -173,7 +174,7 @@ class Session:
         return {"command": shlex.join(["dsfab", "build", place]), "save": False, "saved": place}
 
     def ask_solve(self, changes: Changes) -> int:
-        """Start a job that solves the changed preset, or keep an unfinished job with this preset; return its number."""
+        """Start a job that solves the changed preset; return the job's number."""
         with self._lock:
             preset, number = self._opened.preset_with(changes), self._opening
             pending_request = self._asked
@@ -184,8 +185,8 @@ class Session:
         return job
 
     def ask_build(self, changes: Changes, replace: bool = True, only: str = "") -> dict[str, Any]:
-        """Start a job that writes the files of a build, or return a question if files exist and `replace` is false.
-        only : a single format as in `dsfab export --to`. Raises ExportError for an unavailable format."""
+        """Start a job that writes a build, or return a question if files exist and `replace` is false.
+        only : a single format. Raises ExportError for an unavailable format."""
         opened = self.current_preset
         preset = opened.preset_with(changes)
         if only:
@@ -197,7 +198,7 @@ class Session:
 
     def ask_members(self, judged: bool) -> int:
         """Start a job that measures the members of the design; return the job's number.
-        judged : True for the utilisation of members, too. Raises DsfabError if no draft exists yet."""
+        judged : True to measure utilisation, too. Raises DsfabError without a draft."""
         with self._lock:
             shown = self._shown
         if shown is None:
@@ -205,14 +206,14 @@ class Session:
         return self.jobs.submit("members", lambda progress: self._members(shown, judged))
 
     def ask_picture(self, changes: Changes, view: str, show: str, size: tuple[int, int]) -> int:
-        """Start a job that draws the structure on this machine, for browsers without WebGL; return the job's number.
-        size : pixels.    view, show : as in `dsfab preview`."""
+        """Start a job that draws the structure on this machine; return the job's number.
+        size : pixels."""
         preset = self.current_preset.preset_with(changes)
         return self.jobs.submit("picture", lambda progress: self._picture(preset, view, show, size, progress))
 
     def first_model(self) -> bytes:
-        """Return the last draft, packed for a new page. Without a draft, wait for a draft or a sketch.
-        Return b'' if no job is making a draft."""
+        """Return the last draft, packed for a new page; b'' if there is none and no job makes one.
+        This function waits for the first draft or sketch."""
         shown = self._shown
         while shown is None and self._asked and self.jobs.pending(self._asked[0]):
             time.sleep(0.01)
@@ -221,8 +222,8 @@ class Session:
         return self._model(shown, 0) if shown else b""
 
     def model(self, have: int) -> bytes:
-        """Return the last draft, packed for the page. Raises DsfabError if there is no draft yet.
-        have : version that the page has already. If the draft has this version, only its widths are returned."""
+        """Return the last draft, packed for the page. Raises DsfabError without a draft.
+        have : version that the page has. If the draft has this version, only widths are returned."""
         with self._lock:
             shown = self._shown
         if shown is None:
@@ -230,7 +231,7 @@ class Session:
         return self._model(shown, have)
 
     def cut_sheet(self, draft: int) -> bytes:
-        """Return the cut sheet of draft number `draft`, packed for the page; b'' unless this draft was cut last."""
+        """Return the cut sheet of a draft, packed for the page; b'' unless this draft was cut last."""
         with self._lock:
             latest_cut = self._cut
         if not latest_cut or latest_cut[0].number != draft:
@@ -257,11 +258,11 @@ class Session:
         with self._lock:
             earlier, opening = self._shown, self._opening
         design = Design.from_preset(preset, earlier.draft if earlier else None, progress)
-        if earlier is None and (sketch := design.sketch()):  # a new page shows the sketch first
+        if earlier is None and (sketch := design.sketch()):
             with self._lock:
                 self._sketched = self._next_view(sketch, opening)
         solved = design.until("pattern")
-        progress("pattern", "handing over")  # the user can cancel here for the last time
+        progress("pattern", "handing over")  # last chance to cancel
         with self._lock:
             self._shown = shown = self._next_view(solved, opening)
             self._sketched = None
@@ -304,11 +305,10 @@ class Session:
 
 
 def _same_model(draft: Design, earlier: Design) -> bool:
-    """Return True if two drafts differ only in widths or in the choice of modes: the page keeps all other data."""
     pattern, earlier_pattern = draft.preset.pattern, earlier.preset.pattern
     if pattern.region != earlier_pattern.region or (pattern.region and pattern.keep != earlier_pattern.keep):
         return False
-    # a sketch has only rough statics, so the page needs the statics of the design
+    # a sketch has only rough statics
     if draft.statics is not earlier.statics or draft.diffusion is not earlier.diffusion:
         return False
     return StripedMesh.from_design(draft).is_same_mesh(StripedMesh.from_design(earlier))

@@ -18,10 +18,10 @@ from dsfab.preset.model import Preset
 
 
 class Editor(anywidget.AnyWidget):
-    """The editor's page in a notebook: the user changes a preset by the mouse and by Python.
+    """The editor's page in a notebook.
 
     changes : differences from the open preset, by dotted keys; assign a new dict. Raises PresetError.
-    view    : camera, section plane, colours and layers that the page shows, as the page stores these.
+    view    : camera, section plane, colours and layers of the page.
     height  : height of the widget, pixels."""
 
     changes = traitlets.Dict().tag(sync=True)
@@ -47,7 +47,7 @@ class Editor(anywidget.AnyWidget):
 
     @property
     def files(self) -> list[Path]:
-        """Files of the last build, first those in the preset's formats. Deleted when the widget or Python closes."""
+        """Files of the last build. Deleted when the widget or Python closes."""
         return self._session.builds.latest
 
     def close(self) -> None:
@@ -56,7 +56,7 @@ class Editor(anywidget.AnyWidget):
         self._session.__exit__()
 
     def set_state(self, sync_data: Mapping[str, Any]) -> None:
-        """Accept changes from the page without a check: the page shows errors to the user."""
+        """Accept changes from the page without a check."""
         self._heard = True
         try:
             super().set_state(sync_data)

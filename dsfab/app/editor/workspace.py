@@ -1,4 +1,4 @@
-"""Workspace of the editor: the open preset, the variants, and the output folder."""
+"""The editor's open preset, variants and output folder."""
 
 import itertools
 import json
@@ -24,15 +24,15 @@ _PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 class Outputs:
-    """The folder `home`, with a subfolder for each build. The page sends names only, so it cannot write elsewhere.
-    label : name of `home` for the user and on a command line; '' for the session's temporary folder."""
+    """The folder `home`, with a subfolder for each build.
+    label : name of `home` for the user; '' for the session's temporary folder."""
 
     def __init__(self, home: Path, shown: str = "") -> None:
         self.home, self.label = home, shown
         self._ours: set[Path] = set()
 
     def folder(self, name: str) -> Path:
-        """Return the path of the subfolder `name`. Raises DsfabError for an invalid name or a place outside `home`."""
+        """Return the path of the subfolder `name`. Raises DsfabError for an invalid name."""
         folder = self.home / name
         if not _PLAIN.fullmatch(name) or folder.resolve().parent != self.home.resolve():
             raise DsfabError(
@@ -41,18 +41,18 @@ class Outputs:
         return folder
 
     def foreign_files(self, name: str) -> int:
-        """Return the number of files in the folder `name` that this session did not write."""
+        """Return the number of files in a subfolder that this session did not write."""
         folder = self.folder(name)
         if folder in self._ours or not folder.exists():
             return 0
         return sum(1 for _ in folder.iterdir()) if folder.is_dir() else 1
 
     def free_name(self, name: str) -> str:
-        """Return the first of NAME, NAME-2, NAME-3 ... whose folder has no files of other sessions or programs."""
+        """Return the first of NAME, NAME-2, NAME-3 ... without foreign files."""
         return next(word for word in _numbered_names(name) if not self.foreign_files(word))
 
     def publish(self, files: Path, name: str) -> Path:
-        """Move all files in the folder `files` to the folder of `name`; return this folder. Raises DsfabError."""
+        """Move all files in `files` to the subfolder `name`; return the subfolder. Raises DsfabError."""
         folder = self.folder(name)
         with atomic_folder(folder) as partial:
             for path in files.iterdir():
@@ -61,8 +61,8 @@ class Outputs:
         return folder
 
     def write_file(self, name: str, suffix: str, content: bytes) -> Path:
-        """Write a file with this name into `home`, and return its path. Raises DsfabError if this fails.
-        If an older file with other content has the name, the name is NAME-2, NAME-3 ..."""
+        """Write a file into `home` and return the path. Raises DsfabError.
+        If an older file of another session has this name and other content, the name is NAME-2, NAME-3 ..."""
         self.folder(name)
         paths = (self.home / f"{word}{suffix}" for word in _numbered_names(name))
         path = next(path for path in paths if path in self._ours or _may_write(path, content))
@@ -90,8 +90,8 @@ MATERIAL = "statics.material"  # Key whose value decides the thickness in a prop
 @dataclass(frozen=True)
 class OpenedPreset:
     """A preset and its origin.
-    words   : words of the command line after `dsfab build`; empty for a preset that was opened in the browser.
-    mesh    : the user's name for a mesh file that was dropped on the editor's page; '' without this mesh file.
+    words   : words of the command line after `dsfab build`; empty for a preset from the browser.
+    mesh    : the user's name for a mesh file; '' without a dropped file.
     decided : decisions of `dsfab new` for a mesh."""
 
     preset: Preset
@@ -100,8 +100,7 @@ class OpenedPreset:
     decided: tuple[Decision, ...] = ()
 
     def preset_with(self, changes: Mapping[str, Any]) -> Preset:
-        """Return the preset with new values at dotted keys.
-        Raises PresetError for invalid values, for another mesh file, and for added drawing files."""
+        """Return the preset with new values at dotted keys. Raises PresetError."""
         preset = with_overrides(self.preset, changes)
         if _mesh_file(preset) != _mesh_file(self.preset):  # the page must not choose files on this machine
             raise PresetError(
@@ -114,17 +113,17 @@ class OpenedPreset:
         return preset
 
     def toml(self, changes: Mapping[str, Any]) -> str:
-        """Return the changed preset as TOML. A mesh that the user dropped on the page keeps the user's file name."""
+        """Return the changed preset as TOML."""
         preset = self.preset_with(changes)
         return preset_toml(with_file(preset, Path(self.mesh)) if self.page_mesh else preset)
 
     @property
     def page_mesh(self) -> Path | None:
-        """The session's copy of a mesh file that the user dropped on the editor's page; deleted with the session."""
+        """The session's copy of a mesh file that the user dropped on the page, or None."""
         return _mesh_file(self.preset) if self.mesh else None
 
     def command(self, changes: Mapping[str, Any]) -> tuple[str, bool]:
-        """Return a command line that builds the changed preset, and True if NAME.toml must first be saved."""
+        """Return a command line that builds the changed preset, and True if NAME.toml must be saved first."""
         preset = self.preset_with(changes)
         if self.words and self.decided and MATERIAL in changes:  # `dsfab build` must not propose another thickness
             changes = {"statics.thickness": preset.statics.thickness, **changes}
@@ -136,8 +135,7 @@ class OpenedPreset:
         return shlex.join(["dsfab", "build", f"{preset.name}.toml"]), True
 
     def open_toml(self, text: str) -> "OpenedPreset":
-        """Open the text of a preset file that the user dropped on the page. Raises PresetError for an invalid preset,
-        and for a preset that needs a mesh file or a drawing that the editor has not opened."""
+        """Open the text of a preset file. Raises PresetError."""
         try:
             values = toml_table(text)
         except TomlError as error:
@@ -167,7 +165,7 @@ def with_file(preset: Preset, file: Path) -> Preset:
 
 
 def saved_preset(opened: OpenedPreset, changes: Mapping[str, Any], outputs: Outputs) -> Path:
-    """Save the changed preset with its mesh file among the outputs; return the preset's path. Raises DsfabError."""
+    """Save the changed preset with its mesh file; return the preset's path. Raises DsfabError."""
     preset = opened.preset_with(changes)
     if mesh := opened.page_mesh:
         preset = with_file(preset, Path(outputs.write_file(preset.name, mesh.suffix, mesh.read_bytes()).name))
@@ -175,16 +173,15 @@ def saved_preset(opened: OpenedPreset, changes: Mapping[str, Any], outputs: Outp
 
 
 def open_preset(target: str, source: Source = UNCHANGED) -> OpenedPreset:
-    """Open a shipped preset by its name, or a preset file or mesh file by its path, like `dsfab build`.
-    source : changes of the preset that the user gave on the command line.
-    Raises DsfabError for another target, and for a preset without its mesh."""
+    """Open a shipped preset by its name, or a preset file or mesh file by its path. Raises DsfabError.
+    source : changes from the command line."""
     proposal = source.proposal(target)
     preset = source.read_preset(target, proposal, "guessed")
     return OpenedPreset(preset, tuple(source.command_words(target)), "", proposal.decisions if proposal else ())
 
 
 def opened_shipped(name: str) -> OpenedPreset:
-    """Open a shipped preset by its name. Raises PresetError for an unknown name and for a path."""
+    """Open a shipped preset by its name. Raises PresetError."""
     if name not in shipped_presets():
         raise PresetError(f"there is no preset {name!r}; use one of {', '.join(shipped_presets())}")
     return OpenedPreset(load_preset(name), (name,))
@@ -192,7 +189,7 @@ def opened_shipped(name: str) -> OpenedPreset:
 
 @dataclass(frozen=True)
 class MeshRequest:
-    """A request to open a mesh in the editor. path : file on this machine.    name : the user's name for the file.
+    """A request to open a mesh. path : file on this machine.    name : the user's name for the file.
     unit : unit of the file's numbers; None if unknown."""
 
     path: Path
@@ -201,7 +198,7 @@ class MeshRequest:
 
 
 def opened_mesh(request: MeshRequest) -> OpenedPreset:
-    """Open a mesh with the preset that `dsfab new` proposes. Raises SurfaceError with the user's name for the file."""
+    """Open a mesh with the preset that `dsfab new` proposes. Raises SurfaceError."""
     try:
         proposal = propose(request.path, request.unit)
     except DsfabError as error:
@@ -258,7 +255,7 @@ class KeptVariant:
 
 
 class VariantTray:
-    """The variants that the user keeps in a session, by number, oldest first."""
+    """The variants that the user keeps, by number."""
 
     def __init__(self) -> None:
         self._all: dict[int, KeptVariant] = {}
@@ -270,14 +267,14 @@ class VariantTray:
         return self._all[number]
 
     def records(self) -> list[dict[str, Any]]:
-        """Return number, name, picture and measures of each variant, for the page."""
+        """Return number, name, picture and measures of each variant."""
         return [
             {"number": number, "name": variant.name, "picture": variant.picture, "figures": dict(variant.figures)}
             for number, variant in self._all.items()
         ]
 
     def keep(self, variant: KeptVariant) -> None:
-        """Add a variant; if it has no name, its number is its name. Raises DsfabError for an invalid variant."""
+        """Add a variant. Raises DsfabError."""
         _ = variant.preset
         if len(self._all) >= MAX_VARIANTS:
             raise DsfabError(f"the editor already holds {MAX_VARIANTS} variants; remove a variant first")
@@ -288,18 +285,18 @@ class VariantTray:
         self._all[number] = replace(variant, name=_short_name(variant.name) or f"Variant {number}", figures=figures)
 
     def rename(self, number: int, name: str) -> None:
-        """Change the name of a variant; an empty name changes nothing. Raises DsfabError for an unknown number."""
+        """Change the name of a variant. Raises DsfabError."""
         variant = self[number]
         self._all[number] = replace(variant, name=_short_name(name) or variant.name)
 
     def drop(self, number: int) -> None:
-        """Remove a variant. Raises DsfabError for an unknown number."""
+        """Remove a variant. Raises DsfabError."""
         _ = self[number]
         del self._all[number]
 
 
 def differences(before: Preset, after: Preset) -> list[tuple[str, Any, Any]]:
-    """Return (dotted key, value before, value after) for each key whose value differs, except name and description."""
+    """Return (dotted key, value before, value after) for each changed key."""
     hidden = {"name", "description"}
     a, b = (dict(_leaves(preset.model_dump(mode="json", exclude=hidden))) for preset in (before, after))
     return [(key, a.get(key), b.get(key)) for key in {**a, **b} if a.get(key) != b.get(key)]

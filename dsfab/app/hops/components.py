@@ -1,4 +1,4 @@
-"""Components for Grasshopper; each function solves a request and returns the outputs in the unit of the model."""
+"""Components for Grasshopper. The outputs are in the unit of the model."""
 
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
@@ -39,7 +39,7 @@ _DESIGNS: OrderedDict[str, Design] = OrderedDict()
 
 
 def preset_of_request(request: HopsRequest) -> Preset:
-    """Return the preset that dsfab proposes for the mesh, changed by the other inputs. Raises DsfabError."""
+    """Return the preset for the inputs of a request. Raises DsfabError."""
     proposed = preset_for(Surface(request.surface.V - request.origin, request.surface.F), up="z")
     return with_overrides(proposed, dict(_changes(request, proposed)))
 
@@ -63,7 +63,7 @@ def _changes(request: HopsRequest, proposed: Preset) -> Iterator[tuple[str, Any]
 
 
 def changes_from_toml(text: str) -> Mapping[str, Any]:
-    """Return values by dotted keys from lines of TOML. Raises HopsError for invalid lines."""
+    """Return values by dotted key from lines of TOML. Raises HopsError for invalid lines."""
     try:
         table = toml_table(text)
     except TomlError as error:
@@ -80,7 +80,7 @@ def _dotted_items(table: Mapping[str, Any], key: str) -> Iterator[tuple[str, Any
 
 
 def design_of_request(request: HopsRequest) -> Design:
-    """Return the design of a request. The last four designs are kept for requests with equal inputs."""
+    """Return the design of a request."""
     design = _DESIGNS.pop(request.key, None) or Design.from_preset(preset_of_request(request))
     _DESIGNS[request.key] = design
     while len(_DESIGNS) > 4:
@@ -112,14 +112,14 @@ def solve_structure(request: HopsRequest) -> Sequence[Any]:
 
 
 def solve_preview(request: HopsRequest) -> Sequence[Any]:
-    """Return the outputs of the component `preview`: the cut sheet, its centre lines, and notes."""
+    """Return the outputs of the component `preview`: the cut sheet, centre lines, notes."""
     design = design_of_request(request).until("slicing")
     sheet, lines = design.sheet.surface, _curves_and_names(design, "centre", request)[0]
     return mesh_json(request.in_model(sheet.V), sheet.F), lines, _note_texts(design, request)
 
 
 def solve_members(request: HopsRequest) -> Sequence[Any]:
-    """Return the outputs of the component `members`: axes of all members, with names, lengths and mean widths."""
+    """Return the outputs of the component `members`: axes, names, lengths, mean widths."""
     graph = design_of_request(request).until("slicing").members
     with_axis = [member for member in graph.members if member.axis is not None]
     axes = [polyline_json(request.in_model(member.axis.P)) for member in with_axis if member.axis is not None]
@@ -129,7 +129,7 @@ def solve_members(request: HopsRequest) -> Sequence[Any]:
 
 
 def solve_parts(request: HopsRequest) -> Sequence[Any]:
-    """Return the outputs of the component `parts`: curves of flat parts on sheets below each other, names, notes."""
+    """Return the outputs of the component `parts`: curves of flat parts on sheets, names, notes."""
     plan = workshop_plan(design_of_request(request).until("slicing"))
     curves: dict[str, list[Floats]] = {"stock": [], "cut": [], "holes": [], "marks": []}
     names, depth = list[str](), 0.0

@@ -1,7 +1,4 @@
-"""Protocol of Hops, Grasshopper's client for components [McNeel's server `ghhops-server`, MIT].
-
-A component has inputs and outputs. Requests and answers have a list of values for each input or output. Each value
-has a .NET type and its JSON text."""
+"""Protocol of Hops, Grasshopper's client for components [McNeel's server `ghhops-server`, MIT]."""
 
 import json
 import math
@@ -29,7 +26,7 @@ NET_TYPES: dict[Kind, str] = {
     "Number": "System.Double",
     "Text": "System.String",
 }
-"""Names of the .NET types of output values."""
+"""Names of .NET types."""
 
 UNLIMITED = 2**31 - 1  # Hops takes this number as "no limit".
 
@@ -41,8 +38,7 @@ class HopsError(DsfabError):
 @dataclass(frozen=True)
 class HopsParameter:
     """An input or output of a component.
-    is_list     : whether the input takes, or the output gives, a list.
-    is_required : whether the user must connect the input."""
+    is_list : True for a list.    is_required : True if the user must connect the input."""
 
     name: str
     nickname: str
@@ -66,7 +62,7 @@ class HopsParameter:
 
 @dataclass(frozen=True)
 class HopsComponent:
-    """A component for Grasshopper. solve : function that returns the values of all outputs for a request."""
+    """A component for Grasshopper. solve : function that returns all outputs for a request."""
 
     name: str
     about: str
@@ -95,9 +91,9 @@ class HopsComponent:
 
 @dataclass(frozen=True)
 class HopsRequest:
-    """Inputs of a component in one request.
-    values : value by parameter name; None if missing. A mesh is a `TriangleFile`, a point is three numbers.
-    unit   : unit of all lengths, such as 'mm'.    key : text that is equal for requests with equal inputs."""
+    """Inputs of a component in a request.
+    values : value by parameter name, or None. A mesh is a `TriangleFile`, a point is three numbers.
+    unit   : unit of all lengths, such as 'mm'.    key : text that is equal for equal inputs."""
 
     values: Mapping[str, Any]
     unit: str
@@ -116,16 +112,16 @@ class HopsRequest:
 
     @cached_property
     def origin(self) -> Floats:
-        """Point (3,) of the model that is the design's origin, metres; 0 if the mesh is near the model's origin."""
+        """Point (3,) of the model that is the design's origin, metres."""
         return np.array(origin_near(self.surface))
 
     def in_model(self, points: Floats) -> Floats:
-        """Convert points (k, 3) of the design, metres, to the coordinates and the unit of the model."""
+        """Convert points (k, 3) of the design, metres, to coordinates and unit of the model."""
         return np.asarray((points + self.origin) / self.metre)
 
 
 def read_request(component: HopsComponent, body: Mapping[str, Any]) -> HopsRequest:
-    """Return the request in the JSON object `body`. Raises HopsError, with the input's name, for invalid values."""
+    """Return the request in the JSON object `body`. Raises HopsError for invalid values."""
     items_by_name: dict[str, list[tuple[str, str]]] = {}
     try:
         for entry in body["values"]:
@@ -176,7 +172,7 @@ def _number(value: Any) -> float:
 
 def _output_json(parameter: HopsParameter, value: Any) -> dict[str, Any]:
     values = value if parameter.is_list else [value]
-    if parameter.kind not in ("Mesh", "Curve"):  # values of these kinds are JSON already
+    if parameter.kind not in ("Mesh", "Curve"):
         values = [json.dumps(item) for item in values]
     items = [{"type": NET_TYPES[parameter.kind], "data": text} for text in values]
     return {"ParamName": parameter.name, "InnerTree": {"0": items}}

@@ -1,4 +1,4 @@
-"""HTTP server for Hops on this machine, and the process that solves its requests."""
+"""HTTP server for Hops on this machine."""
 
 import json
 import logging
@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 
 
 class Solver:
-    """A process that solves one request at a time; it ends with the `with` block. seconds : time limit of a request."""
+    """A process that solves one request at a time. Use in a `with` block. seconds : time limit of a request."""
 
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
@@ -33,7 +33,7 @@ class Solver:
         self._end()
 
     def solve(self, name: str, body: Mapping[str, Any]) -> str:
-        """Return the component's answer to a request, as JSON. Raises HopsError if the request fails or is too slow."""
+        """Return the component's answer as JSON. Raises HopsError if the request fails or is too slow."""
         with self._turn:
             if self._pool is None:
                 self._pool = multiprocessing.get_context("spawn").Pool(1)
@@ -57,7 +57,7 @@ class Solver:
 
 
 def solve_request(name: str, body: Mapping[str, Any]) -> tuple[bool, str]:
-    """Return True and the component's answer as JSON; or False and the reason why the request failed."""
+    """Return True and the component's answer as JSON, or False and the reason why the request failed."""
     component = COMPONENTS[name]
     try:
         return True, json.dumps(component.answer(read_request(component, body)))
@@ -73,7 +73,7 @@ LARGEST = 64 * 2**20  # Largest request in bytes, for a mesh of 100,000 faces.
 
 
 class HopsServer(ThreadingHTTPServer):
-    """Server of all components; a Hops component needs the `address`, a slash, and the name of a component."""
+    """Server of all components."""
 
     daemon_threads = True
     allow_reuse_address = False  # on Windows True would let another program take the port too
@@ -90,7 +90,7 @@ class HopsServer(ThreadingHTTPServer):
         return f"http://localhost:{self.server_address[1]}"
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Log a broken connection quietly, because clients often reset connections."""
+        """Log a broken connection quietly."""
         log.debug("connection of %s", client_address, exc_info=True)
 
 
@@ -103,14 +103,14 @@ class HopsHandler(BaseHTTPRequestHandler):
     disable_nagle_algorithm = True  # otherwise an answer waits up to 40 ms until its head is acknowledged
 
     def log_message(self, format: str, *args: object) -> None:
-        """Print nothing, because the terminal belongs to the user."""
+        """Write no log."""
 
     def do_HEAD(self) -> None:
-        """Answer the request by which Hops tests whether the server runs."""
+        """Answer that the server runs."""
         self._answer(HTTPStatus.OK, "", body=False)
 
     def do_GET(self) -> None:
-        """Answer with a description of the component that the path names, or of all components."""
+        """Answer with a description of one component, or of all components."""
         name = urlsplit(self.path).path.strip("/")
         if refusal := self._refusal():
             self._refuse(HTTPStatus.FORBIDDEN, refusal)
@@ -122,7 +122,7 @@ class HopsHandler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.NOT_FOUND, f"there is no component {name!r}; there are {', '.join(COMPONENTS)}")
 
     def do_POST(self) -> None:
-        """Solve a request; Hops shows an error on the component."""
+        """Solve the request and answer."""
         length = self.headers.get("Content-Length", "")
         if refusal := self._refusal():
             self._refuse(HTTPStatus.FORBIDDEN, refusal)

@@ -1,13 +1,10 @@
-"""Factorisation of sparse symmetric positive definite matrices, for statics and for diffusion modes.
+"""Factorisation of sparse symmetric positive definite matrices.
 
 `factorise` takes the first of these solvers that it can use:
 
-1. PARDISO (extra `fast`) is the fastest solver and uses all cores.
-2. Multifrontal Cholesky uses scipy's BLAS. It works on every machine with scipy.
-3. Multigrid (extra `amg`) is used if the factor would exceed the free memory. It needs three unknowns per point and
-   the rigid motions. It is slower, and each solve checks its true residual.
-
-SuperLU is only used if a caller requests it. It is fastest for one right-hand side and one unknown per point."""
+1. PARDISO (extra `fast`).
+2. Multifrontal Cholesky, which works on every machine.
+3. Multigrid (extra `amg`), if the factor would exceed the free memory."""
 
 import importlib.util
 from collections.abc import Callable
@@ -35,25 +32,24 @@ __all__ = [
 ]  # fmt: skip
 
 Factor = Pardiso | Multifrontal | SuperLU | Multigrid
-"""Factor of a matrix K (N, N): a call with b, (N,) or (N, k), returns K^-1 b; `refactor(K)` takes new values of K."""
+"""Factor of a matrix K (N, N): a call with b, (N,) or (N, k), returns K^-1 b. `refactor(K)` takes new values of K."""
 
 
 def solver_name() -> str:
-    """Return the name of the installed solver for reports: 'PARDISO' or 'multifrontal'."""
+    """Return the name of the installed solver: 'PARDISO' or 'multifrontal'."""
     return "PARDISO" if importlib.util.find_spec("pypardiso") else "multifrontal"
 
 
 def factorise(
     K: Matrix, points: Floats, node: Ints | None = None, solver: str | None = None, rigid: Floats | None = None
 ) -> Factor:
-    """Return a function b -> K^-1 b for a positive definite matrix K (N, N), with all diagonal entries stored.
-    K      : the matrix, or a function that builds it: symmetric, or Hermitian for PARDISO and the multifrontal factor.
-    points : (n, 3) positions, which only determine the order of elimination.
+    """Return a function b -> K^-1 b for a positive definite matrix K (N, N).
+    K      : the matrix, with all diagonal entries stored, or a function that builds the matrix.
+    points : (n, 3) positions of points, which determine the order of elimination.
     node   : (N,) the point of each unknown; default: unknown i is on point i.
     solver : "PARDISO", "multifrontal", "SuperLU" or "multigrid"; default: PARDISO if installed, else multifrontal.
     rigid  : (N, 6) rigid motions in the unknowns of K, which multigrid needs.
-    Raises NotPositiveDefinite for a pivot that is not positive. Raises FactorMemoryError if the factor does not fit
-    into memory and multigrid cannot be used."""
+    Raises NotPositiveDefinite, and FactorMemoryError if the factor does not fit into memory."""
     node = np.arange(len(points)) if node is None else node
     build = _BUILDERS[solver or solver_name()]
     try:
@@ -65,16 +61,14 @@ def factorise(
 
 
 class SamePatternFactors:
-    """Factors of several matrices, all real or all Hermitian, with the same places of entries.
-    points, node : see `factorise`.
-    many_solves  : True for many solves with each factor. Solves with PARDISO are then faster, factorisations slower."""
+    """Factors of several matrices, all real or all Hermitian, with the same places of entries."""
 
     def __init__(self, points: Floats, node: Ints | None = None, many_solves: bool = False) -> None:
         self._points, self._node, self._many_solves = points, node, many_solves
         self._factor: Factor | None = None
 
     def factor(self, K: csr_array) -> Factor:
-        """Return a function b -> K^-1 b for a positive definite K (N, N), valid until `factor` is called again.
+        """Return a function b -> K^-1 b for a positive definite K (N, N), valid until the next call.
         Raises the errors of `factorise`, and ValueError if K has another pattern than the first matrix."""
         if self._factor is None and self._many_solves and solver_name() == "PARDISO":
             self._factor = Pardiso(K, blocks=False)

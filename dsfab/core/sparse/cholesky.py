@@ -1,7 +1,4 @@
-"""Multifrontal Cholesky factorisation with nested dissection, and functions for memory and BLAS threads.
-
-Separators divide the mesh into parts. The unknowns of a part or separator form a dense matrix, the front. The
-elimination of a front leaves an update matrix. The solver adds this matrix to the front of a later separator."""
+"""Sparse Cholesky factorisation with nested dissection, and functions for memory and threads."""
 
 import ctypes
 import os
@@ -28,11 +25,11 @@ MEMINFO = Path("/proc/meminfo")
 
 
 class FactorMemoryError(DsfabError, MemoryError):
-    """Error for a factor that does not fit into the memory of the machine."""
+    """Error for a factor that does not fit into the memory."""
 
     @classmethod
     def from_bytes(cls, needed: int | None, free: int | None = None) -> Self:
-        """Return the error; its message contains the `needed` and `free` bytes if they are known."""
+        """Return the error with the `needed` and `free` bytes in its message."""
         unknown = "factorising the stiffness needs more memory than is free"
         words = unknown if needed is None else f"factorising the stiffness needs {needed / 2**30:.1f} GiB of memory"
         free_words = "" if free is None else f"; {free / 2**30:.1f} GiB are free"
@@ -43,7 +40,7 @@ class FactorMemoryError(DsfabError, MemoryError):
 
 
 def free_memory() -> int | None:
-    """Return the bytes that are available without swapping; None if the system does not report them."""
+    """Return the free bytes of memory without swapping, or None if unknown."""
     if MEMINFO.exists():
         for line in MEMINFO.read_text(encoding="ascii").splitlines():
             if line.startswith("MemAvailable:"):
@@ -55,7 +52,7 @@ def free_memory() -> int | None:
 
 
 def peak_memory() -> int:
-    """Return the largest memory that this process has used, bytes; 0 on Windows, which does not report it."""
+    """Return the largest memory of this process so far, bytes; 0 if unknown."""
     try:
         import resource
     except ImportError:
@@ -71,19 +68,18 @@ def require_memory(needed: int) -> None:
         raise FactorMemoryError.from_bytes(needed, free)
 
 
-LITTLE = 20e6  # Largest number of freed bytes that `release_freed_memory` ignores, because a call takes up to 20 ms.
+LITTLE = 20e6  # Largest number of freed bytes that `release_freed_memory` ignores.
 
 
 def release_freed_memory(freed: float) -> None:
-    """Return freed memory to the system, because glibc keeps it while small blocks above it are in use.
-    freed : approximate number of freed bytes. The function does nothing up to `LITTLE` bytes, or without glibc."""
+    """Return freed memory to the system. freed : approximate number of freed bytes."""
     if freed > LITTLE and (trim := malloc_trim()):
         trim(0)
 
 
 @cache
 def malloc_trim() -> Any:
-    """Return glibc's function that gives freed memory back to the system; None without glibc."""
+    """Return glibc's function that gives freed memory back to the system, or None."""
     return getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform.startswith("linux") else None
 
 
@@ -92,28 +88,21 @@ _BLAS_LOCK = threading.RLock()
 
 @cache
 def blas_pools() -> Any:
-    """Return the controller of the threads of all BLAS libraries that are loaded at the first call."""
+    """Return the controller of the threads of all BLAS libraries."""
     return ThreadpoolController()
 
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Limit BLAS to one thread, because more threads are slower on vectors and small matrices.
-    The limit applies to the whole process, so a lock lets only one Python thread at a time run the `with` block."""
+    """Limit BLAS to one thread in the `with` block. Only one Python thread at a time can run the block."""
     with _BLAS_LOCK, blas_pools().limit(limits=1, user_api="blas"):
         yield
 
 
 def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, leaf: int = 192) -> Ints:
-    """Return sort keys (n,) of n points: an order of elimination that keeps the factor small (nested dissection).
-
-    graph    : pairs of different points that the matrix couples, each pair in both directions.
-    unknowns : number of unknowns of all points together.
-    leaf     : largest number of unknowns of a part that is not divided.
-
-    The method halves each part at the median of its longest axis. The separator is a set of points of one half that
-    touch the other half; the method chooses the half with fewer such points. The separator is eliminated last. Each
-    level adds one base-4 digit: 0 lower half, 1 upper half, 2 separator. Each part or separator has one key."""
+    """Return sort keys (n,) of n points for an order of elimination that keeps the factor small (nested dissection).
+    graph    : pairs of points that the matrix couples, in both directions.
+    unknowns : number of unknowns of all points.    leaf : most unknowns of an undivided part."""
     i, j = graph
     n = len(points)
     key, part, alive = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64), np.ones(n, dtype=bool)
@@ -135,7 +124,7 @@ def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, lea
 
 
 def upper_half(points: Floats, part: Ints) -> Ints:
-    """Return 1 for points (k, 3) in the upper half of their part (k,) along the part's longest axis, else 0."""
+    """Return 1 for points (k, 3) in the upper half of their part (k,), else 0."""
     count = np.bincount(part)
     begin = np.cumsum(count) - count
     used = count > 0
@@ -149,7 +138,7 @@ def upper_half(points: Floats, part: Ints) -> Ints:
 
 
 def point_graph(K: csr_array, node: Ints, n: int) -> tuple[Ints, Ints]:
-    """Return the pairs of points that the matrix K couples, in both orders. node : (N,) the point of each unknown."""
+    """Return the pairs of points that the matrix K couples, in both directions. node : (N,) point of each unknown."""
     pairs = csr_array((np.ones(K.nnz, dtype=bool), node[K.indices].astype(np.int32), K.indptr), (K.shape[0], n))
     gather = csr_array((np.ones(len(node), dtype=bool), (node, np.arange(len(node)))), (n, len(node)))
     graph = (gather @ pairs).tocoo()
@@ -158,7 +147,7 @@ def point_graph(K: csr_array, node: Ints, n: int) -> tuple[Ints, Ints]:
 
 
 def morton_positions(points: Floats) -> Ints:
-    """Return positions (n,) of points (n, 3) along a space-filling curve with 1024 steps per axis [Morton 1966]."""
+    """Return positions (n,) of points (n, 3) along a space-filling curve [Morton 1966]."""
     low = points.min(axis=0)
     cell = ((points - low) * (1023 / max(float((points - low).max()), np.finfo(float).tiny))).astype(np.int64)
     number = np.zeros(len(points), dtype=np.int64)
@@ -168,23 +157,23 @@ def morton_positions(points: Floats) -> Ints:
     return number
 
 
-Index = npt.NDArray[np.integer[Any]]  # Integers for the entries of a matrix, of 4 bytes if possible.
+Index = npt.NDArray[np.integer[Any]]  # Integers for the entries of a matrix.
 Numbers = npt.NDArray[Any]  # Real or complex array.
 
 
 class NotPositiveDefinite(ArithmeticError):  # noqa: N818  (named like LinAlgError)
-    """Error for a matrix without a Cholesky factor; if it is a stiffness, the structure is a mechanism."""
+    """Error for a matrix without a Cholesky factor."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fronts:
-    """Plan for the Cholesky factorisation of a sparse matrix: it depends on the places of entries, not on values.
-    order    : (N,) unknowns in the order of elimination. All other fields number unknowns in this order.
-    start    : (fronts + 1,) front (dense block) s eliminates the unknowns start[s], ..., start[s + 1] - 1.
+    """Plan for the Cholesky factorisation of matrices with equal places of entries.
+    order    : (N,) unknowns in the order of elimination, in which all other fields number unknowns.
+    start    : (fronts + 1,) first unknown of each front (dense block).
     rows     : for each front, the later unknowns that it changes, ascending.
-    children : for each front, the earlier fronts whose updates are added to this front.
+    children : for each front, the earlier fronts that update it.
     entry    : positions of the lower triangle's values in K.data, column by column.
-    row, column : row and column of each value.    pointer : (N + 1,) first value of each column."""
+    pointer  : (N + 1,) first value of each column."""
 
     order: Ints
     start: Ints
@@ -197,11 +186,10 @@ class Fronts:
 
     @classmethod
     def from_matrix(cls, K: csr_array, points: Floats, node: Ints) -> Self:
-        """Return the plan for matrices with the pattern of K (N, N). node : (N,) row of `points` for each unknown."""
+        """Return the plan for the places of entries of K (N, N). node : (N,) row of `points` for each unknown."""
         used, node = np.unique(node, return_inverse=True)
         points, n, N = points[used], len(used), K.shape[0]
         keys = dissection_keys(point_graph(K, node, n), points, N)
-        # along a space-filling curve, neighbours in a part get similar numbers, so adding updates to fronts is fast
         sequence = np.lexsort((morton_positions(points), keys))
         rank = np.empty(n, dtype=np.int32)
         rank[sequence] = np.arange(n)
@@ -222,7 +210,7 @@ class Fronts:
 
     @property
     def peak(self) -> int:
-        """Largest number of values in memory during the factorisation: the factor, unused updates and one front."""
+        """Largest number of values in memory during the factorisation."""
         stored = waiting = worst = 0
         for k, rows, children in zip(np.diff(self.start).tolist(), self.rows, self.children, strict=True):
             m = len(rows)
@@ -233,7 +221,7 @@ class Fronts:
 
 
 def _touched_points(row: Index, column: Index, front_start: Ints) -> tuple[list[Ints], list[list[int]]]:
-    """Return the later points that each front (dense block) changes, and the earlier fronts that update each front."""
+    """Return the later points that each front changes, and the earlier fronts that update each front."""
     n = int(front_start[-1])
     front = np.repeat(np.arange(len(front_start) - 1), np.diff(front_start))
     outside = front[row] != front[column]
@@ -250,14 +238,13 @@ def _touched_points(row: Index, column: Index, front_start: Ints) -> tuple[list[
 
 
 def _unknowns_of_points(begin: Ints, points: Ints) -> Ints:
-    """Return the unknowns of all `points` as one array; point p has the unknowns begin[p], ..., begin[p + 1] - 1."""
     count = begin[points + 1] - begin[points]
     return np.asarray(np.arange(count.sum()) + np.repeat(begin[points] - (np.cumsum(count) - count), count))
 
 
 class Multifrontal:
-    """Factor of a positive definite matrix: a call with b, (N,) or (N, k), returns K^-1 b.
-    Raises NotPositiveDefinite for a pivot that is not positive."""
+    """Factor of a positive definite matrix K: a call with b, (N,) or (N, k), returns K^-1 b.
+    Raises NotPositiveDefinite."""
 
     def __init__(self, K: csr_array, fronts: Fronts) -> None:
         self._fronts = fronts
@@ -265,7 +252,7 @@ class Multifrontal:
         self.refactor(K)
 
     def refactor(self, K: csr_array) -> None:
-        """Factorise another matrix K (N, N) of equal pattern. Raises ValueError for another size or fewer entries."""
+        """Factorise another matrix K (N, N) with the same places of entries. Raises ValueError for another size."""
         f = self._fronts
         if len(K.data) != 0 and (K.shape[0] != len(f.order) or K.nnz < len(f.entry)):
             raise ValueError("the pattern of the matrix has changed")
@@ -304,7 +291,6 @@ class Multifrontal:
 
 
 def _add_update(pivot_rows: Numbers, rest: Numbers, update: Numbers, positions: Ints) -> None:
-    """Add the update (upper triangle) of an earlier front to the rows and columns `positions` of a later front."""
     k = len(pivot_rows)
     inner = int(np.searchsorted(positions, k))
     ends = np.flatnonzero((np.diff(positions) != 1) | (positions[1:] == k)) + 1
@@ -318,7 +304,6 @@ def _add_update(pivot_rows: Numbers, rest: Numbers, update: Numbers, positions: 
 
 
 def _partial_factorisation(pivot_rows: Numbers, rest: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-    """Eliminate pivot rows; return the factor's diagonal block L, P below it, and updated `rest` (upper triangle)."""
     k, is_complex = len(pivot_rows), np.iscomplexobj(pivot_rows)
     potrf, trsm, rank_k = (zpotrf, ztrsm, zherk) if is_complex else (dpotrf, dtrsm, dsyrk)
     if not k:
@@ -335,7 +320,7 @@ def _partial_factorisation(pivot_rows: Numbers, rest: Numbers) -> tuple[Numbers,
 def _triangular_solve(L: Numbers, b: Numbers, adjoint: bool = False) -> Numbers:
     if not len(L):
         return b
-    transposed = 2 if adjoint else 0  # BLAS codes for the adjoint and the transposed matrix
+    transposed = 2 if adjoint else 0  # BLAS codes
     trsv, trsm = (ztrsv, ztrsm) if np.iscomplexobj(L) else (dtrsv, dtrsm)
     solve = trsv(L, b, lower=1, trans=transposed) if b.ndim == 1 else trsm(1.0, L, b, lower=1, trans_a=transposed)
     return np.asarray(solve)

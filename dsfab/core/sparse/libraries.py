@@ -30,10 +30,10 @@ SUPERLU_OPTIONS = {"SymmetricMode": True, "Equil": False}
 
 
 class SuperLU:
-    """Factor of a symmetric positive definite matrix; a call with b, (N,) or (N, k), returns K^-1 b.
-    order    : (N,) elimination order, from another matrix of the same pattern.
-    definite : True if K is certainly positive definite. This saves the check of the pivots.
-    Raises NotPositiveDefinite for a pivot that is not positive."""
+    """Factor of a positive definite matrix; a call with b, (N,) or (N, k), returns K^-1 b.
+    order    : (N,) elimination order.
+    definite : True if K is certainly positive definite.
+    Raises NotPositiveDefinite."""
 
     def __init__(
         self, K: csr_array, points: Floats, node: Ints, order: Ints | None = None, definite: bool = False
@@ -43,10 +43,9 @@ class SuperLU:
         self.refactor(K)
 
     def refactor(self, K: csr_array) -> None:
-        """Factorise another matrix K (N, N) in the same order of elimination."""
+        """Factorise another matrix K (N, N) with the same order of elimination."""
         permuted = csc_array(K[self.order][:, self.order])
         try:
-            # panels of 4 columns are 10 % faster than the default
             self._lu = splu(permuted, "NATURAL", diag_pivot_thresh=0.0, panel_size=4, options=SUPERLU_OPTIONS)
         except RuntimeError as error:  # "Factor is exactly singular"
             raise NotPositiveDefinite(str(error)) from error
@@ -60,7 +59,7 @@ class SuperLU:
 
 
 def elimination_order(K: csr_array, points: Floats, node: Ints) -> Ints:
-    """Return the order (N,) for the elimination of the unknowns of K (N, N), by nested dissection of their points."""
+    """Return the order (N,) in which to eliminate the unknowns of a matrix K (N, N)."""
     used, node = np.unique(node, return_inverse=True)
     points = points[used]
     keys = dissection_keys(point_graph(K, node, len(used)), points, K.shape[0], leaf=24)
@@ -72,25 +71,20 @@ def elimination_order(K: csr_array, points: Floats, node: Ints) -> Ints:
 ANALYSE, FACTORISE, SOLVE = 11, 22, 33  # PARDISO's numbers for its phases.
 SYMMETRIC, HERMITIAN = 2, 4  # PARDISO's numbers for kinds of positive definite matrices.
 PARDISO_OPTIONS = {0: 1, 1: 2, 9: 8, 17: -1, 23: 1}
-"""Entries of PARDISO's `iparm`, counted from 0. All other entries are 0.
-In this order, the entries select: values from the user; nested dissection by METIS; pivots for symmetric matrices; a
-count of the factor's entries; the two-level factorisation, which makes solves faster."""
-BLOCKS = {36: -100}  # Entry of `iparm` for points with several unknowns: the analysis joins rows with equal columns.
-ALONE = 12_000  # Largest number of unknowns for which PARDISO uses one thread; more threads would be slower.
-OUT_OF_MEMORY = (-2, -9)  # PARDISO's codes for lack of memory. Other codes mean a pivot that is not positive.
-Matrix = csr_array | Callable[[], csr_array]  # A matrix, or a function that builds a matrix.
+"""Entries of PARDISO's `iparm`, counted from 0. All other entries are 0."""
+BLOCKS = {36: -100}  # Entry of `iparm` for points with several unknowns.
+ALONE = 12_000  # Largest number of unknowns for which PARDISO uses one thread.
+OUT_OF_MEMORY = (-2, -9)  # PARDISO's codes for lack of memory.
+Matrix = csr_array | Callable[[], csr_array]
 
 
 def pardiso_matrix(K: Matrix) -> csr_array:
-    """Return the matrix K (n, n), or the matrix that K builds if K is a function."""
+    """Return the matrix K (n, n), also if K is a function that builds the matrix."""
     return K() if callable(K) else K
 
 
 @dataclass(frozen=True, eq=False)
 class _Pattern:
-    """Places of a symmetric matrix's entries (CSR: `indptr`, `indices`), and of its upper triangle (CSR: `pointer`,
-    `column`).    place : indices of the upper triangle's entries among all entries."""
-
     indptr: NDArray[np.int32]
     indices: NDArray[np.int32]
     pointer: NDArray[np.int32]
@@ -114,14 +108,13 @@ class _Pattern:
 
 
 class Pardiso:
-    """Factor of a positive definite matrix, real or Hermitian; a call with b, (N,) or (N, k), returns K^-1 b.
-    K      : see `dsfab.core.sparse.factorise`.
+    """Factor of a positive definite matrix; a call with b, (N,) or (N, k), returns K^-1 b.
     blocks : True if unknowns form groups whose rows have the same columns.
-    Raises NotPositiveDefinite for a pivot that is not positive, and FactorMemoryError if the factor does not fit."""
+    Raises NotPositiveDefinite, and FactorMemoryError if the factor does not fit."""
 
     def __init__(self, K: Matrix, blocks: bool = False) -> None:
-        os.environ.setdefault("MKL_CBWR", "AUTO")  # repeatable sums, so that equal presets give equal files
-        # idle threads sleep at once; otherwise they would take time from other processes
+        os.environ.setdefault("MKL_CBWR", "AUTO")  # repeatable sums
+        # idle threads sleep at once
         os.environ.setdefault("KMP_BLOCKTIME", "0")
         _set_mkl_path()
         from pypardiso import PyPardisoSolver
@@ -133,18 +126,18 @@ class Pardiso:
         weakref.finalize(self, _release, self._solver)  # Python does not free MKL's memory
         self._threads = 1 if K.shape[0] <= ALONE else int(self._solver.libmkl.MKL_Get_Max_Threads())
         self._upper = _Pattern.from_matrix(K).upper(K)
-        self._known: _Pattern | None = None  # stored by `refactor`, which alone needs it
+        self._known: _Pattern | None = None
         del K
         nothing = np.zeros((self._upper.shape[0], 1), dtype=self._upper.dtype)
         self._call(ANALYSE, nothing)
         analysis, permanent, work = (1024 * int(self._solver.iparm[k]) for k in (14, 15, 16))
-        freed = 700.0 * len(nothing)  # bytes that assembly and analysis have freed: 700 for each unknown
+        freed = 700.0 * len(nothing)  # bytes
         release_freed_memory(freed)
         require_memory(max(analysis, permanent + work))
         self._call(FACTORISE, nothing)
 
     def refactor(self, K: csr_array) -> None:
-        """Factorise another matrix K (N, N) with the same pattern. Raises ValueError if its pattern differs."""
+        """Factorise another matrix K (N, N) with the same pattern. Raises ValueError for another pattern."""
         if self._known is None or not self._known.fits(K):
             self._known = _Pattern.from_matrix(K)
         upper = self._known.upper(K)
@@ -164,7 +157,7 @@ class Pardiso:
         # after a two-level factorisation, each solve needs the same number of threads as the factorisation
         before = self._solver.libmkl.MKL_Set_Num_Threads_Local(self._threads)
         try:
-            x: Floats = self._solver._call_pardiso(self._upper, b)  # `solve` is slow: it hashes the matrix
+            x: Floats = self._solver._call_pardiso(self._upper, b)  # `solve` is slow
         except PyPardisoError as error:
             if error.value in OUT_OF_MEMORY:
                 raise FactorMemoryError.from_bytes(None) from error
@@ -180,7 +173,7 @@ def _set_mkl_path() -> None:
     try:
         files = importlib.metadata.files("mkl") or []
     except importlib.metadata.PackageNotFoundError:
-        return  # pip did not install MKL, so pypardiso must search for MKL
+        return
     paths = sorted((str(file.locate()) for file in files if "mkl_rt" in file.name), key=len)
     if paths and os.path.exists(paths[0]):
         os.environ["PYPARDISO_MKL_RT"] = paths[0]
@@ -197,7 +190,7 @@ ITERATIONS = 1000  # Maximum number of steps of the multigrid solver.
 
 
 class ConvergenceError(DsfabError, ArithmeticError):
-    """Error for an iteration that stopped before its residual was small enough."""
+    """Error for an iteration that stopped too early."""
 
 
 def has_pyamg() -> bool:
@@ -206,11 +199,10 @@ def has_pyamg() -> bool:
 
 
 class Multigrid:
-    """Solver for the stiffness of thin sheets with up to three unknowns per point; a call with b returns K^-1 b.
-    The method is smoothed aggregation [Vanek, Mandel and Brezina 1996], with blocks of three unknowns per point,
-    strength 0, energy-smoothed prolongation and symmetric block Gauss-Seidel. Other choices diverge on some sheets.
-    rigid : (N, 6) rigid motions in the unknowns of K. K times these motions is nearly zero away from supports.
-    Raises ConvergenceError for a solve whose true relative residual exceeds 1e-9."""
+    """Solver for the stiffness of thin sheets; a call with b, (N,) or (N, k), returns K^-1 b.
+    The method is smoothed aggregation [Vanek, Mandel and Brezina 1996].
+    rigid : (N, 6) rigid motions in the unknowns of K.
+    Raises ConvergenceError if the relative residual exceeds 1e-9."""
 
     def __init__(self, K: csr_array, node: Ints, rigid: Floats) -> None:
         self._K, self._node, self._rigid = K, node, rigid

@@ -1,4 +1,4 @@
-"""Lines and fields of a design, and its archive `design.npz`; dsfab reads the archive instead of solving again."""
+"""Lines and fields of a design, and the archive `design.npz`."""
 
 import json
 import zipfile
@@ -28,9 +28,8 @@ from dsfab.thickening import Repairs, Solid
 
 
 def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine, ...]:
-    """Return the edges of the sheet by family, then the centre lines of its members, in metres on the middle surface.
-    tolerance : largest distance (m) between a full line and its simplified line. `length` is that of the full line.
-    A family has no centre lines if it has no stripes, or if its stripes touch everywhere."""
+    """Return the edges of the sheet and the centre lines of members, metres.
+    tolerance : largest distance (m) between a line and the simplified line."""
     pattern, sheet, surface = design.pattern, design.sheet, design.surface
     phases = [stripe_phase(design, k) for k in range(len(pattern.names))]
     lines = edge_lines(sheet, surface, pattern.names, phases)
@@ -48,8 +47,8 @@ def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine,
 
 
 def stripe_phase(design: Design, k: int) -> Phase:
-    """Return the stripe phase of field k of the pattern; None for a field without stripes.
-    The phase is a whole number on centre lines. It has values at vertices (n,), or at the corners of faces."""
+    """Return the stripe phase of field k of the pattern; None for a field without stripes. Values at vertices (n,), or
+    at the corners of faces; whole numbers on centre lines."""
     pattern = design.pattern
     field = pattern.fields[k]
     if pattern.names[k] not in STRIPES:
@@ -64,12 +63,7 @@ def stripe_phase(design: Design, k: int) -> Phase:
 
 
 def design_fields(design: Design) -> dict[str, Floats]:
-    """Return fields by name, at the vertices (n, ...) or in the faces (m, ...).
-
-    At vertices: displacements of every load case, forces, supports and modes. Also phase and half-width of each family,
-    and the triangle wave of the phase.
-    In faces: stress in xyz, principal values of the diffusion tensors times gamma, and the mask of isotropic faces.
-    For evenly spaced stripes, the distance from the nearest centre line and the lines per metre replace the phase."""
+    """Return fields by name, at the vertices (n, ...) or in the faces (m, ...)."""
     statics, tensors = design.statics, design.diffusion.tensors
     fields = {
         "force [N]": design.load.force,
@@ -112,7 +106,6 @@ def _distances(design: Design) -> dict[str, Floats]:
 
 
 def _even_fields(even: EvenStripes, family: int) -> dict[str, Floats]:
-    """Return fields of a stripe family at vertices: distance to the nearest centre line, density, triangle wave."""
     name, chart, density = STRIPES[family], even.chart, even.density[:, family]
     weights = chart.weights.tocoo()
     row, vertex = (index.astype(np.int64) for index in weights.coords)
@@ -133,7 +126,8 @@ STEERED = ("along", "guided", "over")  # Fields of `StripeSteering` in the archi
 
 
 def field_arrays(key: str, field: Field) -> Arrays:
-    """Return the arrays that store a field, by name. key : name of the array of values."""
+    """Return the arrays that store a field, by name.
+    key : name of the array of values."""
     if isinstance(field, DividedField):
         divided = field.divided
         rows = {"data": divided.weights.data, "indices": divided.weights.indices, "indptr": divided.weights.indptr}
@@ -147,7 +141,7 @@ def field_arrays(key: str, field: Field) -> Arrays:
 
 
 def division_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> DividedSurface | None:
-    """Return the surface divided into smaller faces, from arrays such as part_V (p, 3), metres; None without them."""
+    """Return the divided surface from arrays such as part_V (p, 3), metres; None without arrays."""
     if "part_V" not in arrays:
         return None
     parts = Surface(arrays["part_V"], arrays["part_F"])
@@ -156,7 +150,7 @@ def division_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> Divid
 
 
 def field_from(key: str, divided: DividedSurface | None, arrays: Mapping[str, NDArray[Any]]) -> Field:
-    """Return the field that `field_arrays` stored under `key`. divided : division of the surface into smaller faces."""
+    """Return the field that `field_arrays` stored under `key`."""
     if f"{key}_sign" not in arrays:
         x = arrays[key]
         return DividedField(divided, x) if divided and len(x) == divided.surface.n else x
@@ -181,7 +175,7 @@ def even_arrays(even: EvenStripes) -> Arrays:
 
 
 def even_stripes_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> EvenStripes | None:
-    """Return the evenly spaced stripes from arrays such as even_slope (n, 2); None if there are none."""
+    """Return the evenly spaced stripes from arrays such as even_slope (n, 2); None without stripes."""
     if "even_slope" not in arrays:
         return None
 
@@ -211,7 +205,7 @@ def tidy_arrays(tidy: Tidy) -> Arrays:
 
 
 def tidy_from(arrays: Mapping[str, NDArray[Any]]) -> Tidy | None:
-    """Return the options to remove loose ends of stripes, from arrays such as tidy_striped; None without them."""
+    """Return the options to remove loose ends of stripes from stored arrays; None without options."""
     if "tidy_striped" not in arrays:
         return None
     striped = tuple(arrays["tidy_striped"].tolist())
@@ -233,9 +227,9 @@ _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFil
 
 
 def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
-    """Return the preset as a build writes it into `folder`: curves replace names of drawings. A mesh file in `home` is
-    named without its path. A mesh from Python is written into `folder`.
-    home : path of `folder` after the build. Raises SurfaceError for a missing drawing."""
+    """Return the preset that a build writes into `folder`. A mesh from Python is written into `folder`.
+    home : path of `folder` after the build.
+    Raises SurfaceError for a missing drawing."""
     preset = preset.self_contained()
     section = preset.surface
     if isinstance(section, MeshSurface):
@@ -250,7 +244,7 @@ def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
 
 
 def write_archive(design: Design, folder: Path, preset: Preset | None = None) -> Path:
-    """Write the archive of a design into a folder; return its path. preset : default: the design's resolved preset."""
+    """Write the archive of a design into a folder; return the path."""
     pattern, sheet, solid, values = design.pattern, design.sheet, design.solid, design_fields(design)
     about = {
         "layout": LAYOUT,
@@ -292,7 +286,7 @@ def write_archive(design: Design, folder: Path, preset: Preset | None = None) ->
 
 
 def read_archive(folder: Path, preset: Preset) -> Design | None:
-    """Return the design in a folder; None if the folder contains no design of this preset."""
+    """Return the design in a folder; None without a design of this preset."""
     try:
         with open(folder / NAME, "rb") as file, np.load(file) as archive:
             about = json.loads(str(archive["about"]))
@@ -304,7 +298,7 @@ def read_archive(folder: Path, preset: Preset) -> Design | None:
 
 
 def sections(preset: Preset) -> dict[str, Any]:
-    """Return a preset's sections that determine a design, as plain values. Values of the material replace its name."""
+    """Return the sections of a preset that determine a design."""
     values: dict[str, Any] = json.loads(preset.model_dump_json(include=set(MADE_BY), exclude={"statics": {"material"}}))
     return values
 

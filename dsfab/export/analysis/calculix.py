@@ -1,4 +1,4 @@
-"""CalculiX: finite element models of shells or beams, as an .inp file for the program `ccx`."""
+"""CalculiX: finite element models as an .inp file for the program `ccx`."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -30,10 +30,9 @@ class CalculixModel:
     triangles : (m, 6) node numbers: three corners, then the middle of the edge after each corner.
     thickness : m.    young : Pa.    density : kg/m3.
     steps     : (p, 3) forces on the nodes, N, by name of the load step.
-    supports  : (p, 3) True for fixed directions of each node, by name of the support (capital letters).
-    clamped   : (p,) True for nodes with fixed rotations; only for S6 shells.
-    springs   : (p, 3) stiffness between each node and the ground, N/m; 0 if there is no spring.
-    notes     : comment lines for the top of the file.
+    supports  : (p, 3) True for fixed directions, by name of the support (capital letters).
+    clamped   : (p,) True for fixed rotations; only for S6 shells.
+    springs   : (p, 3) stiffness of springs to the ground, N/m.
     Raises ExportError if shapes disagree, steps or supports are missing, or CPS6 triangles leave the plane z = 0."""
 
     nodes: Floats
@@ -81,10 +80,8 @@ class CalculixModel:
 
 
 def write_calculix(model: CalculixModel, path: str | Path) -> Path:
-    """Write a model to an .inp file atomically; return the path.
-    The command `ccx NAME` (without .inp) then writes the results to NAME.frd (for viewers) and NAME.dat (text).
-    For each step, NAME.dat has displacements of all nodes, the total force on each support, and the internal energy.
-    A total force is a support's reaction plus the loads on its nodes. The internal energy is half of the compliance.
+    """Write a model to an .inp file; return the path.
+    The command `ccx NAME` (without .inp) then writes results to NAME.frd and NAME.dat.
     Raises ExportError if the suffix is not .inp, or if the file cannot be written."""
     path = Path(path)
     if path.suffix != ".inp":
@@ -95,7 +92,7 @@ def write_calculix(model: CalculixModel, path: str | Path) -> Path:
 
 
 def cards(model: CalculixModel) -> Iterator[str]:
-    """Yield the text of the file in pieces; equal models give equal text."""
+    """Yield the text of the file in pieces."""
     yield from _header(model)
     numbers = np.arange(1, len(model.nodes) + 1)
     yield "*NODE, NSET=ALL\n"
@@ -154,14 +151,13 @@ def _springs(model: CalculixModel) -> Iterator[str]:
             group += 1
             yield f"*ELEMENT, TYPE=SPRING1, ELSET=SPRING_{group}\n"
             yield from rows("%d, %d\n", count + 1 + np.arange(len(nodes)), nodes + 1)
-            # below *SPRING, integers are directions, and a number with a decimal point is a stiffness
             yield f"*SPRING, ELSET=SPRING_{group}\n{axis + 1}\n{stiffness:.11e}\n"
             count += len(nodes)
 
 
 def _step(model: CalculixModel, k: int, name: str, force: Floats) -> Iterator[str]:
     yield f"** LOAD CASE {k}: {one_line(name)}\n"
-    yield "*STEP\n*STATIC\n*CLOAD, OP=NEW\n"  # NEW removes the loads of the step before
+    yield "*STEP\n*STATIC\n*CLOAD, OP=NEW\n"  # NEW removes earlier loads
     node, axis = np.nonzero(_acting(force))
     if len(node):
         yield from rows("%d, %d, %.11e\n", node + 1, axis + 1, force[node, axis])
@@ -174,7 +170,6 @@ def _step(model: CalculixModel, k: int, name: str, force: Floats) -> Iterator[st
 
 
 def _acting(force: Floats) -> Bools:
-    """Return (p, 3): True for the components of the forces (p, 3) that are larger than rounding errors."""
     rounding = 1e-14
     return np.asarray(np.abs(force) > rounding * np.abs(force).max())
 
@@ -192,17 +187,17 @@ def _set_name(text: str) -> str:
 
 
 SUFFIX = ".beams.inp"
-PIECES = 4  # number of elements per beam; with four elements, joints are up to 8 % too stiff in bending
+PIECES = 4  # number of elements per beam
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the bytes of the file with the beam model; equal models give equal bytes."""
+    """Yield the bytes of the file with the beam model."""
     for text in _cards(part.name, part.details.beam_model):
         yield text.encode("ascii", "replace")
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back; raise ExportError if the number of beams or the coordinates of the nodes differ."""
+    """Read the file back; raise ExportError if beams or nodes differ."""
     cards = path.read_text(encoding="ascii").split("\n*")
     frame = part.details.beam_model
     beams = sum(card.startswith("ELEMENT, TYPE=B32R") for card in cards)

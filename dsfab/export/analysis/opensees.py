@@ -1,6 +1,4 @@
-"""OpenSees: the beam model as a Tcl script, `NAME.tcl`. It solves all cases and combinations and prints the results.
-
-Units are metres, newtons and pascals. Beams are Timoshenko beams, as in `dsfab.members.frame`."""
+"""OpenSees: the beam model as a Tcl script in metres, newtons and pascals."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -40,13 +38,13 @@ puts "case;node;ux;uy;uz;rx;ry;rz;Rx;Ry;Rz;Mx;My;Mz"
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the OpenSees script of a part's beam model, line by line; equal parts give equal bytes."""
+    """Yield the OpenSees script of a part's beam model, line by line."""
     for line in _lines(part.name, part.details.beam_model):
         yield f"{line}\n".encode("ascii", "replace")
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the OpenSees script back; raise ExportError if the number of beams or coordinates of nodes differ."""
+    """Read the OpenSees script back. Raises ExportError if the beams or the nodes differ."""
     rows = [line.split() for line in path.read_text(encoding="ascii").splitlines()]
     frame = part.details.beam_model
     beams = sum(row[:2] == ["element", "ElasticTimoshenkoBeam"] for row in rows)

@@ -1,4 +1,4 @@
-"""Structural Analysis Format (SAF) 2.2.0: the beam model as a workbook for SCIA, RFEM, SOFiSTiK and others."""
+"""Structural Analysis Format (SAF) 2.2.0: the beam model as a workbook."""
 
 import importlib.util
 import io
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 VERSION = "2.2.0"
 Cell = str | int | float
 KILO, MEGA = 1e3, 1e6
-FINE, COARSE = 0.1, 1.0  # widths below and above 100 mm are rounded to these steps (mm); similar beams share a section
+FINE, COARSE = 0.1, 1.0  # rounding steps of widths below and above 100 mm (mm)
 SMALL = {0: 1e-6, 3: 1e-2}
-"""Smallest forces (key 0) and moments (key 3) in the workbook, as fractions of the largest in their load case."""
+"""Smallest forces (key 0) and moments (key 3) in the workbook / largest in the load case."""
 TYPES = {
     "S": "Steel",
     "GL": "Timber",
@@ -36,7 +36,7 @@ TYPES = {
     "aluminium": "Aluminium",
     "concrete": "Concrete",
 }
-"""Type of a material by the beginning of its name; all other materials have the type `Other`."""
+"""Type of a material by the beginning of its name."""
 ACTIONS = {
     "permanent": ("Permanent", "Standard"),
     "snow": ("Variable", "Snow"),
@@ -54,7 +54,7 @@ STIFFNESS = (
 
 @dataclass(frozen=True)
 class SafSheet:
-    """A sheet of the workbook: column names in `head`, then rows. `Project` and `Model` have no column names."""
+    """A sheet of the workbook: column names in `head`, then rows."""
 
     name: str
     head: tuple[str, ...]
@@ -62,13 +62,13 @@ class SafSheet:
 
     @classmethod
     def from_rows(cls, name: str, rows: list[dict[str, Cell | None]]) -> "SafSheet":
-        """Return a worksheet of the SAF file with a column for each key in the rows, in order of appearance."""
+        """Return a sheet with a column for each key in the rows."""
         head = tuple(dict.fromkeys(key for row in rows for key in row))
         return cls(name, head, tuple(tuple(row.get(key) for key in head) for row in rows))
 
 
 def saf_sheets(name: str, frame: "Frame", description: str = "") -> list[SafSheet]:
-    """Return the sheets of the workbook for a beam model; sheets without rows are left out."""
+    """Return the sheets of the workbook for a beam model."""
     sections = [_dimensions(t, w) for t, w in zip(frame.thickness, frame.width, strict=True)]
     numbers = {size: f"CS{k}" for k, size in enumerate(dict.fromkeys(sections), 1)}
     sheets = [
@@ -200,8 +200,6 @@ def _supports(frame: "Frame") -> Iterator[dict[str, Cell | None]]:
 
 
 def _groups(actions: Mapping[str, str]) -> list[dict[str, Cell | None]]:
-    """Return a row of the sheet of load groups for each kind of action. actions : kind of each load case, by name.
-    Load cases of snow exclude each other, and so do load cases of wind (EN 1990)."""
     return [
         {
             "Name": f"LG {kind}",
@@ -253,7 +251,7 @@ def _actions(frame: "Frame", first_column: int) -> Iterator[dict[str, Cell | Non
 
 
 SUFFIX = ".saf.xlsx"
-FIXED_DATE = datetime(1980, 1, 1)  # date of every workbook, fixed so that equal designs give equal bytes
+FIXED_DATE = datetime(1980, 1, 1)  # date of every workbook: equal designs give equal bytes
 MAIN = "{http://schemas.openxmlformats.org/spreadsheetml/2006/main}"
 
 
@@ -264,12 +262,12 @@ def require_xlsxwriter() -> None:
 
 
 def agreement_text(part: Part) -> str:
-    """Return text that compares the beam model with the shell model, one line for each load case."""
+    """Return text that compares the beam model with the shell model."""
     return "\n".join(part.details.facts)
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the bytes of the SAF workbook with a part's beam model. Equal parts give equal bytes."""
+    """Yield the bytes of the SAF workbook with a part's beam model."""
     import xlsxwriter
 
     file = io.BytesIO()
@@ -289,7 +287,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the workbook back with the standard library; compare column names, row counts and coordinates of nodes."""
+    """Read the workbook back and compare its content."""
     cells, sheets = workbook_cells(path), saf_sheets(part.name, part.details.beam_model)
     for sheet in sheets:
         rows = cells.get(sheet.name, [])
@@ -312,7 +310,7 @@ def _coordinates(rows: Sequence[Sequence[Cell | None]]) -> "np.ndarray[tuple[int
 
 
 def workbook_cells(path: Path) -> dict[str, list[list[Cell | None]]]:
-    """Return the rows of each sheet of a workbook by XlsxWriter (ECMA-376), by sheet name; empty cells are None."""
+    """Return the rows of each sheet of a workbook, by sheet name; empty cells are None."""
     with zipfile.ZipFile(path) as archive:
         shared = [
             "".join(text.text or "" for text in item.iter(f"{MAIN}t"))

@@ -1,7 +1,4 @@
-"""VTU (VTK unstructured grid, XML) for ParaView: a sheet with all its fields, in metres. Field names contain SI units.
-
-The text field `unit` has the unit of length. Text fields `note 1`, `note 2`, ... have remarks on the fields.
-Arrays are base64 text: a 64-bit count of bytes, then the numbers, little-endian."""
+"""VTU files for ParaView: a sheet with all its fields, in metres."""
 
 import base64
 import xml.etree.ElementTree as ElementTree
@@ -36,7 +33,7 @@ def prepare(part: Part) -> Part:
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the file. A field with one row per vertex belongs to the vertices, any other field to the faces."""
+    """Yield the bytes of the VTU file of a part."""
     values = part.details.values
     on_vertices = {name: array for name, array in values.items() if len(array) == len(part.V)}
     on_faces = {name: array for name, array in values.items() if name not in on_vertices}
@@ -53,7 +50,7 @@ def encode(part: Part) -> Iterator[bytes]:
         yield f"</{tag}>\n".encode()
     yield b"<Points>\n" + _array("Points", part.V / MM_PER_M) + b"</Points>\n<Cells>\n"
     yield _array("connectivity", part.F.ravel()) + _array("offsets", 3 * np.arange(1, len(part.F) + 1))
-    yield _array("types", np.full(len(part.F), 5, dtype=np.uint8))  # 5 means VTK_TRIANGLE
+    yield _array("types", np.full(len(part.F), 5, dtype=np.uint8))  # 5 is VTK_TRIANGLE
     yield b"</Cells>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
 
 
@@ -72,7 +69,7 @@ def _array(name: str, values: NDArray[Any]) -> bytes:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the mesh and every field back with an XML parser and compare them with the part."""
+    """Read the mesh and the fields of a VTU file, and compare them with the part."""
     arrays = dict(_arrays(path))
     V, F = arrays.pop("Points"), arrays.pop("connectivity").astype(np.int64).reshape(-1, 3)
     result = check_mesh(replace(part, V=part.V / MM_PER_M), V.reshape(-1, 3), F)

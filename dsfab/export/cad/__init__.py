@@ -1,1 +1,1 @@
-"""CAD formats: 3DM for Rhino, STEP and BREP; and IFC for building models."""
+"""CAD formats: 3DM, STEP, BREP and IFC."""

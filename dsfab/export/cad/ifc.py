@@ -1,4 +1,4 @@
-"""IFC4 (ISO 16739): a roof of plates or of named members, with material, quantities and drawings."""
+"""IFC4 (ISO 16739): a roof of plates or of members."""
 
 import importlib.util
 import uuid
@@ -34,8 +34,7 @@ Naming = Callable[[str], str]  # function that returns the IFC identifier of an 
 
 
 class Place(NamedTuple):
-    """Numbers of the IFC entities that all elements refer to; `material` and `properties` are 0 if unknown.
-    placement : placement of the roof, which holds all parts.    part : placement of each part, relative to the roof."""
+    """Numbers of the IFC entities that all elements refer to; `material` and `properties` are 0 if unknown."""
 
     body: int
     building: int
@@ -47,7 +46,7 @@ class Place(NamedTuple):
 
 
 def file_header(name: str, version: str) -> str:
-    """Return the header of the file, with a constant date, so that equal solids give equal files."""
+    """Return the header of the file."""
     title = step_string(one_line(name))
     return (
         "ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION(('ViewDefinition [ReferenceView_V1.2]'),'2;1');\n"
@@ -57,7 +56,7 @@ def file_header(name: str, version: str) -> str:
 
 
 def building(entities: StepEntities, name: str, details: Details, naming: Naming) -> Place:
-    """Add units, project, site, building and other entities that all parts of the roof need; return their numbers."""
+    """Add the entities that all parts of the roof need; return their numbers."""
     title, measures = step_string(one_line(name)), details.measures
     units = references(_units(entities))
     origin = entities.add("IFCCARTESIANPOINT((0.,0.,0.))")
@@ -80,7 +79,7 @@ def building(entities: StepEntities, name: str, details: Details, naming: Naming
 
 
 def roof(entities: StepEntities, place: Place, name: str, elements: list[int], naming: Naming) -> None:
-    """Add an IFC roof of `elements` (entity numbers of plates or members), with their material and properties."""
+    """Add an IFC roof. elements : entity numbers of plates or members."""
     title, listed = step_string(one_line(name)), references(elements)
     roof_entity = entities.add(
         f"IFCROOF('{naming('roof')}',$,'{title}',$,'diffusion structure',#{place.placement},$,$,.FREEFORM.)"
@@ -101,7 +100,7 @@ def _on_site(entities: StepEntities, context: int, origin: tuple[float, float, f
 
 
 def surface_style(entities: StepEntities, name: str, colour: Sequence[float]) -> int:
-    """Add a surface style with a name and a colour (values from 0 to 1); return the number of the style's entity."""
+    """Add a surface style with a colour (values from 0 to 1); return its number."""
     rgb = entities.add(f"IFCCOLOURRGB($,{','.join(map(real, colour))})")
     shading = entities.add(f"IFCSURFACESTYLESHADING(#{rgb},0.)")
     return entities.add(f"IFCSURFACESTYLE('{step_string(name)}',.BOTH.,(#{shading}))")
@@ -145,7 +144,7 @@ def _properties(entities: StepEntities, measures: Mapping[str, float], naming: N
 
 
 def single_value(entities: StepEntities, name: str, kind: str, value: float) -> int:
-    """Add a property with a number; return the number of its entity."""
+    """Add a property with a number; return its entity number."""
     return entities.add(f"IFCPROPERTYSINGLEVALUE('{name}',$,{kind}({real(value)}),$)")
 
 
@@ -157,8 +156,7 @@ def element(
     amounts: Mapping[str, float],
     naming: Naming,
 ) -> int:
-    """Add a plate with its colour and quantities; return its number.
-    which : name and number of the plate.    amounts : quantities by name.
+    """Add a plate with its colour and quantities; return its number. which : name and number of the plate.
     mesh  : vertices (n, 3), mm, and triangles (m, 3) of vertex numbers from 1."""
     (name, i), (V, corners) = which, mesh
     faces = face_set(entities, V, corners, place.style)
@@ -193,7 +191,7 @@ def face_set(entities: StepEntities, V: Floats, corners: Ints, style: int) -> in
 
 
 def real(value: float) -> str:
-    """Return a number with a decimal point, as ISO 10303-21 requires."""
+    """Return a number as text with a decimal point."""
     text = f"{value:.12g}".upper()
     head, e, power = text.partition("E")
     return (head if "." in head else head + ".") + e + power
@@ -210,7 +208,7 @@ def require_ifcopenshell() -> None:
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield project, site, building and roof, then a plate for each piece; equal parts give equal bytes."""
+    """Yield the bytes of an IFC file with a plate for each piece."""
     shell, solids = solids_of(part)
     entities, measures = StepEntities(1), part.details.measures
     yield file_header(part.name, __version__).encode()
@@ -240,19 +238,19 @@ def pending_bytes(entities: StepEntities) -> Iterator[bytes]:
 
 
 def identifier(name: str, what: str) -> str:
-    """Return the 22 characters of an IFC identifier: a number of 128 bits in base 64."""
+    """Return the 22 characters of an IFC identifier."""
     value = uuid.uuid5(PLACE, f"{name}/{what}").int
     digits = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_$"
     return "".join(digits[(value >> (6 * k)) & 63] for k in range(21, -1, -1))
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back with ifcopenshell; compare unit, triangles and volume with those of the part."""
+    """Read the file back, and compare unit, triangles and volume with those of the part."""
     return check_mesh(part, *joined_face_sets(millimetre_model(part, path).by_type("IfcTriangulatedFaceSet")))
 
 
 def millimetre_model(part: Part, path: Path) -> Any:
-    """Read a file with ifcopenshell; raises ExportError if reading fails, or if lengths are not in millimetres."""
+    """Read a file with ifcopenshell. Raises ExportError if reading fails, or for another unit."""
     import ifcopenshell
     import ifcopenshell.util.unit
 
@@ -277,7 +275,7 @@ def joined_face_sets(items: Iterable[Any]) -> tuple[Floats, Ints]:
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Yield project, site and building, then each member; equal parts give equal bytes."""
+    """Yield the bytes of an IFC file with all members."""
     entities, details = StepEntities(1), part.details
     naming = partial(identifier, f"{part.name} members")
     yield file_header(part.name, __version__).encode()
@@ -306,7 +304,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back with ifcopenshell; compare name, triangles and volume of each member with the part's."""
+    """Read the file back, and compare name, triangles and volume of each member with the part's."""
     model = millimetre_model(part, path)
     meshes = {}
     for element in sorted(model.by_type("IfcBuildingElement"), key=lambda item: item.id()):  # in the file's order

@@ -1,4 +1,4 @@
-"""3DM (openNURBS) for Rhino and Grasshopper: meshes, curves and members on named layers; also Rhino's JSON."""
+"""3DM (openNURBS) for Rhino and Grasshopper: meshes, curves and members; also Rhino's JSON."""
 
 import base64
 import hashlib
@@ -37,18 +37,18 @@ from dsfab.export.writing import one_line
 BLACK, GREY = (0, 0, 0), (150, 150, 150)
 MESH = "sheet"  # name of the layer of the mesh
 _PROPERTIES, _HISTORY, _SHORT = 0x10000014, 0x20008021, 0x80000000
-"""Codes of the chunks for a file's properties and for its history. A chunk whose code has the bit `_SHORT` is empty."""
-_TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)  # 1 January 1980, a Tuesday, as C's `struct tm`
+"""Codes of chunks (parts of a 3DM file)."""
+_TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)  # 1 January 1980, as C's `struct tm`
 
 
 def require_rhino3dm(what: str = ".3dm files need") -> None:
-    """Raise ExportError if rhino3dm is not installed; the error message begins with `what`."""
+    """Raise ExportError if rhino3dm is not installed."""
     if importlib.util.find_spec("rhino3dm") is None:
         raise ExportError(f'{what} the library rhino3dm; install it with: pip install "dsfab[rhino]"')
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the bytes of a 3DM file with the mesh and the curves of a part. Equal parts give equal bytes."""
+    """Yield the bytes of a 3DM file with the mesh and the curves of a part."""
     model = empty_model()
     ids = ids_of(part.name, (part.V, part.F, *(line.points for line in part.details.lines)))
     layers = {MESH: new_layer(model, ids, MESH, GREY)}
@@ -77,7 +77,7 @@ def empty_model() -> Any:
 
 
 def archive(model: Any) -> bytes:
-    """Return a model as the bytes of a 3DM file. The times in the file are constant, not the current time."""
+    """Return a model as the bytes of a 3DM file, with constant times."""
     version = 7  # Rhino 7 and newer versions read the file
     import rhino3dm
 
@@ -90,7 +90,7 @@ Ids = Callable[[str], uuid.UUID]
 
 
 def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
-    """Return a function that gives each name a UUID. Designs with different arrays get different UUIDs."""
+    """Return a function that gives each name a UUID."""
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
@@ -107,9 +107,7 @@ def new_layer(model: Any, ids: Ids, name: str, colour: tuple[int, int, int]) -> 
 
 
 def without_times(data: bytes) -> bytes:
-    """Replace both times in the history of a 3DM file by `_TIME`, and correct its checksum.
-    The history contains: version byte; author and time of creation; author and time of the last change; count; CRC-32.
-    An author is a count of letters (4 bytes) and the letters. Raises ExportError for another layout."""
+    """Replace the times in a 3DM file by constants. Raises ExportError."""
     header = 32  # 32 bytes precede the first chunk: code (4 bytes), length (8), content
     content = bytearray(data)
     properties = _chunk(data, header, len(data), _PROPERTIES)
@@ -129,7 +127,6 @@ def without_times(data: bytes) -> bytes:
 
 
 def _chunk(data: bytes, start: int, end: int, kind: int) -> tuple[int, int] | None:
-    """Return start and end of the content of the first chunk with the code `kind` between `start` and `end`."""
     while start + 12 <= end:
         code, size = struct.unpack_from("<Iq", data, start)
         size = 0 if code & _SHORT else size
@@ -143,8 +140,7 @@ def _chunk(data: bytes, start: int, end: int, kind: int) -> tuple[int, int] | No
 
 
 def rhino_mesh(V: Floats, F: Ints) -> Any:
-    """Build a rhino3dm mesh with normals from vertices (n, 3) in any unit and triangles (m, 3).
-    Coordinates have single precision if this loses no digits; otherwise double precision."""
+    """Build a rhino3dm mesh with normals from vertices (n, 3) in any unit and triangles (m, 3)."""
     import rhino3dm
 
     mesh = rhino3dm.Mesh()
@@ -165,7 +161,7 @@ def rhino_polyline(points: Floats) -> Any:
 
 
 def rhino_curve(chain: list[Curve]) -> Any:
-    """Build one rhino3dm curve from consecutive curves: a NURBS curve, a polyline or a polycurve."""
+    """Build one rhino3dm curve from consecutive curves."""
     import rhino3dm
 
     segments = list[Any]()
@@ -198,7 +194,7 @@ def _about(name: str, layer: int, identity: uuid.UUID, facts: Mapping[str, str] 
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back with rhino3dm. Raises ExportError if an object is invalid or missing, or not in mm."""
+    """Read the file back. Raises ExportError for an invalid or missing object."""
     import rhino3dm
 
     items = _valid_items(part, path, ".dxf and .stl")
@@ -211,8 +207,6 @@ def check(part: Part, path: Path) -> ReadBack:
 
 
 def _valid_items(part: Part, path: Path, instead: str) -> list[tuple[str, Any]]:
-    """Return name and geometry of a file's objects. Raises ExportError for invalid objects, and units other than mm.
-    instead : formats that the error message recommends."""
     import rhino3dm
 
     model = rhino3dm.File3dm.Read(str(path))
@@ -224,7 +218,7 @@ def _valid_items(part: Part, path: Path, instead: str) -> list[tuple[str, Any]]:
 
 
 def rhino_arrays(mesh: Any) -> tuple[Floats, Ints]:
-    """Return vertices (n, 3) and corners (m, 4) of a rhino3dm mesh; a triangle repeats its last corner."""
+    """Return vertices (n, 3) and corners (m, 4) of a rhino3dm mesh; a triangle repeats the last corner."""
     V = np.array([(v.X, v.Y, v.Z) for v in map(mesh.Vertices.Point3dAt, range(len(mesh.Vertices)))]).reshape(-1, 3)
     return V, np.array([mesh.Faces[i] for i in range(mesh.Faces.Count)], dtype=np.int64).reshape(-1, 4)
 
@@ -244,7 +238,7 @@ NODES = "nodes"  # name of the layer of the nodes
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Yield the bytes of a 3DM file with meshes and axes of the members, and with the nodes, on named layers."""
+    """Yield the bytes of a 3DM file with meshes, axes and nodes of the members."""
     import rhino3dm
 
     model, facts, shapes = empty_model(), facts_of_members(part), part.details.shapes
@@ -266,7 +260,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back with rhino3dm. Raises ExportError if an object is invalid or missing, or not in mm."""
+    """Read the file back. Raises ExportError for an invalid or missing object."""
     import rhino3dm
 
     things, kinds = _valid_items(part, path, ".members.dxf"), rhino3dm.ObjectType
@@ -280,13 +274,13 @@ def check_members(part: Part, path: Path) -> ReadBack:
 
 
 def mesh_json(V: Floats, F: Ints) -> str:
-    """Encode a mesh of vertices (n, 3) and triangles (m, 3) as JSON; raises ExportError if rhino3dm is missing."""
+    """Encode a mesh of vertices (n, 3) and triangles (m, 3) as JSON. Raises ExportError without rhino3dm."""
     require_rhino3dm()
     return json.dumps(rhino_mesh(V, F).Encode())
 
 
 def polyline_json(points: Floats) -> str:
-    """Encode a polyline through points (k, 3), or (k, 2) with z = 0, as JSON; raises ExportError without rhino3dm."""
+    """Encode a polyline through points (k, 3) or (k, 2) as JSON. Raises ExportError without rhino3dm."""
     require_rhino3dm()
     full = np.column_stack([points, np.zeros(len(points))]) if points.shape[1] == 2 else points
     return json.dumps(rhino_polyline(full).Encode())

@@ -1,4 +1,4 @@
-"""DXF (R2010): edges and centre lines in space, with plan and elevations; or each member as a named group."""
+"""Drawings in the format DXF (R2010)."""
 
 import io
 from collections import defaultdict
@@ -32,12 +32,12 @@ from dsfab.surface import StructureLine, polyline_length, simplified_line
 
 APPLICATION = "DSFAB"
 COLOURS = {"major": 5, "minor": 1, "keep": 3, "rim": 4, "boundary": 7}
-"""Colour numbers of the AutoCAD palette: blue, red, green, cyan, and black on white paper."""
+"""Colour numbers of the AutoCAD palette."""
 WEIGHTS = {"boundary": 50, "edge": 25, "centre": 13}  # widths of lines, in hundredths of a millimetre
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the bytes of a DXF drawing of a part's lines, without dates and random identifiers."""
+    """Yield the bytes of a DXF drawing of a part's lines."""
     with reproducible_output():
         document = new_document(part)
         space = document.modelspace()
@@ -52,7 +52,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def new_document(part: Part) -> Any:
-    """Return an empty ezdxf drawing in millimetres; dashes of lines are scaled to the size of the part."""
+    """Return an empty ezdxf drawing in millimetres."""
     import ezdxf
 
     document = ezdxf.new("R2010", setup=["linetypes"])
@@ -67,7 +67,7 @@ def new_document(part: Part) -> Any:
 
 
 def dxf_bytes(document: Any) -> bytes:
-    """Return the bytes of an ezdxf document as a file; equal documents give equal bytes in each process."""
+    """Return the bytes of an ezdxf document as a file."""
     document.classes.add_required_classes(document.dxfversion)
     document.classes.classes = dict(sorted(document.classes.classes.items()))  # ezdxf adds them in no fixed order
     text = io.StringIO()
@@ -84,7 +84,7 @@ def _add_views(document: Any, part: Part) -> None:
 
 
 def add_curves(space: Any, chain: list[Curve], flat: bool, layer: str) -> Iterator[Any]:
-    """Draw a line from its curves and yield the new entities: straight curves become polylines, bent curves splines."""
+    """Draw a line from its curves, and yield the new entities."""
     for run in joined_segments(chain):
         if isinstance(run, Curve):
             poles, knots = run.poles.tolist(), run.knots.tolist()
@@ -105,7 +105,7 @@ def _add_view(document: Any, view: DrawingView, shift: Floats, height: float, to
 
 
 def add_polyline(space: Any, points: Floats, flat: bool, layer: str) -> Any:
-    """Add a polyline (k, 3) to a DXF drawing; return its DXF entity. flat : True if all points have the same z."""
+    """Add a polyline (k, 3) to a DXF drawing, and return its entity. flat : True if all points have the same z."""
     closed = len(points) > 2 and bool((points[0] == points[-1]).all())
     points = points[:-1] if closed else points
     if not flat:
@@ -137,7 +137,7 @@ def reproducible_output() -> Iterator[None]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back with ezdxf, audit it, and compare its unit and its lines with the part."""
+    """Read the file back, and compare its unit and its lines with the part."""
     document = _sound_document(part, path, ".svg or .csv")
     points_by_line = defaultdict[str, list[Floats]](list)
     for entity in document.modelspace():
@@ -170,7 +170,7 @@ def points_along(entity: Any) -> Floats:
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Yield the bytes of a DXF drawing with a group for each member, without dates and random identifiers."""
+    """Yield the bytes of a DXF drawing with a group for each member."""
     with reproducible_output():
         document = new_document(part)
         space = document.modelspace()
@@ -211,7 +211,7 @@ def _members_layer(document: Any, family: str, what: str) -> str:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back with ezdxf and audit it, and compare its unit and the lines of each member with the part."""
+    """Read the file back, and compare its unit and the lines of each member with the part."""
     document = _sound_document(part, path, ".members.json")
     groups, shapes = {name: list(group) for name, group in document.groups}, part.details.shapes
     require_equal(part, "members", sorted(shape.id for shape in shapes), sorted(groups))

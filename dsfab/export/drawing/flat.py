@@ -1,6 +1,4 @@
-"""Flat drawings for cutters and engravers: polylines and circles on named layers, as DXF (R2010) and SVG. Millimetres.
-
-Letters are also polylines. Every cutting program reads LWPOLYLINE and CIRCLE. Equal drawings give equal bytes."""
+"""Flat drawings for cutters and engravers as DXF (R2010) and SVG, in millimetres."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -20,7 +18,7 @@ from dsfab.export.drawing.dxf import dxf_bytes, reproducible_output
 from dsfab.export.writing import one_line
 
 COLOURS = {"STOCK": 8, "CUT": 1, "HOLES": 5, "SLOTS": 6, "ENGRAVE": 3, "FOLD": 4, "AXIS": 9}
-"""Colour numbers of the AutoCAD palette by layer: grey, red, blue, magenta, green, cyan, light grey."""
+"""Colour numbers of the AutoCAD palette, by layer."""
 STROKES = {
     "STOCK": "#888",
     "CUT": "#c00",
@@ -30,7 +28,7 @@ STROKES = {
     "FOLD": "#088",
     "AXIS": "#bbb",
 }
-"""Colours of the layers in SVG, as in DXF."""
+"""Colours of the layers in SVG."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +68,7 @@ class FlatDrawing:
 
 
 def flat_dxf(drawing: FlatDrawing) -> bytes:
-    """Return a drawing as a DXF file without dates and random identifiers."""
+    """Return a drawing as a DXF file."""
     frame = _frame(tuple(drawing.layers))
     count = len(drawing.lines) + len(drawing.circles)
     seed = "  9\n$HANDSEED\n  5\n{:X}\n"
@@ -83,8 +81,6 @@ _TITLE = "title of the drawing"
 
 
 class _Frame(NamedTuple):
-    """DXF text before and after the entities. free : first unused handle; space : handle of the model space."""
-
     before: str
     after: str
     encoding: str
@@ -132,7 +128,7 @@ def _entity(kind: str, handle: int, space: str, layer: str, subclass: str) -> st
 
 
 def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
-    """Raise ExportError unless a file is complete, in millimetres, and has as many lines and circles as the drawing."""
+    """Raise ExportError unless a DXF file has the lines and circles of the drawing, in millimetres."""
     words = path.read_text("utf-8", errors="replace").removesuffix("\n").split("\n")
     codes, values = [code.strip() for code in words[::2]], [value.strip() for value in words[1::2]]
     begun = Counter(value for code, value in zip(codes, values, strict=False) if code == "0")
@@ -144,8 +140,8 @@ def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
 
 
 def flat_svg(drawing: FlatDrawing, hair: float = 0.0) -> bytes:
-    """Return a drawing as SVG at full size, with its layers as groups for Inkscape.
-    hair : width of the lines, m; 0 for a width that suits a view of the whole drawing."""
+    """Return a drawing as SVG at full size, with layers for Inkscape.
+    hair : width of the lines, m; 0 for the default."""
     return "".join(_svg(drawing, MM_PER_M * hair)).encode()
 
 

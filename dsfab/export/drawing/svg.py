@@ -1,7 +1,6 @@
-"""SVG: plan and elevations on an A3 sheet at a stated scale, with dimensions, scale bar and title block.
+"""SVG: plan and elevations on an A3 sheet.
 
-A unit of the file is a millimetre of paper. Groups are layers for Inkscape.
-Line widths follow ISO 128: outlines 0.5 mm, edges 0.25 mm, centre lines 0.13 mm and dash-dotted."""
+A unit of the file is a millimetre of paper. Line widths follow ISO 128."""
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
@@ -32,7 +31,7 @@ svg { fill: none; stroke: #000; stroke-linecap: round; stroke-linejoin: round }
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the SVG text of the drawing, view by view."""
+    """Yield the SVG text of the drawing."""
     return (text.encode() for text in _texts(part))
 
 
@@ -136,7 +135,7 @@ def _scale_bar(x: float, y: float, scale: float) -> Iterator[str]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back as XML; compare the number of lines and the width of the paper with the drawing."""
+    """Compare the file with the drawing. Raises ExportError."""
     root = ElementTree.parse(path).getroot()
     lines = [element for element in root.iter() if element.get("data-id")]
     expected = sum(len(placed_view.view.runs) for placed_view in views_on_paper(part, TITLE)[1])

@@ -1,4 +1,4 @@
-"""Plan and elevations of a sheet without hidden lines, with their scale and their positions on paper."""
+"""Plan and elevations of a sheet without hidden lines."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -38,7 +38,7 @@ class DrawingView:
 
 
 def views(part: Part) -> list[DrawingView]:
-    """Return plan and elevations of a sheet with its lines; a view in which the sheet is only a line is omitted."""
+    """Return plan and elevations of a sheet with its lines."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     sheet = Surface(part.V, part.F)
     drawings = []
@@ -72,7 +72,7 @@ def _view(
 
 @dataclass(frozen=True, eq=False)
 class _DepthPicture:
-    """Depth of the sheet in each cell of a grid (w, h): the largest coordinate towards the eye; -inf in empty cells."""
+    """Largest coordinate towards the eye in each cell of a grid (w, h); -inf in empty cells."""
 
     low: Floats
     cell: float
@@ -99,7 +99,6 @@ class _DepthPicture:
         return cls(low, cell, depth.reshape(shape))
 
     def hides(self, points: Floats, margin: float) -> Bools:
-        """Mark points (k, 3) if the sheet is over `margin` nearer to the eye in all 3 x 3 cells around the point."""
         cell_index = ((points[:, :2] - self.low) / self.cell).astype(np.int64) + 1
         cell_index = np.clip(cell_index, 1, np.array(self.depth.shape) - 2)
         nearest = np.full(len(points), np.inf)
@@ -130,7 +129,7 @@ STEPS = (1.0, 2.0, 2.5, 5.0)  # usual scales are one of these numbers times a po
 
 @dataclass(frozen=True, eq=False)
 class PlacedView:
-    """A view on paper. corner : upper left corner, millimetres from the paper's upper left corner."""
+    """A view on paper. corner : upper left corner, mm from the paper's upper left corner."""
 
     view: DrawingView
     corner: tuple[float, float]
@@ -148,8 +147,8 @@ class PlacedView:
 
 
 def views_on_paper(part: Part, title: tuple[float, float]) -> tuple[float, list[PlacedView]]:
-    """Return the views in rows on paper, and the largest standard scale (mm per mm of paper) at which they fit.
-    title : width and height of the title block in the lower right corner, mm."""
+    """Return the scale (mm per mm of paper), and the views on paper.
+    title : width and height of the title block, mm."""
     by_name = {view.title.split()[0]: view for view in views(part)}
     rows = (("Plan", "Front", "Right"),), (("Front", "Right"), ("Plan",)), (("Plan",), ("Front",), ("Right",))
     choices = [[[by_name[k] for k in row if k in by_name] for row in layout] for layout in rows]
@@ -158,7 +157,6 @@ def views_on_paper(part: Part, title: tuple[float, float]) -> tuple[float, list[
 
 
 def _scale(rows: list[list[DrawingView]], title: tuple[float, float]) -> float:
-    """Return the largest standard scale at which all rows fit above the title block, or the last row fits beside it."""
     extents = np.concatenate([view.extent for row in rows for view in row])
     power = 10.0 ** np.floor(np.log10(extents.max() / max(PAPER)) - 1)
     while True:

@@ -1,4 +1,4 @@
-"""GLB, the binary form of glTF 2.0, for viewers: one mesh, or one node for each member; in metres, y upwards."""
+"""GLB files (binary glTF 2.0), in metres, y upwards."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -15,7 +15,7 @@ from dsfab.export.part import Part
 from dsfab.export.readback import ReadBack, check_mesh, check_shapes, layer_colour, read_with_trimesh
 from dsfab.export.writing import one_line
 
-FLOAT, UINT, VERTICES, INDICES = 5126, 5125, 34962, 34963  # numbers of the glTF standard for kinds of arrays
+FLOAT, UINT, VERTICES, INDICES = 5126, 5125, 34962, 34963  # numbers of the glTF standard
 
 
 def encode(part: Part) -> Iterator[bytes]:
@@ -33,7 +33,6 @@ def _arrays(V: Floats, F: Ints) -> list[np.ndarray[Any, Any]]:
 def _chunks(
     nodes: Sequence[Any], meshes: Sequence[Any], materials: Sequence[Any], arrays: list[np.ndarray[Any, Any]]
 ) -> Iterator[bytes]:
-    """Yield the bytes of a GLB file. nodes : the root last.    arrays : vertices, then faces, of each mesh in turn."""
     size = [array.nbytes for array in arrays]
     start = np.concatenate([[0], np.cumsum(size)]).tolist()
     scene = {
@@ -58,13 +57,13 @@ def _chunks(
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back with trimesh and compare the mesh in millimetres with the part."""
+    """Read the file back with trimesh and compare the mesh with the part."""
     V, F = read_with_trimesh(path)
     return check_mesh(part, millimetres(V), F)
 
 
 def millimetres(V: Floats) -> Floats:
-    """Convert vertices (n, 3) of a glTF file (metres, y upwards) to millimetres, with z upwards."""
+    """Convert vertices (n, 3) of a glTF file (metres, y upwards) to millimetres, z upwards."""
     return V[:, [0, 2, 1]] * [1, -1, 1] * MM_PER_M
 
 
@@ -85,7 +84,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back with trimesh as a scene and compare the members with the part."""
+    """Read the file back with trimesh and compare the members with the part."""
     import trimesh
 
     scene, meshes = trimesh.load_scene(path, process=False), {}

@@ -1,4 +1,4 @@
-"""Soundness of a triangle mesh: closed, manifold, facing outwards, without self-intersections; its shells and voids."""
+"""Soundness of a triangle mesh."""
 
 from dataclasses import dataclass
 
@@ -13,9 +13,8 @@ from dsfab.thickening.self_intersection import intersecting_pairs
 
 
 def solids_of(part: Part) -> tuple[Ints, list[list[int]]]:
-    """Return the shell (m,) of each triangle, and the shells of each solid: the outer shell first, then its voids.
-    An outer shell has positive volume. The triangles of a void face inwards. A void belongs to the smallest outer shell
-    around it. Raises ExportError for a void without an outer shell."""
+    """Return the shell (m,) of each triangle, and the shells of each solid: the outer shell, then the voids.
+    Raises ExportError for a void without an outer shell."""
     count, shell = pieces(part.F, edge_table(part.F))
     volumes = [signed_volume(part.V, part.F[shell == i]) for i in range(count)]
     outer = sorted((i for i in range(count) if volumes[i] > 0), key=lambda i: volumes[i])
@@ -50,12 +49,12 @@ FAULTS = {
     "crossing": "{} pairs of triangles cross: parts of the solid run through each other",
     "inside_out": "{} closed surfaces face inward: their faces are flipped",
 }
-"""Description of each kind of fault for the person who repairs the mesh."""
+"""Description of each kind of fault."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault of a mesh: its kind, the number of occurrences, and the place of the first, metres."""
+    """A fault of a mesh: kind, number, and place of the first, metres."""
 
     kind: str
     count: int
@@ -70,15 +69,11 @@ class Fault:
 @dataclass(frozen=True, eq=False)
 class Soundness:
     """Faults and measures of a mesh.
-
-    faults    : empty for a sound mesh. Kinds: `open` edges with one triangle, `crowded` edges with more than two,
-                `turned` edges whose two triangles face opposite sides, `repeated` triangles, `inside_out` shells,
-                `crossing` pairs of triangles.
-    pinches   : number of points where two parts touch with corners only. Such points are no fault.
-    tested    : True if crossings were tested. This test needs an oriented manifold.
-    shells    : number of closed surfaces; a hollow body has two.    pieces : number of connected bodies of material.
-    crossings : (k, 2) pairs of triangles that cross.
-    volume    : m3, from the orientation of the triangles; valid for closed meshes only.     area : m2."""
+    faults    : empty for a sound mesh.
+    pinches   : number of points where two parts touch; no fault.
+    shells    : number of closed surfaces; a hollow body has two.    pieces : number of connected bodies.
+    crossings : (k, 2) pairs of triangles that cross.    tested : True if crossings were tested.
+    volume    : m3, valid for closed meshes only.     area : m2."""
 
     faults: tuple[Fault, ...]
     pinches: int
@@ -96,7 +91,7 @@ class Soundness:
 
     @property
     def watertight(self) -> bool:
-        """True for a closed mesh with two triangles of consistent orientation on each edge."""
+        """True for a closed mesh with consistent orientation."""
         return not any(fault.kind in ("open", "crowded", "turned", "repeated") for fault in self.faults)
 
     @property
@@ -105,7 +100,7 @@ class Soundness:
 
 
 def soundness(V: Floats, F: Ints) -> Soundness:
-    """Measure a mesh and find its faults.
+    """Return the faults and measures of a mesh.
     V : (n, 3) metres, distinct points.     F : (m, 3) counter-clockwise seen from outside."""
     edges = edge_table(F)
     middles = V[edges.ends].mean(axis=1)
@@ -136,7 +131,7 @@ def soundness(V: Floats, F: Ints) -> Soundness:
 
 
 def fault_at(kind: str, places: Floats) -> Fault | None:
-    """Return a fault of this kind, with the number of `places` (k, 3), m, and the first place; None without places."""
+    """Return a fault of this kind at `places` (k, 3), m; None without places."""
     if not len(places):
         return None
     x, y, z = places[0].tolist()

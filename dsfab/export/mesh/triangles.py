@@ -21,14 +21,14 @@ _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribut
 
 
 def prepare_stl(part: Part) -> Part:
-    """Return the part in single precision, with vertices merged by position, because STL has no indices."""
+    """Return the part in single precision, with vertices merged by position."""
     part = in_single_precision(part)
     V, F = merged_mesh(part.V, part.F)
     return replace(part, V=V, F=F)
 
 
 def encode_stl(part: Part) -> Iterator[bytes]:
-    """Yield the bytes of a binary STL file: header, number of triangles, then 50 bytes for each triangle."""
+    """Yield the bytes of a binary STL file."""
     records = np.zeros(len(part.F), dtype=_RECORD)
     corners = part.V[part.F]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -46,7 +46,7 @@ def check_stl(part: Part, path: Path) -> ReadBack:
 
 
 def encode_obj(part: Part) -> Iterator[bytes]:
-    """Yield the bytes of an OBJ file: a line for each vertex (17 digits) and each face."""
+    """Yield the bytes of an OBJ file."""
     yield f"# written by dsfab {__version__}\n# unit: millimetre\no {one_line(part.name)}\n".encode()
     yield from (text.encode("ascii") for text in rows("v %.17g %.17g %.17g\n", *part.V.T))
     yield from (text.encode("ascii") for text in rows("f %d %d %d\n", *(part.F + 1).T))
@@ -58,7 +58,7 @@ def check_with_trimesh(part: Part, path: Path) -> ReadBack:
 
 
 def encode_off(part: Part) -> Iterator[bytes]:
-    """Yield the bytes of an OFF file: numbers of vertices, faces and edges (always 0), then vertices and faces."""
+    """Yield the bytes of an OFF file."""
     yield f"OFF\n# {one_line(part.name)}, written by dsfab {__version__}\n# unit: millimetre\n".encode()
     yield f"{len(part.V)} {len(part.F)} 0\n".encode()
     yield from (text.encode("ascii") for text in rows("%.17g %.17g %.17g\n", *part.V.T))
@@ -66,12 +66,12 @@ def encode_off(part: Part) -> Iterator[bytes]:
 
 
 def encode_ply(part: Part) -> Iterator[bytes]:
-    """Yield header, vertices and faces of a PLY file in little-endian binary form."""
+    """Yield the bytes of a binary PLY file."""
     return ply_chunks(part.V, part.F, "millimetre")
 
 
 def check_ply(part: Part, path: Path) -> ReadBack:
-    """Read the file back with libigl; also compare its length, because libigl accepts a file without its last face."""
+    """Read the file back with libigl and compare the mesh with the part."""
     read = check_mesh(part, *read_with_igl(path))
     short = sum(map(len, encode_ply(part))) - path.stat().st_size
     if short > 0:
@@ -94,20 +94,20 @@ _BEGINNING_OF_ZIP = (1980, 1, 1, 0, 0, 0)
 
 
 def encode_3mf(part: Part) -> Iterator[bytes]:
-    """Yield the bytes of a 3MF file, a zip archive, in one piece."""
+    """Yield the bytes of a 3MF file."""
     package = io.BytesIO()
     with zipfile.ZipFile(package, "w") as archive:
         contents = {"[Content_Types].xml": _TYPES, "_rels/.rels": _RELATIONS, "3D/3dmodel.model": "".join(_model(part))}
         for name, text in contents.items():
             entry = zipfile.ZipInfo(name, _BEGINNING_OF_ZIP)
             entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.create_system = 0  # otherwise the zip names the operating system
+            entry.create_system = 0  # equal zips on all systems
             archive.writestr(entry, text.encode("utf-8"))
     yield package.getvalue()
 
 
 def check_3mf(part: Part, path: Path) -> ReadBack:
-    """Read the file back with lib3mf, which must find one manifold, oriented mesh in mm, and give no warning."""
+    """Read the file back with lib3mf and compare the mesh with the part."""
     import lib3mf
 
     model = lib3mf.get_wrapper().CreateModel()
@@ -147,5 +147,5 @@ def _model(part: Part) -> Iterator[str]:
 
 def _arrays(mesh: object) -> tuple[Floats, Ints]:
     points, corners = b"".join(mesh.GetVertices()), b"".join(mesh.GetTriangleIndices())  # type: ignore[attr-defined]
-    V, F = np.frombuffer(points, np.float32), np.frombuffer(corners, np.uint32)  # lib3mf stores these types
+    V, F = np.frombuffer(points, np.float32), np.frombuffer(corners, np.uint32)
     return V.reshape(-1, 3).astype(np.float64), F.reshape(-1, 3).astype(np.int64)

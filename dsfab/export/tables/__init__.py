@@ -1,1 +1,1 @@
-"""Tables and records: lines, members and forces as CSV, JSON and workbooks."""
+"""Tables and records as CSV, JSON and workbooks."""

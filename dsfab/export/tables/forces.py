@@ -1,4 +1,4 @@
-"""Section forces of a sheet, and forces and Eurocode utilisation of members, as CSV and workbook; SI units."""
+"""Section forces of a sheet, forces and utilisation of members, as CSV and workbook; SI units."""
 
 import csv
 import io
@@ -26,11 +26,11 @@ COLUMNS = ("N [N]", "Vy [N]", "Vz [N]", "Mt [N m]", "My [N m]", "Mz [N m]")
 UNITS = "units: metres, newtons; n and q: newtons per metre of section; m: newton metres per metre of section"
 Q_LESS = "shear q converges one order slower than moment m; on ribs 3 or 4 faces wide, q is up to a fifth too small"
 SHEET_FORMAT = "%.8g"
-READ = 1e-6  # largest error of numbers read back / largest number of the column
+READ = 1e-6  # largest error of read numbers / largest number of the column
 
 
 def prepare_fields(part: Part) -> Part:
-    """Return the part with its section forces as fields, one value per face, by load case and name, for a VTU file."""
+    """Return the part with section forces as fields of the faces, for a VTU file."""
     details = part.details
     values = {name: column for name, column in _faces(part).items() if not name.startswith(("centre", "area"))}
     for case, forces in details.section_forces.items():
@@ -40,7 +40,7 @@ def prepare_fields(part: Part) -> Part:
 
 
 def encode_sheet(part: Part) -> Iterator[bytes]:
-    """Yield a CSV file of section forces: comment lines (#), column names, a row per face (from 1) and load case."""
+    """Yield a CSV file of section forces, with a row per face (from 1) and load case."""
     yield "".join(f"# {x}\r\n" for x in (UNITS, *CONVENTION, "one row per face and case; " + Q_LESS)).encode()
     faces = _scalars(_faces(part))
     yield _line(["case", "face", *faces, *_names(part)]).encode()
@@ -53,7 +53,7 @@ def encode_sheet(part: Part) -> Iterator[bytes]:
 
 
 def check_sheet(part: Part, path: Path) -> ReadBack:
-    """Read the numbers of the file back with numpy and compare them with the part."""
+    """Read the file back and compare the numbers with the part."""
     faces, names, cases = _scalars(_faces(part)), _names(part), part.details.section_forces
     head = len(CONVENTION) + 3
     width = 2 + len(faces) + len(names)
@@ -102,7 +102,6 @@ def _columns(forces: SectionForces) -> dict[str, Floats]:
 
 
 def _scalars(columns: Mapping[str, Floats]) -> dict[str, Floats]:
-    """Split each vector column in three: `local x [1]` becomes `local x.x [1]`, `local x.y [1]`, `local x.z [1]`."""
     scalars: dict[str, Floats] = {}
     for name, values in columns.items():
         if values.ndim == 1:
@@ -131,7 +130,7 @@ MEMBER_NOTES = (
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Yield a CSV file of member forces: comment lines (#), column names, a row per member, station and case."""
+    """Yield a CSV file of member forces, with a row per member, station and case."""
     text = io.StringIO()
     text.writelines(f"# {line}\r\n" for line in MEMBER_NOTES)
     writer = csv.writer(text)
@@ -143,7 +142,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the numbers of the file back with numpy and compare them with the part."""
+    """Read the file back and compare the numbers with the part."""
     numbers = np.loadtxt(
         path, delimiter=",", comments=None, skiprows=len(MEMBER_NOTES) + 1, quotechar='"', usecols=range(4, 10), ndmin=2
     )
@@ -158,7 +157,7 @@ NOT_IN_NAMES = str.maketrans(dict.fromkeys("[]:*?/\\'", "_"))
 
 
 def encode_workbook(part: Part) -> Iterator[bytes]:
-    """Yield a workbook of the forces of members, with a sheet for each member; equal parts give equal bytes."""
+    """Yield a workbook of member forces, with a sheet for each member."""
     import xlsxwriter
 
     file, members = io.BytesIO(), _forces(part)
@@ -185,7 +184,7 @@ def encode_workbook(part: Part) -> Iterator[bytes]:
 
 
 def check_workbook(part: Part, path: Path) -> ReadBack:
-    """Read the numbers back with readers of the standard library, and compare them with the part."""
+    """Read the file back and compare the numbers with the part."""
     cells, members = workbook_cells(path), _forces(part)
     require_equal(part, "sheets", len(members) + 2, len(cells))
     count = 0
@@ -202,7 +201,7 @@ def check_workbook(part: Part, path: Path) -> ReadBack:
 
 
 def sheet_names(members: Iterable[str]) -> list[str]:
-    r"""Return names for the members' sheets: distinct without regard to case, at most 31 letters, no []:*?/\\'."""
+    r"""Return distinct names for the members' sheets, at most 31 letters, without []:*?/\\'."""
     seen, names, width = {"about", "largest"}, [], 31
     for member in members:
         word = member.translate(NOT_IN_NAMES)[:width]
@@ -247,7 +246,7 @@ HEAD = ("member", "bay", "utilisation", "check", "clause", "case", "along [m]", 
 
 
 def encode_utilisation(part: Part) -> Iterator[bytes]:
-    """Yield a CSV file of utilisations: comment lines (#), column names, then a row for each bay of a member."""
+    """Yield a CSV file of utilisations, with a row for each bay of a member."""
     utilisation = _utilisation(part)
     text, bays = io.StringIO(), utilisation.bays
     text.writelines(f"# {line}\r\n" for line in _lines(utilisation))
@@ -284,7 +283,7 @@ def _number(value: float) -> str:
 
 
 def check_utilisation(part: Part, path: Path) -> ReadBack:
-    """Read the numbers of the file back and compare them with the part."""
+    """Read the file back and compare the numbers with the part."""
     utilisation = _utilisation(part)
     lines = path.read_text(encoding="utf-8").splitlines()
     rows = list(csv.reader(line for line in lines if not line.startswith("#")))[1:]

@@ -1,4 +1,4 @@
-"""Lines, members and nodes of a design as CSV and JSON, for spreadsheets and scripts; millimetres."""
+"""Lines, members and nodes of a design as CSV and JSON, in millimetres."""
 
 import csv
 import io
@@ -19,7 +19,7 @@ HEAD = ("id", "kind", "family", "number", "part", "closed", "length_mm", "point"
 
 
 def encode_csv(part: Part) -> Iterator[bytes]:
-    """Yield lines as CSV: a row per point (from 1), rounded to 1e-6 mm. A closed line repeats its first point."""
+    """Yield lines as CSV: a row for each point. A closed line repeats its first point."""
     yield (",".join(HEAD) + "\r\n").encode()
     for line in part.details.lines:
         text = io.StringIO()
@@ -31,7 +31,7 @@ def encode_csv(part: Part) -> Iterator[bytes]:
 
 
 def check_csv(part: Part, path: Path) -> ReadBack:
-    """Read the rows of the file back and compare the lines with the lines of the part."""
+    """Read the file back and compare the lines with the lines of the part."""
     with open(path, encoding="utf-8", newline="") as file:
         table = list(csv.DictReader(file))
     lines = [
@@ -42,7 +42,7 @@ def check_csv(part: Part, path: Path) -> ReadBack:
 
 
 def encode_json(part: Part) -> Iterator[bytes]:
-    """Yield one JSON object, with one row of text for each structure line; coordinates are rounded to 1e-6 mm."""
+    """Yield structure lines as one JSON object, with coordinates rounded to 1e-6 mm."""
     head = {
         "name": part.name,
         "program": f"dsfab {__version__}",
@@ -59,13 +59,13 @@ def encode_json(part: Part) -> Iterator[bytes]:
 
 
 def check_json(part: Part, path: Path) -> ReadBack:
-    """Read the JSON object back and compare the lines with the lines of the part."""
+    """Read the file back and compare the lines with the lines of the part."""
     lines = json.loads(path.read_text(encoding="utf-8"))["lines"]
     return check_lines(part, [np.array(line["points"], dtype=np.float64) for line in lines])
 
 
 def encode_members_json(part: Part) -> Iterator[bytes]:
-    """Yield one JSON object, with a line of text for each member and for each node."""
+    """Yield members and nodes as one JSON object."""
     graph = graph_of(part)
     entries = {"members": member_entries(part), "nodes": [node_entry(node) for node in graph.nodes]}
     head = {"name": part.name, "program": f"dsfab {__version__}", "unit": "millimetre", "curvature": "1/m"}
@@ -79,7 +79,7 @@ def encode_members_json(part: Part) -> Iterator[bytes]:
 
 
 def check_members_json(part: Part, path: Path) -> ReadBack:
-    """Read the JSON object back and compare its members and nodes with the part."""
+    """Read the file back and compare members and nodes with the part."""
     content = json.loads(path.read_text(encoding="utf-8"))
     for key in ("members", "nodes"):
         check_ids(part, key, [entry["id"] for entry in content[key]])
@@ -87,12 +87,12 @@ def check_members_json(part: Part, path: Path) -> ReadBack:
 
 
 def check_ids(part: Part, key: str, names: list[str]) -> None:
-    """Raise ExportError unless the names are those of the part's members or nodes; key : "members" or "nodes"."""
+    """Raise ExportError unless the names are those of the part's members or nodes."""
     require_equal(part, key, [item.id for item in getattr(graph_of(part), key)], names)
 
 
 def length_error(part: Part, length_read: float) -> ReadBack:
-    """Return the number of members, and the relative error of their total length `length_read` (mm) in the file."""
+    """Return the number of members, and the relative error of their total length `length_read` (mm)."""
     members = graph_of(part).members
     length_expected = sum(rounded_mm(member.length) for member in members)
     error = length_read / length_expected - 1 if length_expected else float("nan")
@@ -100,7 +100,7 @@ def length_error(part: Part, length_read: float) -> ReadBack:
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Yield members as CSV rows: lengths in millimetres, curvatures in 1/m. Cells are empty if a member has no axis."""
+    """Yield members as CSV rows: lengths in millimetres, curvatures in 1/m."""
     yield from _table([_member_row(entry) for entry in member_entries(part)])
 
 
@@ -110,14 +110,14 @@ def encode_nodes(part: Part) -> Iterator[bytes]:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the rows of members back and compare them with the members of the part."""
+    """Read the file back and compare its members with the members of the part."""
     rows = _rows(path)
     check_ids(part, "members", [row["id"] for row in rows])
     return length_error(part, sum(float(row["length_mm"]) for row in rows))
 
 
 def check_nodes(part: Part, path: Path) -> ReadBack:
-    """Read the rows of nodes back and compare them with the nodes of the part."""
+    """Read the file back and compare its nodes with the nodes of the part."""
     rows = _rows(path)
     check_ids(part, "nodes", [row["id"] for row in rows])
     return ReadBack(len(rows), "nodes")

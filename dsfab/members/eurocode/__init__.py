@@ -1,4 +1,4 @@
-"""Check of members by the Eurocodes: force divided by resistance, for each bay, with the clause of each check.
+"""Check of members by the Eurocodes.
 
 grades   characteristic strengths by material, durations of loads, k_mod
 checks   bays with sections and forces, checks with clauses, utilisation

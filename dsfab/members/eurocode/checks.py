@@ -1,4 +1,4 @@
-"""Data for checks of members: bays (parts between nodes), rectangular sections, code checks, and utilisation."""
+"""Data for checks of members: bays (parts between nodes), rectangular sections, utilisation."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ class MemberBays:
     width     : (b, 5) width of the section.    thickness : thickness of all sections.
     length    : (b,) distance between the nodes along the axis.
     curvature : (b, 5) normal curvature of the axis, 1/m.
-    forces    : (b, 5, 6) N, Vy, Vz in N; Mt, My, Mz in Nm; by case and combination (`MemberForces`).
+    forces    : (b, 5, 6) N, Vy, Vz in N; Mt, My, Mz in Nm; by case.
 
           z, normal      width along y, thickness along z:
           |  y           My bends the member out of the surface (W = width thickness^2 / 6),
@@ -89,14 +89,14 @@ class CodeCheck(NamedTuple):
 
 
 CheckRatios = dict[CodeCheck, Floats]
-"""Force divided by resistance, by check: (b, 5) at the stations of b bays, or (b, 1) for whole bays."""
+"""Force / resistance, by check: (b, 5) at the stations of bays, or (b, 1) for whole bays."""
 
 
 @dataclass(frozen=True, eq=False)
 class Utilisation:
     """Forces on bays, divided by their resistances; 1 is the limit. b counts the bays, c the checks.
     standard  : name of the standard, or the reason for its absence.
-    values    : (b, c) largest value along each bay for each check, by case or combination.
+    values    : (b, c) largest value along each bay, by case or combination.
     station   : (b, c) station of the largest value, 0 to 4, by case; 0 for a value of the whole bay.
     assumed   : sentences on assumptions.    unchecked : topics without a check.
     combined  : True if cases are combinations with partial factors."""
@@ -126,12 +126,12 @@ class Utilisation:
 
     @cached_property
     def worst(self) -> Floats:
-        """Largest utilisation (b, c) of each bay (part between two nodes) in each check, over all cases."""
+        """Largest utilisation (b, c) over all cases."""
         return np.asarray(self._all.max(axis=1))
 
     @cached_property
     def largest(self) -> Floats:
-        """Largest utilisation (b,) of each bay, over all checks and cases."""
+        """Largest utilisation (b,) over all checks and cases."""
         return np.asarray(self.worst.max(axis=1))
 
     def governing(self, bay: int) -> tuple[CodeCheck, str, int]:
@@ -142,7 +142,7 @@ class Utilisation:
 
     @cached_property
     def order(self) -> Ints:
-        """Numbers of the bays (b,), the bay with the largest utilisation first."""
+        """Numbers of the bays (b,), the most utilised bay first."""
         return np.argsort(-self.largest, kind="stable")
 
     @cached_property
@@ -154,7 +154,7 @@ class Utilisation:
         return by_name
 
     def worst_bays(self, count: int) -> list[int]:
-        """Return the most utilised bay (between nodes) of each of the `count` most utilised members, worst first."""
+        """Return the worst bay of each of the `count` most utilised members, worst first."""
         seen: dict[str, int] = {}
         for bay in self.order.tolist():
             seen.setdefault(self.bays.member[bay], bay)
@@ -162,7 +162,7 @@ class Utilisation:
 
     @property
     def summary(self) -> str:
-        """Sentence on the largest utilisation and the number of members above 100 %."""
+        """Sentence on the largest utilisation."""
         bay = int(self.order[0])
         check, case, _ = self.governing(bay)
         over = [name for name, value in self.by_member.items() if value > 1]
@@ -173,14 +173,14 @@ class Utilisation:
 
 @dataclass(frozen=True, eq=False)
 class Rectangle:
-    """Rectangular sections with `width` along y and `thickness` along z, metres: (b, k), k sections in each bay."""
+    """Rectangular sections, `width` along y and `thickness` along z, metres: (b, k), k sections in each of b bays."""
 
     width: Floats
     thickness: Floats
 
     @cached_property
     def area(self) -> Floats:
-        """Areas of the sections (b, k), m2."""
+        """Areas (b, k), m2."""
         return np.asarray(self.width * self.thickness)
 
     @cached_property
@@ -195,17 +195,17 @@ class Rectangle:
 
     @cached_property
     def iy(self) -> Floats:
-        """Radii of gyration for bending out of the surface (b, k), metres."""
+        """Radii of gyration out of the surface (b, k), metres."""
         return np.asarray(self.thickness / np.sqrt(12))
 
     @cached_property
     def iz(self) -> Floats:
-        """Radii of gyration (b, k), metres, for bending about z, within the surface."""
+        """Radii of gyration within the surface (b, k), metres."""
         return np.asarray(self.width / np.sqrt(12))
 
     @cached_property
     def lying(self) -> Floats:
-        """1 for sections (b, k) whose strong axis is z (wider than thick); else 0."""
+        """1 for sections (b, k) that are wider than thick; else 0."""
         return np.asarray((self.width >= self.thickness).astype(np.float64))
 
     @cached_property
@@ -227,21 +227,19 @@ class Rectangle:
         return np.asarray(8 * a**3 * r**2 / (3 * (1 + 0.6095 * r + 0.8865 * r**2 - 1.8023 * r**3 + 0.91 * r**4)))
 
     def slimmest(self) -> "Rectangle":
-        """Return the narrowest section (b, 1) of each bay, except at its ends, where joints have more material."""
+        """Return the narrowest section (b, 1) of each bay, without the sections at its ends."""
         inner = slice(1, -1) if self.width.shape[1] > 2 else slice(None)
         narrow = (side[:, inner].min(axis=1, keepdims=True) for side in (self.width, self.thickness))
         return Rectangle(*narrow)
 
     def torsional(self, length: Floats, young: float, shear: float) -> Floats:
-        """Return the critical moment (b, k), Nm, of lateral buckling under a uniform moment, for bay lengths L, metres:
-        pi / L sqrt(E I G It) [Timoshenko, Gere 1961, 6.1]."""
+        """Return the critical moment (b, k), Nm, of lateral buckling [Timoshenko, Gere 1961, 6.1].
+        length : lengths of bays, metres.    young, shear : moduli, Pa."""
         return np.asarray(np.pi / length * np.sqrt(young * self.weak * shear * self.It))
 
 
 def moment_factor(moment: Floats) -> Floats:
-    """Return the equivalent uniform moment factor C_m (b, 1) for moments (b, 5) at five stations of each bay.
-    For a linear moment with the ratio psi of the end moments, C_m is 0.6 + 0.4 psi, but at least 0.4.
-    [EN 1993-1-1, table B.3, uniform loading]"""
+    """Return the equivalent uniform moment factor C_m (b, 1) for moments (b, 5) of bays [EN 1993-1-1, table B.3]."""
     ends = moment[:, [0, -1]]
     first_is_larger = np.abs(ends[:, 0]) >= np.abs(ends[:, 1])
     large, small = np.where(first_is_larger, ends[:, 0], ends[:, 1]), np.where(first_is_larger, ends[:, 1], ends[:, 0])
@@ -261,8 +259,8 @@ STRESS = CodeCheck("stress over strength", "no standard: sqrt(s^2 + 3 t^2), s = 
 
 
 def plain_checks(bays: MemberBays, forces: Floats, strength: float, bent: Floats) -> CheckRatios:
-    """Return the largest von Mises stress of an elastic section, divided by a strength (Pa).
-    forces : (b, 5, 6) at five stations of each bay.    bent : (b, 5) stress from bending members into shape, Pa."""
+    """Return the largest von Mises stress, divided by a strength (Pa).
+    forces : (b, 5, 6) at five stations of each bay.    bent : (b, 5) stress from bending into shape, Pa."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     N, Vy, Vz, Mt, My, Mz = np.abs(np.moveaxis(forces, -1, 0))
     axial = N / section.area + My / section.Wy + Mz / section.Wz + bent

@@ -1,4 +1,4 @@
-"""Characteristic strengths of steel and timber grades, and load durations with k_mod (EN 1995-1-1)."""
+"""Strengths of steel and timber grades, and load durations with k_mod (EN 1995-1-1)."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -9,18 +9,19 @@ MPA = 1e6
 
 @dataclass(frozen=True)
 class SteelGrade:
-    """A steel grade. yields : pairs of largest thickness (m) and yield strength (Pa), thin plates first."""
+    """A steel grade.
+    yields : pairs of largest thickness (m) and yield strength (Pa), thin plates first."""
 
     name: str
     yields: tuple[tuple[float, float], ...]
     source: str
 
     def fy(self, thickness: float) -> float:
-        """Return the yield strength (Pa) at a thickness (m); for a thicker plate than in `yields`, the last value."""
+        """Return the yield strength (Pa) at a thickness (m)."""
         return next((value for limit, value in self.yields if thickness <= limit * (1 + 1e-9)), self.yields[-1][1])
 
     def covers(self, thickness: float) -> bool:
-        """Return True if a plate thickness (m) is not above the largest thickness in `yields`."""
+        """Return True if the grade has a yield strength at this thickness (m)."""
         return thickness <= self.yields[-1][0] * (1 + 1e-9)
 
 
@@ -30,7 +31,7 @@ def _steel(name: str, megapascals: tuple[float, ...], product: str) -> SteelGrad
 
 
 PLATES = (0.04, 0.08, 0.1, 0.15, 0.2)
-"""Largest thickness (m) for each yield strength. Up to 80 mm, strengths are from EN 1993-1-1, above from EN 10025."""
+"""Largest thickness (m) for each yield strength. Sources: EN 1993-1-1 up to 80 mm, then EN 10025."""
 STEEL = {
     grade.name: grade
     for grade in (
@@ -40,7 +41,7 @@ STEEL = {
         _steel("S460", (460, 430, 400, 380, 370), "EN 10025-3, table 4"),
     )
 }
-"""Structural steel by name; S460 is S460N."""
+"""Structural steel by name."""
 
 Product = Literal["solid timber", "glulam", "LVL"]
 
@@ -48,7 +49,7 @@ Product = Literal["solid timber", "glulam", "LVL"]
 @dataclass(frozen=True)
 class TimberGrade:
     """Characteristic values along the grain, Pa: bending `fm`, tension `ft`, compression `fc`, shear `fv`.
-    E05, G05 : 5 % quantiles of the moduli.    fm_flat, fv_flat : values for flatwise bending, different for LVL only.
+    E05, G05 : 5 % quantiles of the moduli.    fm_flat, fv_flat : values for flatwise bending.
     size     : exponent s of the size effect of LVL."""
 
     name: str
@@ -96,7 +97,7 @@ TIMBER = {
 
 Duration = Literal["permanent", "long", "medium", "short", "instantaneous"]
 DURATIONS: tuple[Duration, ...] = get_args(Duration)
-"""Load durations, from more than ten years to moments [EN 1995-1-1, table 2.1]."""
+"""Load durations, longest first [EN 1995-1-1, table 2.1]."""
 
 ServiceClass = Literal[1, 2, 3]
 
@@ -105,7 +106,7 @@ K_MOD: dict[ServiceClass, tuple[float, ...]] = {
     2: (0.6, 0.7, 0.8, 0.9, 1.1),
     3: (0.5, 0.55, 0.65, 0.7, 0.9),
 }
-"""Factors k_mod of timber products [EN 1995-1-1, table 3.1], by service class, in the order of `DURATIONS`."""
+"""Factors k_mod [EN 1995-1-1, table 3.1], by service class, in the order of `DURATIONS`."""
 
 
 def k_mod(duration: Duration, service_class: ServiceClass) -> float:
@@ -114,5 +115,5 @@ def k_mod(duration: Duration, service_class: ServiceClass) -> float:
 
 
 def shortest(durations: Iterable[Duration]) -> Duration:
-    """Return the shortest duration, which governs loads that act together [EN 1995-1-1, 3.1.3 (2)]."""
+    """Return the shortest duration [EN 1995-1-1, 3.1.3 (2)]."""
     return max(durations, key=DURATIONS.index)

@@ -1,4 +1,4 @@
-"""Checks of the bays of members by the standard of their material, for each case."""
+"""Checks of the bays of members by the standard of the material."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -28,11 +28,9 @@ UNCHECKED = (
 @dataclass(frozen=True)
 class Rules:
     """Rules for checking members.
-    material  : name of the material, or ''.    young, shear : moduli, Pa.
-    strength  : Pa, for materials without a standard in dsfab.
-    durations : durations of the loads, by case and combination.
-    steel, timber : factors of the checks.    loads : sentence on the loads.
-    combined  : True if cases are combinations with partial factors."""
+    young, shear : moduli, Pa.
+    strength : Pa, for materials without a standard in dsfab.
+    combined : True if cases are combinations with partial factors."""
 
     material: str
     young: float
@@ -46,8 +44,8 @@ class Rules:
 
 
 def utilisation(bays: MemberBays, rules: Rules) -> Utilisation:
-    """Return force divided by resistance, for bays and all their cases.
-    Raises StaticsError if there are no bays, or if the material and the strength are both unknown."""
+    """Return force divided by resistance, for all bays and cases.
+    Raises StaticsError without bays, or if the material and the strength are unknown."""
     if not bays.member:
         raise StaticsError(
             "no member has a bay between two nodes, so the report checks nothing; see dsfab export --to csv"

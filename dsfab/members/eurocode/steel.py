@@ -1,4 +1,4 @@
-"""EN 1993-1-1:2005, 6.2 and 6.3, for flats: rectangles of structural steel without holes."""
+"""EN 1993-1-1:2005, 6.2 and 6.3, for flats: rectangles of structural steel."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -14,7 +14,7 @@ Curve = Literal["a0", "a", "b", "c", "d"]
 ALPHA: dict[Curve, float] = {"a0": 0.13, "a": 0.21, "b": 0.34, "c": 0.49, "d": 0.76}
 """Imperfection factors of buckling curves [EN 1993-1-1, table 6.1]."""
 SIDEWAYS: Curve = "d"
-"""Curve of lateral torsional buckling for sections that are not I-shaped [EN 1993-1-1, table 6.4]."""
+"""Curve of lateral torsional buckling [EN 1993-1-1, table 6.4]."""
 
 TENSION = CodeCheck("tension", f"{STANDARD} 6.2.3 (6.5)")
 COMPRESSION = CodeCheck("compression", f"{STANDARD} 6.2.4 (6.9)")
@@ -29,9 +29,9 @@ BOTH = CodeCheck("buckling and bending", f"{STANDARD} 6.3.3 (6.61), (6.62)")
 @dataclass(frozen=True)
 class SteelFactors:
     """Factors of steel checks.
-    curve    : curve of flexural buckling, c for solid sections [EN 1993-1-1, table 6.2].
+    curve    : curve of flexural buckling [EN 1993-1-1, table 6.2].
     gamma_m0 : partial factor of sections.    gamma_m1 : partial factor of members [6.1].
-    buckling_length : buckling length divided by the distance between nodes."""
+    buckling_length : buckling length / distance between nodes."""
 
     curve: Curve = "c"
     gamma_m0: float = 1.0
@@ -42,7 +42,7 @@ class SteelFactors:
 def steel_checks(
     bays: MemberBays, forces: Floats, grade: SteelGrade, elastic: tuple[float, float], factors: SteelFactors
 ) -> CheckRatios:
-    """Return force / resistance by check, for bays (parts between nodes) under forces (b, 5, 6). elastic : E, G, Pa."""
+    """Return force / resistance by check, for bays under forces (b, 5, 6). elastic : E, G, Pa."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     fy = grade.fy(bays.thickness)
     ratios = section_checks(section, forces, fy / factors.gamma_m0)
@@ -51,14 +51,12 @@ def steel_checks(
 
 
 def section_checks(section: Rectangle, forces: Floats, fd: float) -> CheckRatios:
-    """Return force / resistance of sections (b, 5) under forces (b, 5, 6), with fd = f_y / gamma_M0, Pa.
-    The shear stress is elastic, 1.5 V / A, plus St. Venant's torsion. Torsion reduces the plastic shear resistance.
-    V above half of this resistance reduces f_y for N and M by the factor 1 - rho [6.2.8, 6.2.10].
-    N and bending combine as (N / N_Rd)^2 + My / My_pl,Rd + Mz / Mz_pl,Rd, as in (6.32), and (6.41) with exponents 1."""
+    """Return force / resistance of sections (b, 5) under forces (b, 5, 6) [EN 1993-1-1, 6.2.8, 6.2.10, (6.32), (6.41)].
+    fd : f_y / gamma_M0, Pa."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     V, torsion = np.hypot(Vy, Vz) / section.area, np.abs(Mt) / section.Wt
     tau = fd / np.sqrt(3)
-    nearly = 0.95  # largest V / shear resistance for `plastic` and `rho`; above it, the check of shear governs
+    nearly = 0.95  # above this ratio the check of shear governs
     plastic = V / tau / np.maximum(1 - torsion / tau, V / tau / nearly + 1e-12)
     rho = np.where(plastic > 0.5, (2 * np.minimum(plastic, nearly) - 1) ** 2, 0.0)
     n, strength_share = N / (section.area * fd), 1 - rho
@@ -72,7 +70,7 @@ def section_checks(section: Rectangle, forces: Floats, fd: float) -> CheckRatios
 
 
 def reduction(slenderness: Floats, curve: Curve) -> Floats:
-    """Return the buckling factor chi for slendernesses (b, k) [EN 1993-1-1, (6.49)]; 1 up to a slenderness of 0.2."""
+    """Return the buckling factor chi for slendernesses (b, k) [EN 1993-1-1, (6.49)]."""
     phi = 0.5 * (1 + ALPHA[curve] * (slenderness - 0.2) + slenderness**2)
     chi = 1 / (phi + np.sqrt(np.maximum(phi**2 - slenderness**2, 0.0)))
     return np.asarray(np.where(slenderness <= 0.2, 1.0, np.minimum(chi, 1.0)))
@@ -81,9 +79,7 @@ def reduction(slenderness: Floats, curve: Curve) -> Floats:
 def member_checks(
     section: Rectangle, forces: Floats, length: Floats, material: tuple[float, float, float], factors: SteelFactors
 ) -> CheckRatios:
-    """Return force / resistance (b, 1) in buckling. length : (b, 1) buckling lengths, m. material : f_y, E, G, Pa.
-    The largest compression and the largest moments of a bay act together on its narrowest section.
-    Moment resistances are elastic. Interaction factors are from annex B, table B.2, for class 3."""
+    """Return force / resistance (b, 1) in buckling. length : (b, 1) buckling lengths, m. material : f_y, E, G, Pa."""
     fy, young, shear = material
     slim = section.slimmest()
     N = np.maximum(-forces[:, :, 0], 0.0).max(axis=1, keepdims=True)
@@ -105,8 +101,6 @@ def _by(lying: Floats, if_lying: Floats, if_upright: Floats) -> Floats:
 
 
 def _interaction(strong: list[Floats], weak: list[Floats], tilted: Floats) -> Floats:
-    """Return the larger of the ratios [EN 1993-1-1, (6.61), (6.62)]. tilted : M / M_Rd / chi_LT about the strong axis.
-    strong, weak : relative slenderness, N / N_b,Rd, M / M_Rd and C_m for this axis."""
     (lam_s, n_s, _, C_s), (lam_w, n_w, m_w, C_w) = strong, weak
     k_ss = C_s * (1 + 0.6 * np.minimum(lam_s, 1) * n_s)
     k_ww = C_w * (1 + 0.6 * np.minimum(lam_w, 1) * n_w)

@@ -1,4 +1,4 @@
-"""EN 1995-1-1:2004 with A1 and A2, 6.1 to 6.3, for laths: rectangles of timber along the grain."""
+"""Checks of laths, rectangles of timber along the grain [EN 1995-1-1:2004 with A1 and A2, 6.1 to 6.3]."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ STANDARD = "EN 1995-1-1"
 GAMMA: dict[Product, float] = {"solid timber": 1.3, "glulam": 1.25, "LVL": 1.2}
 """Partial factors [EN 1995-1-1, table 2.3]."""
 K_CR: dict[Product, float] = {"solid timber": 0.67, "glulam": 0.67, "LVL": 1.0}
-"""Factor on the width for shear, because of cracks [EN 1995-1-1, 6.1.7 (2)]."""
+"""Factor on the width for shear [EN 1995-1-1, 6.1.7 (2)]."""
 BETA: dict[Product, float] = {"solid timber": 0.2, "glulam": 0.1, "LVL": 0.1}
 """Imperfection factors of members [EN 1995-1-1, (6.29)]."""
 K_M = 0.7  # Factor for biaxial bending of rectangles [EN 1995-1-1, 6.1.6 (2)].
@@ -37,7 +37,7 @@ class TimberFactors:
     service_class : 1 heated, 2 under a roof, 3 in the open.
     gamma_m       : partial factor; None for the factor of table 2.3.
     buckling_length : buckling length divided by the distance between nodes.
-    layer         : thickness (m) of layers that are bent into shape; 0 for members made in their shape."""
+    layer         : thickness (m) of bent layers; 0 for members made in their shape."""
 
     service_class: ServiceClass = 2
     gamma_m: float | None = None
@@ -48,9 +48,8 @@ class TimberFactors:
 def timber_checks(
     bays: MemberBays, forces: Floats, grade: TimberGrade, elastic: float, duration: Duration, factors: TimberFactors
 ) -> CheckRatios:
-    """Return force / resistance by check. forces : (b, 5, 6), six section forces at five sections of each of b bays.
-    duration : duration of the shortest load.
-    elastic  : Young's modulus, Pa. Bending a layer into shape gives the stress elastic * thickness * curvature / 2."""
+    """Return force / resistance by check. forces : (b, 5, 6), six section forces at five sections of each bay.
+    elastic : Young's modulus, Pa."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     over = (factors.gamma_m or GAMMA[grade.product]) / k_mod(duration, factors.service_class)
     bent = elastic * factors.layer * np.abs(bays.curvature) / 2
@@ -77,7 +76,7 @@ class Stresses:
 
 
 def stresses(section: Rectangle, forces: Floats, bent: Floats, grade: TimberGrade) -> Stresses:
-    """Return the stresses under forces (b, 5, 6). bent : (b, 5) initial bending stress, Pa, added to |My| / Wy."""
+    """Return the stresses under forces (b, 5, 6). bent : (b, 5) initial bending stress, Pa."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     shear_area = K_CR[grade.product] * section.area
     return Stresses(
@@ -91,7 +90,6 @@ def stresses(section: Rectangle, forces: Floats, bent: Floats, grade: TimberGrad
 
 
 def _bending(section: Rectangle, stress: Stresses, grade: TimberGrade) -> tuple[Floats, Floats]:
-    """Return bending stress / characteristic strength for My, Mz; LVL over 300 mm wide is weaker for Mz [3.4 (3)]."""
     deep = np.maximum(section.width / LVL_HEIGHT, 1.0) ** grade.size
     return stress.my / grade.fm_flat, stress.mz * deep / grade.fm
 
@@ -119,7 +117,7 @@ def section_checks(
 
 
 def column_factor(slenderness: Floats, grade: TimberGrade) -> Floats:
-    """Return the buckling factor k_c for relative slendernesses (b, k) [EN 1995-1-1, (6.25) to (6.29)]; 1 up to 0.3."""
+    """Return the buckling factor k_c for relative slendernesses (b, k) [EN 1995-1-1, (6.25) to (6.29)]."""
     k = 0.5 * (1 + BETA[grade.product] * (slenderness - STRAIGHT) + slenderness**2)
     k_c = 1 / (k + np.sqrt(np.maximum(k**2 - slenderness**2, 0.0)))
     return np.asarray(np.where(slenderness <= STRAIGHT, 1.0, np.minimum(k_c, 1.0)))

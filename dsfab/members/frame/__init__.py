@@ -1,8 +1,8 @@
-"""The beam model of a structure: its members as beams between nodes, solved and compared with the sheet.
+"""The beam model of a structure: its members as beams between nodes.
 
 joints   nodes where members meet and end, and at the centres of discs
 beams    straight pieces, loads and supports on nodes
-build    the whole model: `Design.frame`
+build    the whole model
 model    `Frame`, its solution, comparison with the sheet
 forces   member forces from the section forces of the sheet"""
 

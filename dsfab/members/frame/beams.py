@@ -1,4 +1,4 @@
-"""Members as straight beams between nodes, with the loads and supports of the sheet at these nodes."""
+"""Members as straight beams between nodes, with loads and supports."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -18,9 +18,10 @@ SHORT = 1e-3  # Least distance between two nodes of a member, as a fraction of i
 
 
 class BeamRow(NamedTuple):
-    """A straight beam. ends : numbers of its two nodes.    normal : local z axis, normal to the surface.    width : m.
-    shift  : metres from the beam to the material's middle, positive to the left.    member : its number, -1 for a link.
-    stout  : width of the member / length of its bay (part between nodes), at most 1; 0 for a link."""
+    """A straight beam.
+    ends  : numbers of the two nodes.    normal : local z axis.    width : m.    member : number, -1 for a link.
+    shift : metres from the beam to the material's middle, positive to the left.
+    stout : width / length of the bay (part between nodes), at most 1; 0 for a link."""
 
     ends: tuple[int, int]
     normal: Floats
@@ -32,7 +33,7 @@ class BeamRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Beams:
-    """Beams as arrays with a row for each beam. `BeamRow` explains the values."""
+    """Beams as arrays with a row for each beam; values as in `BeamRow`."""
 
     ends: Ints
     normal: Floats
@@ -54,7 +55,8 @@ class Beams:
         return Beams(ends[chosen], *shape, self.member[chosen], self.stout[chosen])
 
     def and_links(self, ends: Ints, normal: Floats, width: Floats) -> "Beams":
-        """Return these beams and k links between nodes `ends` (k, 2). width : (k,), m. normal : (k, 3) local z."""
+        """Return these beams and k links between nodes `ends` (k, 2).
+        width : (k,), m.    normal : (k, 3) local z."""
         none = np.zeros(len(ends))
         return Beams(
             np.concatenate([self.ends, ends]),
@@ -67,7 +69,7 @@ class Beams:
 
 
 def beams_along(joints: AxisJoints) -> Beams:
-    """Return beams along all members' axes, and the links `joints.links`. Nodes between beams are added to `joints`."""
+    """Return beams along all members' axes, and links. New nodes are added to `joints`."""
     rows = list[BeamRow]()
     for number, member in enumerate(joints.members_with_axis):
         for begin, end in pairwise(_stations(joints, member)):
@@ -118,15 +120,13 @@ def _bay(
 
 
 def _sides(member: Member) -> Floats:
-    """Return a member's widths left and right of its axis; for a disc (no inner edge), at least area / length / 2."""
     return member.sides if member.kind != "disc" else np.maximum(member.sides, member.area / member.length / 2)
 
 
 def _divide_bay(
     member: Member, span: tuple[float, float], joint_widths: tuple[float, float], least: int
 ) -> tuple[Floats, Floats]:
-    """Divide a bay (part of a member between nodes) into k beams; return arc lengths (k + 1,) of the beams' ends, m.
-    Also return widths (k,) to add, m; 0 outside of joints. least : smallest number of beams between the joints."""
+    """Return the ends (k + 1,) of k beams in a bay, and added widths (k,), m."""
     (s, t), axis = span, member.curve
     half = fitting(np.array(joint_widths) / 2, t - s)
     half[half < 0.05 * member.mean_width] = 0.0  # joints whose half length is smaller are left out
@@ -150,8 +150,8 @@ def _divide_bay(
 
 @dataclass(frozen=True, eq=False)
 class BeamPlaces:
-    """For each of q places, the nearest beam.
-    beam : (q,) its number.    along : (q,) position on the beam, 0 to 1.    foot : (q, 3) nearest point on the beam."""
+    """For q places, the nearest beam.
+    beam : (q,) number.    along : (q,) position, 0 to 1.    foot : (q, 3) nearest point on the beam."""
 
     beam: Ints
     along: Floats
@@ -159,7 +159,8 @@ class BeamPlaces:
 
 
 def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
-    """Return the beam nearest to each place (q, 3), with the nearest point of the beam. points : (n, 3) nodes."""
+    """Return the beam nearest to each place (q, 3).
+    points : (n, 3) nodes."""
     a, b = points[beams.ends[:, 0]], points[beams.ends[:, 1]]
     count = 9  # samples along each beam; candidates for the nearest beam contain one of the place's six nearest samples
     samples = (a[:, None] + np.linspace(0, 1, count)[:, None] * (b - a)[:, None]).reshape(-1, 3)
@@ -177,9 +178,7 @@ def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
 
 
 def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, beams: Beams) -> Floats:
-    """Return forces and moments (n, 6), N and Nm, at nodes, from forces on the vertices V (v, 3) of a sheet.
-    Each force moves to the nearest point of the nearest beam, with its moment about that point. Both end nodes of this
-    beam share force and moment, in proportion to the point's distance from the opposite node."""
+    """Return forces and moments (n, 6), N and Nm, at nodes, from forces on vertices V (v, 3)."""
     loads = np.zeros((len(points), 6))
     ends, moment = beams.ends[places.beam], np.cross(V - places.foot, load.force)
     for side, share in ((0, 1 - places.along), (1, places.along)):
@@ -191,7 +190,7 @@ def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, b
 @dataclass(frozen=True, eq=False)
 class NodeSupports:
     """Supports at nodes of a frame; h counts the supports.
-    node   : (h,) nearest end node of the nearest beam.    place : (h, 3) centre of the supported vertices, metres.
+    node   : (h,) nearest node.    place : (h, 3) centre of the support, metres.
     apart  : (h,) True if a link must join node and place.    width : (h,) width of this link, metres.
     fixed  : (h, 6) True for a fixed translation or rotation.    spring : (h, 6) N/m."""
 
@@ -204,8 +203,8 @@ class NodeSupports:
 
 
 def supports_at_nodes(load: LoadCase, surface: Surface, points: Floats, beams: Beams) -> NodeSupports:
-    """Return the supports of a sheet, each at the nearest node of the nearest beam. points : (n, 3) nodes.
-    A support of whole faces, such as a column head, also fixes the rotations of its node."""
+    """Return the supports of a sheet, at the nearest nodes of beams.
+    points : (n, 3) nodes."""
     V, clamped = surface.V, _clamped_vertices(surface, load)
     vertices = np.flatnonzero(load.supported | clamped)
     places = nearest_beams(V[vertices], points, beams)
@@ -250,7 +249,7 @@ def _blocks(load: LoadCase, surface: Surface) -> Floats:
 
 
 def _reach(V: Floats, group: Ints) -> Floats:
-    """Return length and width (h, 2), m, of the rectangles with the same variances as groups of points."""
+    """Return length and width (h, 2), m, of groups of points."""
     count = np.bincount(group)
     offset = V - (group_sums(group, V, len(count)) / count[:, None])[group]
     spread = np.zeros((len(count), 3, 3))
@@ -259,7 +258,8 @@ def _reach(V: Floats, group: Ints) -> Floats:
 
 
 def fixed_in_plane(fixed: Bools, axis: int) -> Bools:
-    """Return supports `fixed` (n, 6) that also keep a plane frame in its plane. axis : 0 to 2, normal to the plane."""
+    """Return supports `fixed` (n, 6) that also keep a plane frame in the plane.
+    axis : 0 to 2, normal to the plane."""
     still = fixed.copy()
     still[:, axis] = True
     still[:, [3 + k for k in range(3) if k != axis]] = True

@@ -1,4 +1,4 @@
-"""Construction of the beam model of a cut sheet (`frame_of`) from its members, nodes, loads and supports."""
+"""Construction of the beam model of a cut sheet."""
 
 from collections.abc import Mapping
 
@@ -33,10 +33,8 @@ def frame_of(
     thickness: float,
     material: BeamMaterial,
 ) -> Frame:
-    """Return the beam model of a cut sheet.
-    graph        : members of the sheet.    surface : the sheet with the loaded vertices.
-    loads        : loads by case, on equal supports.    combinations : factors of cases, by name.
-    thickness    : metres.
+    """Return the beam model of a cut sheet. surface : the sheet with the loaded vertices.
+    loads : by case, on equal supports.    combinations : factors of cases, by name.    thickness : metres.
     Raises StaticsError if no member has an axis, or if a part of the structure has no support."""
     if not any(member.axis for member in graph.members):
         raise StaticsError("no member of the structure has an axis, so a beam model is impossible; use the sheet")
@@ -84,7 +82,6 @@ def _merge_nodes(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats
 
 
 def _connect_parts(points: Floats, beams: Beams) -> Beams:
-    """Return the beams with links that connect separate parts of the frame at their nearest nodes."""
     while True:
         n = len(points)
         joined = coo_array((np.ones(len(beams.ends)), beams.ends.T), shape=(n, n))
@@ -119,7 +116,7 @@ def _with_supports(
 
 
 def _local_z(points: Floats, beams: Beams) -> Floats:
-    """Return unit vectors (b, 3) at right angles to each beam, as near to the surface normal as possible."""
+    """Return unit vectors (b, 3) at right angles to the beams, near the surface normal."""
     x = points[beams.ends[:, 1]] - points[beams.ends[:, 0]]
     x /= np.linalg.norm(x, axis=1)[:, None]
     axis = np.eye(3)[np.abs(x).argmin(axis=1)]

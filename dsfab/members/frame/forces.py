@@ -1,4 +1,4 @@
-"""Member forces: section forces of the sheet, summed over planes across each member."""
+"""Member forces: section forces of the sheet, summed across each member."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -15,20 +15,18 @@ from dsfab.statics import SectionForces
 from dsfab.surface import Surface
 
 PLANES = 4
-"""Number of planes that cut a member near each station (point of its axis), all within one edge length of the mesh.
-Forces are constant on each face, so only means over several faces are in equilibrium. Results are means over planes."""
+"""Number of planes that cut a member near each station (point of the axis). Results are means over planes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sections:
-    """Lines in which planes across a member's axis cut the faces. Each plane belongs to a station (point) of the axis.
-    c counts the lines. e counts ends of lines on free edges.
+    """Lines in which planes across a member's axis cut the faces. A station is a point of the axis.
     station : (c,) number of the station.    face : (c,) face.
     length  : (c,) metres, divided by the number of planes at a station.
-    arm     : (c, 2, 3) vectors (m) from the axis to both ends of the line.
-    weight  : (c, 2, 3) barycentric weights of both ends of the line in the face.
+    arm     : (c, 2, 3) vectors (m) from the axis to the ends of the line.
+    weight  : (c, 2, 3) barycentric weights of the ends of the line in the face.
     across  : (c, 3) unit vectors in the face, perpendicular to the line, in the direction of the axis.
-    end_station, end_face, end_across : (e,) `station`, `face` and `across` of the line with this end.
+    end_station, end_face, end_across : (e,) `station`, `face` and `across` of each line end on a free edge.
     end_arm, end_weight : (e, 3) like `arm`, `weight`.    end_out : (e, 3) unit vectors along the line, outwards."""
 
     station: Ints
@@ -46,7 +44,7 @@ class Sections:
 
 
 def sections(surface: Surface, cells: Ints, axis: MemberAxis, stations: Floats) -> Sections:
-    """Return the lines in which planes at arc lengths (k,), m, of an axis cut the cells (c,) of a member."""
+    """Return the lines in which planes at arc lengths (k,), m, of an axis cut cells (c,)."""
     offsets = surface.mean_edge * ((np.arange(PLANES) + 0.5) / PLANES - 0.5)
     lengths = (stations[:, None] + offsets).ravel()
     P = axis.frames_at(lengths % axis.length if axis.closed else np.clip(lengths, 0, axis.length))[0]
@@ -60,7 +58,6 @@ def sections(surface: Surface, cells: Ints, axis: MemberAxis, stations: Floats) 
 
 
 def _places(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
-    """Return arc lengths (c, 3), m, of cells' corners. On a closed axis, lengths do not jump within a cell."""
     used, vertex_row = np.unique(surface.F[cells], return_inverse=True)
     count = int(np.clip(4 * axis.length / surface.mean_edge, 16, 20_000))
     t = np.linspace(0, axis.length, count + 1)
@@ -85,8 +82,7 @@ def _cut_cells(s: Floats, lengths: Floats, period: float) -> tuple[Ints, Ints]:
 
 
 def _line(level: Floats) -> tuple[Floats, Ints]:
-    """Return the ends of the line `level` = 0 in triangles: barycentric weights (c, 2, 3), and numbers (c, 2) of sides.
-    level : (c, 3) values at the corners. Side k begins at corner k."""
+    """Return the ends of the line `level` = 0 in triangles: barycentric weights (c, 2, 3), sides (c, 2)."""
     ahead = np.roll(level, -1, axis=1)
     crossed = (level > 0) != (ahead > 0)
     order = np.argsort(~crossed, axis=1, kind="stable")[:, :2]
@@ -105,7 +101,7 @@ def _as_sections(surface: Surface, face: Ints, plane: Ints, P: Floats, corner: F
     length = np.linalg.norm(direction, axis=1)
     along = direction / np.maximum(length, np.finfo(float).tiny)[:, None]
     across = np.cross(along, surface.normals[face])
-    ahead = corner[np.arange(len(face)), level.argmin(axis=1)] - a  # vector to the corner with the largest arc length
+    ahead = corner[np.arange(len(face)), level.argmin(axis=1)] - a
     across *= np.sign(np.einsum("ci,ci->c", ahead, across))[:, None]
     free = surface.edges.boundary[surface.edges.of[face]]
     rows, ends = np.nonzero(free[np.arange(len(face))[:, None], _edge_number(surface, face, edges)])
@@ -122,19 +118,19 @@ def _edge_number(surface: Surface, face: Ints, begins: Ints) -> Ints:
     return np.asarray((ends[:, :, None] == edge_vertices[:, None]).all(axis=-1).argmax(axis=-1))
 
 
-SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # Stations of a bay, as fractions of its clear length between joints.
-STATIONS = len(SHARES)  # Number of stations (points with forces) of each bay.
+SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # Stations of a bay, as fractions of the clear length.
+STATIONS = len(SHARES)  # Number of stations of each bay.
 COMPONENTS = ("N", "Vy", "Vz", "Mt", "My", "Mz")
-"""Section forces on a section with outward normal x: x along the axis, y to the left, z along the surface normal."""
+"""Section forces: x along the axis, y to the left, z along the surface normal."""
 
 
 @dataclass(frozen=True, eq=False)
 class MemberForces:
-    """Forces of a member at stations of its axis; k counts the stations.
-    member : name of the member.    s : (k,) metres along its axis.    bay : (k,) names of the bay's nodes, "N012 N013".
-    width  : (k,) width of the section, metres.
-    forces : for each case and combination, (k, 6): N, Vy, Vz in newtons, and Mt (about the axis), My, Mz in newton
-             metres. Positive N is tension, positive My stretches the normal's side, positive Mz the right side."""
+    """Forces of a member at k stations of its axis.
+    s, width : (k,) distance along the axis, and width of the section, metres.
+    bay      : (k,) names of the bay's nodes, "N012 N013".
+    forces   : by case and combination, (k, 6): N, Vy, Vz in newtons, and Mt (about the axis), My, Mz in newton
+               metres. Positive N is tension, positive My stretches the normal's side, positive Mz the right side."""
 
     member: str
     s: Floats
@@ -149,15 +145,15 @@ class MemberForces:
 
     @property
     def envelope(self) -> Floats:
-        """Least and greatest value of each force at each station, over all cases and combinations: (k, 6, 2)."""
+        """Least and greatest value of each force at each station, over all cases: (k, 6, 2)."""
         every = np.stack(list(self.forces.values()))
         return np.stack([every.min(axis=0), every.max(axis=0)], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
 class MemberCuts:
-    """Cuts across a member at stations of its axis. The cuts are the same for all load cases and thicknesses.
-    s, bay, width : see `MemberForces`.    axes : (k, 3, 3) unit vectors x, y, z of `COMPONENTS`."""
+    """Cuts across a member at stations of its axis.
+    axes : (k, 3, 3) unit vectors x, y, z of `COMPONENTS`."""
 
     s: Floats
     bay: tuple[str, ...]
@@ -167,7 +163,7 @@ class MemberCuts:
 
     @classmethod
     def from_member(cls, graph: MemberGraph, member: Member, s: Floats, bay: tuple[str, ...]) -> Self:
-        """Cut a member at arc lengths s (k,) of its axis, m. bay : name of the bay at each arc length."""
+        """Cut a member at arc lengths s (k,), m. bay : name of the bay at each arc length."""
         axis = member.curve
         cut = sections(graph.sheet.surface, member.cells, axis, s)
         _, T, N = axis.frames_at(s % axis.length if axis.closed else s)
@@ -192,8 +188,8 @@ def member_forces(
     combinations: Mapping[str, Mapping[str, float]] | None = None,
 ) -> dict[str, MemberForces]:
     """Return forces by member, for members with an axis and two nodes or more.
-    forces       : section forces of the sheet, by case.    cuts : `member_cuts` of the graph, if they are known.
-    combinations : factor of each case, by name of the combination. Combinations follow the cases in the result."""
+    forces       : section forces of the sheet, by case.    cuts : `member_cuts` of the graph, if known.
+    combinations : factor of each case, by name of the combination."""
     by_member = {}
     for name, cut in (member_cuts(graph) if cuts is None else cuts).items():
         part = forces_in(graph, name, cut, forces)
@@ -229,7 +225,7 @@ def with_balanced_shear(forces: Floats, cut: MemberCuts) -> Floats:
 
 
 def forces_in(graph: MemberGraph, name: str, cut: MemberCuts, forces: Mapping[str, SectionForces]) -> MemberForces:
-    """Return the forces of a member at its cuts. forces : section forces of the sheet, by case."""
+    """Return the forces of a member at its cuts. forces : section forces by case."""
     normals = graph.sheet.surface.normals
     sums = {case: _force_sums(cut.sections, cut.axes, parts, graph, normals) for case, parts in forces.items()}
     return MemberForces(name, cut.s, cut.bay, cut.width, sums)
@@ -246,7 +242,7 @@ def _force_sums(
     m = np.einsum("ca,cai->ci", _times(section_forces.m[source], v), frame)
     p = np.stack(ends, axis=1) - (np.einsum("ca,ca->c", section_forces.q[source], v)[:, None] * z)[:, None]
     F = group_sums(cut.station, cut.length[:, None] * p.mean(axis=1), len(axes))
-    moment = np.cross(cut.arm, (2 * p + p[:, ::-1]) / 6).sum(axis=1) + np.cross(m, z)  # exact for a linear force p
+    moment = np.cross(cut.arm, (2 * p + p[:, ::-1]) / 6).sum(axis=1) + np.cross(m, z)
     M = group_sums(cut.station, cut.length[:, None] * moment, len(axes))
     f = _edge_forces(cut, section_forces, graph, normals)
     F = F + group_sums(cut.end_station, f, len(axes))
@@ -255,7 +251,6 @@ def _force_sums(
 
 
 def _edge_forces(cut: Sections, section_forces: SectionForces, graph: MemberGraph, normals: Floats) -> Floats:
-    """Return forces (e, 3), N, of twisting moments on free edges, divided by the number of cuts at a station."""
     source = graph.source[cut.end_face]
     frame = section_forces.frame[source]
     v, s = (np.einsum("cai,ci->ca", frame, x) for x in (cut.end_across, cut.end_out))
@@ -264,7 +259,6 @@ def _edge_forces(cut: Sections, section_forces: SectionForces, graph: MemberGrap
 
 
 def _times(tensor: Floats, v: Floats) -> Floats:
-    """Return products (c, 2) of symmetric tensors x, y, xy (c, 3) and vectors (c, 2)."""
     x, y, xy = tensor.T
     return np.stack([x * v[:, 0] + xy * v[:, 1], xy * v[:, 0] + y * v[:, 1]], axis=1)
 
@@ -288,7 +282,7 @@ def _stations(graph: MemberGraph, member: Member) -> tuple[Floats, tuple[str, ..
 
 
 def _incomplete_cuts(graph: MemberGraph, member: Member) -> Floats:
-    """Return intervals (k, 2) of arc length, m, in which cuts miss material, because the cuts end at another member."""
+    """Return intervals (k, 2) of arc length, m, in which cuts miss material."""
     surface, axis = graph.sheet.surface, member.curve
     edge = surface.edges.of[member.cells]
     number, sides = np.unique(edge, return_counts=True)
@@ -301,7 +295,6 @@ def _incomplete_cuts(graph: MemberGraph, member: Member) -> Floats:
 
 
 def _complete_part(begin: float, end: float, incomplete: Floats, least: float) -> tuple[float, float]:
-    """Return the part of a bay between incomplete cuts at both ends; the whole bay if less than `least` (m) is left."""
     low, high = incomplete[(incomplete[:, 1] > begin) & (incomplete[:, 0] < end)].T
     at_begin = low + high < begin + end
     complete = high[at_begin].max(initial=begin), low[~at_begin].min(initial=end)

@@ -1,4 +1,4 @@
-"""Joints between axes of members: at nodes, at member ends, and at the centres of members of kind "disc"."""
+"""Joints between axes of members."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -12,24 +12,23 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.members import Member, MemberGraph
 
 SAME = 0.25
-"""Joints on an axis share one node if their distance along it is less than this fraction of the member's mean width."""
+"""Distance below which joints on an axis share a node, divided by the member's mean width."""
 
 
 def fitting(halves: Floats, length: float) -> Floats:
-    """Return the lengths (2,) that the joints at both ends take from a bay (part of a member between nodes), metres.
-    halves : (2,) half lengths of the joints, which are scaled to a sum of 0.8 `length` if their sum is larger."""
+    """Return the lengths (2,) of the joints at both ends of a bay, metres. halves : (2,) half lengths."""
     clear = 0.2
     return halves * min(1.0, (1 - clear) * length / max(float(halves.sum()), 1e-30))
 
 
 @dataclass(eq=False)
 class AxisJoints:
-    """Nodes on the axes of members, collected step by step.
+    """Nodes on the axes of members.
     points, names : points (3,) and names of the nodes.
     on     : pairs (arc length, node number) of the nodes on an axis, by member.
-    links  : (node, node, width in metres) for two nodes that material beside the axes connects.
+    links  : (node, node, width in metres) for two linked nodes.
     ends   : begin and end of a member's beams, metres along its axis, by member.
-    grazed : numbers of nodes at which members overlap although their middle lines do not meet."""
+    grazed : nodes at which members overlap although middle lines do not meet."""
 
     graph: MemberGraph
     points: list[Floats] = field(default_factory=list)
@@ -50,7 +49,7 @@ class AxisJoints:
         return len(self.names) - 1
 
     def place(self, member: Member, s: float, name: str) -> int:
-        """Return the member's node near arc length `s` (see `SAME`); add a node if there is none."""
+        """Return the member's node near arc length `s`, or add a node."""
         tolerance = SAME * member.mean_width
         for station, number in self.on[member.id]:
             if _distance(member, station, s) < tolerance:
@@ -64,11 +63,11 @@ class AxisJoints:
         return [candidate for candidate in self._members_by_node.get(number, []) if candidate is not member]
 
     def other_width(self, member: Member, number: int) -> float:
-        """Return the width (m) of the widest member at node `number`, without `member`; 0 without another member."""
+        """Return the width (m) of the widest other member at a node, or 0."""
         return max((neighbour.mean_width for neighbour in self.other_members(number, member)), default=0.0)
 
     def normal_at(self, number: int) -> Floats:
-        """Return the normal (3,) of the surface at a node on an axis; the zero vector for other nodes."""
+        """Return the normal (3,) of the surface at a node; zero for nodes off the axes."""
         for member in self.other_members(number):
             for s, k in self.on[member.id]:
                 if k == number and member.axis is not None:
@@ -85,7 +84,7 @@ class AxisJoints:
 
 
 def joints_at_nodes(graph: MemberGraph) -> AxisJoints:
-    """Return the joints at a graph's nodes. Nodes of members without an axis are left out; see also `join_ends`."""
+    """Return the joints at a graph's nodes."""
     joints = AxisJoints(graph)
     joints.on = {member.id: [] for member in joints.members_with_axis}
     for node in graph.nodes:
@@ -102,8 +101,7 @@ def joints_at_nodes(graph: MemberGraph) -> AxisJoints:
 
 
 def link_members(joints: AxisJoints, members: list[Member], lengths: tuple[float, float], name: str) -> tuple[int, int]:
-    """Join two members at arc lengths of their axes, and return the node of each member.
-    Axes may share a node there (`SAME`); otherwise a link joins two nodes, as wide as the narrower member."""
+    """Join two members at arc lengths, and return the node of each member."""
     node_a, node_b = (joints.place(member, s, name) for member, s in zip(members, lengths, strict=True))
     if node_a != node_b:
         joints.links.append((node_a, node_b, min(member.mean_width for member in members)))
@@ -116,11 +114,11 @@ def _distance(member: Member, s: float, t: float) -> float:
 
 
 Trees = Mapping[str, tuple[cKDTree, Floats]]
-"""Search trees of points along the axes by member, and the arc lengths of these points."""
+"""Search trees of points along the axes, and arc lengths of the points."""
 
 
 def join_ends(joints: AxisJoints) -> None:
-    """Join member ends without a node to nearby members. Short pieces beyond the last node get no beam (see `ends`)."""
+    """Join member ends without a node to nearby members."""
     samples = [(member, *_samples(member)) for member in joints.members_with_axis]
     trees = {member.id: (cKDTree(P), s) for member, s, P in samples}
     open_ended = [member for member in joints.members_with_axis if member.axis and not member.axis.closed]
@@ -133,7 +131,6 @@ def join_ends(joints: AxisJoints) -> None:
         span = [0.0, member.length]
         for side, what in enumerate(member.ends):
             nearest = _nearest(joints, member, span[side])
-            # a short piece beyond the last node belongs to the joint
             beyond = nearest and abs(nearest[0] - span[side]) < joints.other_width(member, nearest[1])
             if nearest and beyond and what not in ("edge", "free"):
                 span[side] = nearest[0]
@@ -141,8 +138,6 @@ def join_ends(joints: AxisJoints) -> None:
 
 
 def _join_touching(joints: AxisJoints, trees: Trees) -> None:
-    """Join member ends to members that touch them. Free ends join all touching members; other ends join only
-    members that also end there, as in a star. Members with a common node there get no link."""
     surface = joints.graph.sheet.surface
     middle = surface.V[surface.edges.ends].mean(axis=1)
     borders = [np.unique(surface.edges.of[member.cells]) for member in joints.members_with_axis]
@@ -206,7 +201,7 @@ def _join_end(joints: AxisJoints, member: Member, s: float, trees: Trees) -> Non
 
 
 def _loose_ends(joints: AxisJoints, member: Member) -> Iterable[tuple[float, str, float]]:
-    """Yield a member's free ends, and its ends at other members: arc length, "free" or the other's name, width (m)."""
+    """Yield a member's loose ends: arc length, "free" or the other member's name, width (m)."""
     if not member.curve.closed:
         for s, what, width in zip((0.0, member.length), member.ends, member.width[[0, -1]].tolist(), strict=True):
             if what == "free" or what in joints.graph.by_id:
@@ -224,9 +219,7 @@ def _samples(member: Member) -> tuple[Floats, Floats]:
 
 
 def add_hubs(joints: AxisJoints) -> None:
-    """Add a hub (central node) and spokes (links to the hub) to each member of kind "disc" with 3 nodes or more. The
-    widths of a disc's spokes add up to the length of its closed axis. Under a load on the hub, clamped spokes deflect
-    0.73 times as much as the plate, simply supported spokes 1.15 times [Timoshenko, Woinowsky-Krieger 1959, 19]."""
+    """Add a hub (central node) and spokes (links to the hub) to members of kind "disc" with 3 nodes or more."""
     for member in joints.members_with_axis:
         nodes = sorted({number for _, number in joints.on[member.id]})
         if member.kind == "disc" and member.axis and member.axis.closed and len(nodes) >= 3:

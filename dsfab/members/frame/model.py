@@ -1,4 +1,4 @@
-"""`Frame`: straight beams with sections, supports and loads; its solution, and comparison with the sheet."""
+"""A frame of straight beams, its solution, and comparison with the sheet."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -18,8 +18,8 @@ SHEAR = 5 / 6  # Shear area of a rectangle divided by its area [Timoshenko 1921]
 
 
 def torsion_constant(width: Floats, thickness: Floats) -> Floats:
-    """Return St. Venant's torsion constant of rectangles, m4, with an error of 0.5 % [Roark, table 10.1, case 4].
-    width, thickness : (b,) metres, in any order."""
+    """Return St. Venant's torsion constant of rectangles, m4 [Roark, table 10.1, case 4].
+    width, thickness : (b,) metres."""
     a, t = np.maximum(width, thickness), np.minimum(width, thickness)
     slim = t / a
     return np.asarray(a * t**3 * (1 / 3 - 0.21 * slim * (1 - slim**4 / 12)))
@@ -27,7 +27,7 @@ def torsion_constant(width: Floats, thickness: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class BeamMaterial:
-    """Material of beams. young : Pa.    poisson : ratio.    density : kg/m3.    name : as in the preset, or ''."""
+    """Material of beams. young : Pa.    density : kg/m3.    name : as in the preset, or ''."""
 
     young: float
     poisson: float
@@ -50,18 +50,16 @@ class Frame:
         o====+==/=====o --> x             Mz bends the beam in the surface, My out of it
              | /
 
-    points    : (n, 3) metres.    nodes : (n,) names of the members' nodes, or a member's name with a number.
-    ends      : (b, 2) nodes at both ends of each beam.
+    points    : (n, 3) metres.    nodes : (n,) names.    ends : (b, 2) nodes of each beam.
     normal    : (b, 3) unit vectors, local z of each beam.
     width     : (b,) metres, along local y.    thickness : (b,) metres, along local z.
-    member    : (b,) number in `members` (names); -1 for a link, the material away from the axes.
-    fixed     : (n, 6) True for a fixed translation or rotation.    spring : (n, 6) stiffness, N/m and Nm.
-    loads     : (n, 6) newtons and newton metres on the nodes, by case.
+    member    : (b,) number in `members` (names); -1 for a link.
+    fixed     : (n, 6) True for a fixed unknown.    spring : (n, 6) stiffness, N/m and Nm.
+    loads     : (n, 6) newtons and newton metres, by case.
     combinations : factors of the cases, by name of the combination.
     actions   : permanent, snow, wind or variable, by case; {} if unknown.
-    eccentricity : (b,) metres from the beam to the middle of the material; positive to the left, along local y.
-    stout     : (b,) width of the member / length of the bay (part between nodes), at most 1; 0 for links. It is 1
-                beside a node at which members overlap, but their middle lines do not meet."""
+    eccentricity : (b,) metres from the beam to the middle of the material, along local y.
+    stout     : (b,) width / length of the bay (part between nodes), at most 1; 0 for links."""
 
     points: Floats
     nodes: tuple[str, ...]
@@ -158,8 +156,8 @@ class FrameAnswer:
 
 
 def solve_frame(frame: Frame, shear: bool = True) -> dict[str, FrameAnswer]:
-    """Solve a frame for its cases and combinations. Return the solutions by name.
-    shear : False for beams of Euler and Bernoulli, without shear deformation.
+    """Return the solutions of a frame by name, for its cases and combinations.
+    shear : False for beams without shear deformation.
     Raises StaticsError for a frame that is free to move."""
     k, turn = local_stiffness(frame, shear), _turn(frame)
     K = _stiffness_matrix(frame, np.einsum("bji,bjk,bkl->bil", turn, k, turn))
@@ -169,7 +167,7 @@ def solve_frame(frame: Frame, shear: bool = True) -> dict[str, FrameAnswer]:
 
 
 def local_stiffness(frame: Frame, shear: bool = True) -> Floats:
-    """Return the stiffness (b, 12, 12) of each beam in its own axes: six unknowns of each of its two nodes."""
+    """Return the stiffness (b, 12, 12) of each beam in its own axes."""
     L, E, G = frame.length, frame.material.young, frame.material.shear
     torsion, about_y, about_z = frame.inertia.T
     k = np.zeros((len(L), 12, 12))
@@ -187,7 +185,6 @@ def local_stiffness(frame: Frame, shear: bool = True) -> Floats:
 
 
 def _bending(L: Floats, phi: Floats) -> Floats:
-    """Return the stiffness (b, 4, 4) for deflection and rotation at both ends, divided by EI / (L^3 (1 + phi))."""
     twelve, far_end, near_end = np.full_like(L, 12.0), (2 - phi) * L**2, (4 + phi) * L**2
     rows = [
         [twelve, 6 * L, -twelve, 6 * L],
@@ -255,16 +252,15 @@ def _answer(frame: Frame, load: Floats, K: csr_array, u: Floats, local: tuple[Fl
 
 
 STOUT = 0.35
-"""Bays wider than this fraction of their length do not act as beams, because joints cover half of such a bay."""
+"""Bays wider than this fraction of their length do not act as beams."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameAgreement:
-    """Comparison of a frame with its sheet, for one case. Ribs of this sheet have the torsional stiffness of bars.
-    compliance, displacement : compliance and largest displacement of the frame, divided by the sheet's.
-    stout : the larger of two shares of elastic energy: the share of the frame's energy in links, and in bays with
-            `Frame.stout` above `STOUT`; and the share of the sheet's energy outside of members with an axis.
-    twist : largest displacement of this sheet / that of a thin sheet without the torsional stiffness of bars."""
+    """Comparison of a frame with its sheet, for one case.
+    compliance, displacement : of the frame, divided by the sheet's.
+    stout : share of elastic energy in parts that do not act as beams.
+    twist : largest displacement of the sheet / of a sheet without torsional stiffness of bars."""
 
     case: str
     compliance: float
@@ -274,7 +270,7 @@ class FrameAgreement:
 
     @property
     def slender(self) -> bool:
-        """True if nearly all energy is in long, narrow bays; beams should then agree with the sheet within 10 %."""
+        """True if nearly all energy is in long, narrow bays."""
         few = 0.15
         return self.stout <= few
 
@@ -304,9 +300,9 @@ def agreement(
     other_energy: Mapping[str, float],
     twist: Mapping[str, float],
 ) -> list[FrameAgreement]:
-    """Compare the frame with the sheet, for each case and combination with solutions of frame and sheet.
+    """Compare the frame with the sheet, for each case and combination.
     other_energy : share of the sheet's elastic energy outside of members with an axis, by case.
-    twist        : largest displacement of the sheet / of a thin sheet without torsional stiffness of bars, by case."""
+    twist        : as in `FrameAgreement`, by case."""
     stout = (frame.member < 0) | (frame.stout > STOUT)
     agreements = []
     for name in (name for name in answers if name in sheet):

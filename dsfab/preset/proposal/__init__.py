@@ -1,4 +1,4 @@
-"""Propose a preset for the user's own surface, and explain each decision in a line.
+"""Propose a preset for the user's own surface, with a reason for each decision.
 
 shape      coarse copy: edges, corners, sides, hollows        readings   ways in which the surface may be supported
 judgement  scores of readings; unit, vertical axis, supports  reading    reads the mesh and repairs small faults

@@ -1,11 +1,10 @@
-"""Scores of ways to support a surface, called readings, and the choice of its unit, vertical axis and supports.
+"""Ways to support a surface, called readings, with scores.
 
-Score of a reading = form x carries x steady x free. Pieces without a support and unusual axes reduce the score, too.
+Score of a reading = form x carries x steady x free.
 
-form    : 0 to 1, from the shape alone (see `readings`).
-carries : 1 / (1 + u^2) under the weight and the usual load. u is the larger of two ratios: movement divided by
-          (`LIMIT` x span), and stress divided by strength.
-steady  : 1 if the centre of mass is well inside the supports; less if the sheet would tip, or lift from a support.
+form    : 0 to 1, from the shape alone.
+carries : 1 / (1 + u^2), u is the larger of movement / (`LIMIT` x span) and stress / strength.
+steady  : 1 if the centre of mass is well inside the supports.
 free    : 1 if no edge is supported, 1 - `EDGE` if all edges are."""
 
 from collections.abc import Mapping, Sequence
@@ -32,24 +31,24 @@ from dsfab.statics import PAPER, Material, SheetModel, equilibrium, sheet_stiffn
 from dsfab.surface import LoadCase, Surface, Up, upright_vertices
 
 DEEP = {"roof": 50.0, "hung": 50.0, "floor": 25.0, "wall": 20.0}
-"""Usual ratio of a surface's size (see `_depth`) to the depth of its ribs, by kind."""
+"""Usual ratio of a surface's size to the depth of ribs, by kind."""
 LOAD = {"roof": 750.0, "hung": 300.0, "floor": 5000.0, "wall": 800.0}  # Usual load, Pa: snow, services, people, wind.
 TIMBER, STRENGTH = Material(11e9, 0.3, 420.0), 15e6  # GL24h: strength 24 MPa x 0.8 / 1.25.
 LIMIT = 1 / 300  # Largest usual movement, divided by the span.
-EDGE = 0.5  # Fraction by which a score is reduced if all edges of the sheet are supported.
+EDGE = 0.5  # Reduction of a score if all edges of the sheet are supported.
 UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}  # Share of each unit in files that do not name it.
 BUILDING, SPREAD = 18.0, 1.1  # Median length of buildings, metres, and standard deviation of its logarithm.
-LEAST, DOUBT = 0.02, 0.25  # Smallest score of a plausible way of support, and smallest score without doubt.
-CLOSE = 0.75  # dsfab asks about another way of support if its score is at least this share of the best score.
-OPEN = 0.13  # dsfab asks about the unit if the second most probable unit has at least this probability.
-UNDER = 0.7  # Factor on the score of a vertical axis with which the surface would reach below the ground (z = 0).
+LEAST, DOUBT = 0.02, 0.25  # Smallest score of a plausible support, and smallest score without doubt.
+CLOSE = 0.75  # Smallest share of the best score with which dsfab asks about another support.
+OPEN = 0.13  # Smallest probability of a second unit with which dsfab asks.
+UNDER = 0.7  # Factor on the score if the surface would reach below the ground (z = 0).
 
 
 @dataclass(frozen=True, eq=False)
 class JudgedReading:
-    """A way to support a surface (a reading of its shape), with its score. up : axis of the user's mesh that points up.
-    built_in : True for a wall, and for a single line of support that is no closed loop; then `tips` is False.
-    figures  : values that give the score, by name; empty if the sheet could move freely, and for an object."""
+    """A way to support a surface, with its score. up : axis of the user's mesh that points up.
+    built_in : True for a wall, and for a single line of support that is no closed loop.
+    figures  : values that give the score, by name; may be empty."""
 
     reading: SupportReading
     score: float
@@ -59,13 +58,13 @@ class JudgedReading:
 
     @property
     def tips(self) -> bool:
-        """True if the centre of mass lies outside the supports, so that they must hold the sheet down."""
+        """True if the centre of mass lies outside the supports."""
         return not self.built_in and self.figures.get("steady", 1.0) < 0.5
 
 
 def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float = 1.0) -> JudgedReading:
     """Return a way to support a shape with its score, 0 if the sheet could move freely.
-    up : axis of the user's mesh that points up.    usual : factor on the score, 1 for a usual axis, else less."""
+    up : axis of the user's mesh that points up.    usual : factor on the score."""
     if reading.kind == "object":
         return JudgedReading(reading, DRAWN * usual, up)
     surface, supported = shape.surface, reading.vertices(shape.surface)
@@ -86,7 +85,7 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
         return JudgedReading(reading, 0.0, up)
     span = 2 * float(np.max(cKDTree(surface.V[supported]).query(surface.V)[0]))
     if reading.kind in ("roof", "hung"):
-        span = min(span, 2 * shape.width)  # a larger span does not increase the allowed movement
+        span = min(span, 2 * shape.width)
     moved = float(np.quantile(lengths(answer.u), 0.99))
     stress = weighted_quantile(sheet_stress(sheet, PAPER, answer).largest, surface.areas, 0.9)
     used = max(moved / (LIMIT * span) if span else 0.0, stress / STRENGTH)  # span 0: all vertices are supported
@@ -101,8 +100,6 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
 
 
 def _steadiness(shape: Shape, reading: SupportReading, supported: Bools, upward: Floats, is_line: bool) -> float:
-    """Return 1 for steady supports, less if the sheet may tip, swing or lift from them.
-    upward : (p,) upward force of each place of support, N.    is_line : True for a single long support."""
     if reading.kind in ("wall", "floor"):
         return 1.0
     if reading.kind == "hung" and len(reading.places) == 1 and reading.places[0].name != "upper rim":
@@ -136,7 +133,7 @@ def _upward(reading: SupportReading, surface: Surface, rows: Bools, reaction: Fl
 
 
 def _inside(shape: Shape, supported: Bools) -> float:
-    """Return the distance in plan (m) from the centre of mass to the outline of the supports; negative outside."""
+    """Return the distance in plan (m) from the centre of mass to the supports' outline; negative outside."""
     P, middle = shape.surface.V[supported, :2], shape.middle[:2]
     depth = depth_within(P, middle)
     if depth is not None:
@@ -146,14 +143,12 @@ def _inside(shape: Shape, supported: Bools) -> float:
 
 
 def usual_unit(unit: str, size: float) -> float:
-    """Return a weight for a unit, larger for more probable units. size : longest side of the surface, in this unit."""
+    """Return a weight for a unit. size : longest side of the surface, in this unit."""
     return UNITS[unit] * float(np.exp(-0.5 * (np.log(metres_per(unit) * size / BUILDING) / SPREAD) ** 2))
 
 
 def likely_units(shape: Shape) -> list[tuple[str, float]]:
-    """Return pairs (unit, probability), the most probable first, for a shape whose coordinates are those in its file.
-    The probabilities follow from usual sizes of buildings. A unit is improbable if it makes a shape on the ground too
-    low for people."""
+    """Return pairs (unit, probability), the most probable first, for a shape in an unknown unit."""
     V = shape.surface.V
     size, plan = float(np.ptp(V, axis=0).max()), V[:, :2] - V[:, :2].mean(axis=0)
     narrow = np.ptp(plan @ np.linalg.svd(plan, full_matrices=False)[2].T, axis=0).min()
@@ -169,7 +164,7 @@ def likely_units(shape: Shape) -> list[tuple[str, float]]:
 @dataclass(frozen=True, eq=False)
 class SupportChoice:
     """The ways to support a surface with their scores, the best first, and the surface's unit.
-    unit  : chosen unit.    units : probability of each possible unit; empty if the unit is known."""
+    units : probability of each possible unit; empty if the unit is known."""
 
     ranking: tuple[JudgedReading, ...]
     unit: str
@@ -180,7 +175,7 @@ class SupportChoice:
         return self.ranking[0]
 
     def require_plausible(self) -> None:
-        """Raise PresetError if no way of support is plausible; the message lists the four best ways of support."""
+        """Raise PresetError if no way of support is plausible."""
         if self.best.score < LEAST:
             tried = "; ".join(
                 f"{candidate.reading.word} ({candidate.up} up): {_flaw(candidate)}" for candidate in self.ranking[:4]
@@ -192,29 +187,29 @@ class SupportChoice:
 
     @property
     def rivals(self) -> list[JudgedReading]:
-        """At most two ways of support with nearly the best score; at most one for each other vertical axis."""
+        """At most two ways of support with nearly the best score."""
         rivals = [rival for rival in self.ranking[1:] if rival.score > CLOSE * self.best.score]
         best_on = {rival.up: rival for rival in reversed(rivals)}
         return [rival for rival in rivals if rival.up == self.best.up or rival is best_on[rival.up]][:2]
 
     @property
     def runners_up(self) -> list[JudgedReading]:
-        """At most three plausible ways of support with the same vertical axis as the best way, without the best way."""
+        """At most three more plausible ways of support with the same vertical axis."""
         return [rival for rival in self.ranking[1:] if rival.up == self.best.up and rival.score > LEAST][:3]
 
     @property
     def rival_unit(self) -> str:
-        """The second most probable unit, if it is so probable that dsfab must ask; else ''."""
+        """A second unit that is also probable; else ''."""
         return self.units[1][0] if self.units and self.units[1][1] > OPEN else ""
 
 
 def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: str = "") -> SupportChoice:
-    """Return the ways to support a surface (readings) with scores, and the surface's unit and vertical axis.
+    """Return the ways to support a surface with scores, and the surface's unit and vertical axis.
     surface : surface in metres, or in the numbers of its file if the unit is unknown.
     axes    : possible vertical axes, each with a factor on the scores.
     unit    : unit, or "" if unknown.
-    stand   : value of --stand: name of a reading, or height (m) above the lowest point; "" for the best reading.
-    Raises PresetError if no reading has this name."""
+    stand   : name of a reading, or height (m) above the lowest point; "" for the best reading.
+    Raises PresetError for an unknown name."""
     coarse = surface if is_nearly_closed(surface) else coarse_surface(surface)
     size = float(np.ptp(coarse.V, axis=0).max())
     shapes = {up: Shape(Surface(upright_vertices(coarse.V, up), coarse.F)) for up in axes}
@@ -226,7 +221,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
             shapes[up] = Shape(Surface(shapes[up].surface.V * metres_per(units[up][0][0]), coarse.F))
         z = shapes[up].surface.V[:, 2]
         factor *= UNDER if z.min() < -0.2 * np.ptp(z) else 1.0
-        factor *= usual[up] / max(usual.values())  # an axis is less probable if it suggests an unusual unit
+        factor *= usual[up] / max(usual.values())
         candidates += [(factor, up, reading) for reading in _readings(shapes[up], stand)]
     if not candidates:
         raise PresetError(_no_word(stand, [reading for shape in shapes.values() for reading in readings(shape)]))
@@ -236,7 +231,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
 
 
 def _ranking(shapes: Mapping[Up, Shape], candidates: Sequence[tuple[float, Up, SupportReading]]) -> list[JudgedReading]:
-    """Return ways to support with scores, the best first. Ways whose highest possible score is too low are left out."""
+    """Return ways to support with scores, the best first."""
     ranking = list[JudgedReading]()
     for factor, up, reading in sorted(candidates, key=lambda candidate: -candidate[0] * candidate[2].form):
         highest = factor * reading.form

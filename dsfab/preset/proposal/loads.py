@@ -1,4 +1,4 @@
-"""Loads of a proposed preset, such as snow. All values are placeholders: the local standard must replace them."""
+"""Loads of a proposed preset, such as snow. All values are placeholders for those of the local standard."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -12,24 +12,23 @@ from dsfab.preset.proposal.shape import is_nearly_closed
 from dsfab.surface import Surface, one_sided_pieces
 
 USUAL_LOAD = {"roof": "snow", "hung": "services", "floor": "people", "wall": "wind"}
-"""Usual load of a surface besides its weight, by kind of surface."""
+"""Usual load besides the weight, by kind of surface."""
 LINE_OF_COMMENT = {
     "snow": "Pa on the ground: a placeholder for the value of your code [EN 1991-1-3]",
     "people": "Pa on the plan area: a placeholder for crowds of people [EN 1991-1-1, table 6.2, category C5]",
     "services": "Pa on the plan area: a placeholder for lights and pipes that hang from the surface",
     "wind": "Pa, velocity pressure: a placeholder for your site [EN 1991-1-4, 4.5]",
 }
-PRESSURE = {"snow": 1000.0, "people": 5000.0, "services": 300.0, "wind": 500.0}  # Pa; placeholders for values of codes.
-AROUND = 0.3  # A surface is a tower if the horizontal part of sum(normal x area) is below this share of its area.
+PRESSURE = {"snow": 1000.0, "people": 5000.0, "services": 300.0, "wind": 500.0}  # Pa; placeholders.
+AROUND = 0.3  # Largest horizontal part of sum(normal x area) of a tower, divided by its area.
 
 
 @dataclass(frozen=True)
 class MeshWishes:
-    """The user's choices for a surface, which replace dsfab's own choices.
-    stand    : value of --stand: kind of supports (feet, edge ...), height (m) up to which edges are supported, or "".
-    built_in : True if the supports are clamped.
-    loads    : "snow", "wind", "people", "services" or "none", also with a value in kPa: "snow=1.2".
-    only     : names of the parts of the mesh file that form the surface; all parts by default."""
+    """The user's choices for a surface.
+    stand : value of --stand: kind of supports (feet, edge ...), height (m) up to which edges are supported, or "".
+    loads : "snow", "wind", "people", "services" or "none", also with a value in kPa: "snow=1.2".
+    only  : names of the parts of the file that form the surface."""
 
     stand: str = ""
     built_in: bool = False
@@ -37,8 +36,8 @@ class MeshWishes:
     only: tuple[str, ...] = ()
 
     def pressures(self, kind: str, is_model: bool) -> dict[str, float]:
-        """Return the pressures (Pa) of the loads by name, without the weight. A printed model has no loads by default.
-        Raises PresetError for an unknown load, and for a value that is not a positive number."""
+        """Return the pressures (Pa) of the loads by name, without the weight.
+        Raises PresetError for an unknown load, and for a value that is not positive."""
         if not self.loads:
             usual = None if is_model else USUAL_LOAD.get(kind)
             return {usual: PRESSURE[usual]} if usual else {}
@@ -61,7 +60,7 @@ class MeshWishes:
         return pressures
 
 
-NO_WISHES = MeshWishes()  # The user has no wishes: dsfab chooses supports and loads.
+NO_WISHES = MeshWishes()  # The user has made no choices.
 
 
 def _positive(text: str) -> float:
@@ -73,7 +72,7 @@ def _positive(text: str) -> float:
 
 
 def load_words(surface: Surface, pressures: Mapping[str, float]) -> str:
-    """Return the loads as text: 'its own weight and people of 5 kPa on the plan area [EN 1991-1-1, table 6.2] ...'."""
+    """Return the loads as text for a preset."""
     places = {
         "snow": "on the ground, less on slopes [EN 1991-1-3, 5.3]",
         "people": "on the plan area [EN 1991-1-1, table 6.2]",
@@ -88,7 +87,7 @@ def load_words(surface: Surface, pressures: Mapping[str, float]) -> str:
 
 
 def load_tables(surface: Surface, pressures: Mapping[str, float]) -> Iterator[list[str]]:
-    """Yield the tables of loads for a preset, each as lines. Wind gives two load cases, each with the self-weight."""
+    """Yield the tables of loads for a preset, each as lines."""
     cases = ["wind", "wind_back"] if "wind" in pressures else []
     if len(pressures) > 1 or not cases:
         yield ["[[surface.load]]", 'kind = "self_weight"']
@@ -123,8 +122,7 @@ def toml_line(key: str, value: object, note: str = "") -> str:
 
 
 def snow_picker(surface: Surface) -> str:
-    """Return TOML keys that select the faces under snow. For a roof, return '': snow lies on the whole surface.
-    For a surface that overlaps itself in plan, like a ball, select the top. Normals may point inwards or outwards."""
+    """Return TOML keys that select the faces under snow; '' for the whole surface."""
     upward = surface.normals[:, 2] * surface.areas
     if np.abs(upward).sum() < 1.2 * abs(upward.sum()) or one_sided_pieces(surface.F, surface.edges).any():
         return ""
@@ -133,7 +131,7 @@ def snow_picker(surface: Surface) -> str:
 
 
 def takes_snow(surface: Surface) -> bool:
-    """Return True for a roof, or a building with a short free edge; False for closed and for porous objects."""
+    """Return True if snow lies on the surface; False for closed and for porous objects."""
     edge = float(surface.edge_lengths[surface.edges.boundary].sum())
     upward = surface.normals[:, 2] * surface.areas
     is_simple = np.abs(upward).sum() < 1.2 * abs(upward.sum())
@@ -141,7 +139,7 @@ def takes_snow(surface: Surface) -> bool:
 
 
 def broadside(surface: Surface) -> Floats:
-    """Return the horizontal unit vector (3,) from which most of the surface's area is visible: the worst wind."""
+    """Return the horizontal unit vector (3,) from which most of the surface is visible: the worst wind."""
     n = surface.normals[:, :2]
     x, y = np.linalg.eigh((n * surface.areas[:, None]).T @ n)[1][:, -1]
     return np.array([x, y, 0.0]) * (1.0 if x + y > 0 else -1.0)

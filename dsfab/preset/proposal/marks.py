@@ -1,4 +1,4 @@
-"""Marks in the user's surface file: points and curves on the layers `support`, `load`, `keep` and `void`."""
+"""Marks in the user's surface file: points and curves on named layers."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -19,7 +19,7 @@ TABLES = {"support": "[[surface.support]]", "load": "[[surface.load]]"}
 
 
 def drawn_marks(user_mesh: UserMesh) -> dict[str, Marks]:
-    """Return the marks by layer: support, load, keep and void. Return {} for file formats without layers.
+    """Return the marks by layer: support, load, keep and void; {} for file formats without layers.
     Raises SurfaceError if the file has marks and its z axis does not point upwards."""
     path = Path(str(user_mesh.keys.get("file", "")))
     if path.suffix.lower() not in DRAWINGS:
@@ -74,7 +74,7 @@ def mark_decisions(marks: Mapping[str, Marks]) -> Iterator[Decision]:
 
 
 def drawn_feet(marks: Mapping[str, Marks]) -> tuple[SupportPlace, ...]:
-    """Return the marks on layer `support` as one support. Return nothing if this layer has no marks."""
+    """Return the marks on layer `support` as one support; () without marks."""
     if "support" not in marks:
         return ()
     layer_marks = marks["support"]

@@ -1,4 +1,4 @@
-"""Read the user's mesh, in metres with z up, and decide on its unit, vertical axis and repairs."""
+"""Read the user's mesh, in metres with z up."""
 
 import re
 import unicodedata
@@ -36,17 +36,16 @@ from dsfab.surface import (
 )
 
 Z_UP = (".3mf", ".3dm", ".dxf", ".glb", ".gltf", ".ifc")
-"""Suffixes of files in which z is vertical, by the format or its usual program. glTF files are rotated when read."""
+"""Suffixes of files in which z is vertical."""
 MOSTLY_Z = (".stl", ".step", ".stp", ".brep")  # Suffixes of files in which z mostly is the vertical axis.
-Y_UP = 0.7  # Factor on the scores of supports if y is the vertical axis; few programs use a vertical y axis.
+Y_UP = 0.7  # Factor on the scores of supports if y is the vertical axis.
 GROUND = 1e-3  # Largest depth below y = 0 that counts as zero, divided by the size of the surface.
 
 
 def possible_axes(surface: Surface, suffix: str = "", usual: str | None = None) -> dict[Up, float]:
-    """Return the possible vertical axes of a surface, each with its factor on the scores of supports (see `choice`).
+    """Return the possible vertical axes of a surface, and factors on the scores of supports.
     suffix : suffix of the file, with the dot.
-    usual  : "y" or "z", the vertical axis of the program that wrote the file; None if unknown.
-    The axis -y is possible only if the surface reaches below y = 0. A sculpture gets only its most stable axis."""
+    usual  : "y" or "z", the vertical axis of the program that wrote the file; None if unknown."""
     y = Y_UP**2 if suffix.lower() in MOSTLY_Z else Y_UP
     if usual == "z" or suffix.lower() in Z_UP:
         return {"z": 1.0}
@@ -70,7 +69,6 @@ def _standing(V: Floats, surface: Surface) -> float:
 
 
 def _stability(V: Floats, surface: Surface) -> float:
-    """Return (distance from centre of mass to edge of base) / sqrt(area): from -0.2 (the sculpture falls) to 0.4."""
     base_points = V[V[:, 2] <= V[:, 2].min() + SOLE * np.ptp(V[:, 2]), :2]
     middle = surface.areas @ V[surface.F, :2].mean(axis=1) / surface.area
     depth = depth_within(base_points, middle)
@@ -82,8 +80,8 @@ def _stability(V: Floats, surface: Surface) -> float:
 UMLAUTS = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss", "ø": "oe", "æ": "ae"}
 )
-SMALLEST, LARGEST = 0.02, 1000.0  # Range of a surface's longest side (m) in which dsfab does not doubt the unit.
-USUAL = 2.0, 100.0  # Usual range of the longest side (m); outside of it, dsfab lists other units.
+SMALLEST, LARGEST = 0.02, 1000.0  # Range of a surface's longest side (m) without doubt about the unit.
+USUAL = 2.0, 100.0  # Usual range of the longest side (m).
 POSSIBLE = 0.2, 500.0  # Range of a surface's longest side (m) for the units that `dsfab inspect` lists.
 UNLIKELY = 0.02  # Units with a smaller probability are not listed.
 GUESSED = ("mm", "cm", "m", "in", "ft")  # Units that dsfab considers for files without a unit.
@@ -92,8 +90,7 @@ GUESSED = ("mm", "cm", "m", "in", "ft")  # Units that dsfab considers for files 
 @dataclass(frozen=True)
 class Decision:
     """A decision of dsfab for the user's preset.
-    topic  : one or two words.
-    choice : the chosen value, with its reason.
+    topic  : one or two words.    choice : the chosen value, with its reason.
     change : key of the preset, or option of the command, that changes the choice."""
 
     topic: str
@@ -103,7 +100,7 @@ class Decision:
 
 @dataclass(frozen=True, eq=False)
 class UserMesh:
-    """The user's mesh as a surface (metres, z up), with its keys in [surface].
+    """The user's mesh as a surface (metres, z up).
     choice   : chosen unit, axis and supports.    places : the supports, in coordinates of `surface`.
     repaired : a sentence for each repair of the mesh."""
 
@@ -126,9 +123,8 @@ def mesh_in_file(
 ) -> UserMesh:
     """Return the mesh in a file.
     unit, up : unit and vertical axis; None lets dsfab choose.
-    max_triangles : largest number of triangles.    raw : content of the file, if the caller has read it.
-    wishes   : parts of the file and supports that the user wants.
-    Raises SurfaceError for an unreadable file, and for a mesh that is not a sheet even after repair."""
+    raw      : content of the file, if known.    wishes : parts of the file and supports that the user wants.
+    Raises SurfaceError."""
     raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES, unit, wishes.only)
     finite_faces(path, raw)
     scan, usual = is_scan(raw.V, raw.F), unit or unit_guess(raw)
@@ -169,7 +165,6 @@ def mesh_in_file(
 
 
 def _file_decisions(raw: RawMesh, better: RawMesh, scan: bool, mesh: SurfaceInFile) -> Iterator[Decision]:
-    """Yield notes on parts read or left out, repairs, parallel sheets, and remarks. better : `raw` after repair."""
     if raw.record.surface_words:
         yield Decision("file", f"read: {raw.record.surface_words}")
     if raw.record.mark_words:
@@ -186,21 +181,19 @@ def _file_decisions(raw: RawMesh, better: RawMesh, scan: bool, mesh: SurfaceInFi
 
 
 def _places(surface: Surface, chosen: SupportChoice, origin: Floats) -> tuple[SupportPlace, ...]:
-    """Return the chosen supports in coordinates from `origin`; for a closed surface, the lowest parts of `surface`."""
     reading = chosen.best.reading
     return soles(surface) if reading.word == "sole" else tuple(place.with_offset(origin) for place in reading.places)
 
 
 def preset_name(mesh: str | Path) -> str:
-    """Return a name for the preset of a mesh file, in letters without accents; ä becomes ae."""
+    """Return a name for the preset of a mesh file, in letters without accents."""
     stem = unicodedata.normalize("NFC", Path(mesh).stem).translate(UMLAUTS)
     stem = "".join(letter for letter in unicodedata.normalize("NFKD", stem) if not unicodedata.combining(letter))
     return re.sub(r"[^A-Za-z0-9_.-]+", "_", stem).strip("_.-") or "mesh"
 
 
 def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None, stand: str = "") -> UserMesh:
-    """Return a mesh from Python: a `Surface`, or an object that `Surface.of` takes; metres by default.
-    Raises SurfaceError for an invalid mesh."""
+    """Return a mesh from Python, by default in metres. Raises SurfaceError for an invalid mesh."""
     if isinstance(mesh, tuple | list) and len(mesh) == 2:
         surface = Surface.from_mesh(mesh[0], mesh[1], unit or "m")
     else:
@@ -232,7 +225,7 @@ def _with_z_up(surface: Surface, chosen: SupportChoice, option: Up | None) -> tu
 
 
 def origin_near(surface: Surface) -> tuple[float, ...]:
-    """Return an origin in whole metres near the lowest corner of a surface; 0 on each axis with small coordinates."""
+    """Return an origin (whole metres) near the lowest corner of a surface; 0 on axes with small coordinates."""
     low = surface.V.min(axis=0)
     # at such distances, single precision (STL) rounds coordinates to 1/100 000 of the size
     is_far = np.abs(surface.V).max(axis=0) > 100.0 * surface.size
@@ -240,7 +233,7 @@ def origin_near(surface: Surface) -> tuple[float, ...]:
 
 
 def size_doubt(sides: Sequence[float], unit: str) -> str:
-    """Return a question about the unit if the sides (m) of the bounding box are unusual, else ''."""
+    """Return a question about the unit if the sides (m) are unusual, else ''."""
     if SMALLEST <= max(sides) <= LARGEST:
         return ""
     doubt = f"far {'larger' if max(sides) > LARGEST else 'smaller'} than usual structures; is the file's unit right?"
@@ -261,7 +254,7 @@ def _unit_words(surface: Surface, chosen: SupportChoice, declared: str | None, o
 
 
 def sizes_in_other_units(sides: Sequence[float], unit: str, between: tuple[float, float] = POSSIBLE) -> list[str]:
-    """Return texts such as '--unit in: 8 m x 6 m x 3 m' for other units that put the longest side in `between` (m)."""
+    """Return texts ('--unit in: 8 m x 6 m x 3 m') of further units that put the longest side in `between` (m)."""
     metres = {name: metres_per(name) / metres_per(unit) for name in GUESSED if name != unit}
     return [
         f"--unit {name}: {' x '.join(length(times * side) for side in sides)}"
@@ -275,7 +268,7 @@ def _box(surface: Surface) -> str:
 
 
 def vertical_axis(up: str | None) -> Up | None:
-    """Return `up` as an axis; None if the user named none. Raises SurfaceError if `up` is not x, y, z, -x, -y or -z."""
+    """Return `up` as an axis, or None. Raises SurfaceError."""
     axes: tuple[Up, ...] = get_args(Up)
     if up is None or up in axes:
         return next((axis for axis in axes if axis == up), None)

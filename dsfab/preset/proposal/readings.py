@@ -1,4 +1,4 @@
-"""Readings of a shape, that is, ways in which it may be supported; a function for each kind yields its readings."""
+"""Readings of a shape, that is, ways in which the shape may be supported."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -12,24 +12,24 @@ from dsfab.preset.proposal.shape import DEPTH, NECK, RISE, STRIP, Edge, Shape, i
 from dsfab.surface import Ball, Boundary, Box, Surface, link_components
 
 DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25  # `SupportReading.form` if the shape shows supports; if usual; if possible.
-RARER = 0.8  # Factor on `SupportReading.form` for hanging surfaces and for walls, because roofs are more frequent.
-LEFT = 0.7  # Factor on the score `SupportReading.form` if necks or hollows (see `Shape`) stay without support.
+RARER = 0.8  # Factor on `SupportReading.form` for hanging surfaces and for walls.
+LEFT = 0.7  # Factor on `SupportReading.form` if necks or hollows stay without support.
 SAG = 0.15  # Smallest sag of a hanging roof, divided by its height.
-WALLS = 0.8  # `_edge_form` above which an outer edge is level and low enough to stand on walls.
+WALLS = 0.8  # Smallest `_edge_form` of an edge on walls.
 APART = 12.0  # Largest distance between posts along a strip, metres.
 FRAGMENT = 0.1  # Smallest size of a support, divided by the size of the largest support.
 LOWEST_SILL = 0.005  # Smallest height of a window above the base, divided by the wall's height.
 BAY = 7.5  # Usual distance between the columns of a grid, metres.
 MOST = 200  # Largest number of columns, and of posts along a side.
-SOLE = 0.03  # A closed surface stands on its vertices below this fraction of its height.
+SOLE = 0.03  # Largest height of a closed surface's supported vertices, divided by the surface's height.
 Kind = Literal["roof", "hung", "floor", "wall", "object"]
 
 
 @dataclass(frozen=True, eq=False)
 class SupportPlace:
     """A supported part of a surface.
-    name   : text for the user.    points : (k, 3) points along the free edge or on the surface, metres.
-    length : length of free edge (m), 0 inside the sheet.    is_loop : True for a whole closed edge.
+    points : (k, 3) points along the free edge or on the surface, metres.    is_loop : True for a whole closed edge.
+    length : length of free edge (m), 0 inside the sheet.
     loop   : number of the closed edge, 0 for the longest; None if another edge has nearly the same length.
     radius : radius of a disc inside the sheet, metres."""
 
@@ -48,7 +48,7 @@ class SupportPlace:
         return replace(self, points=self.points - offset)
 
     def picker(self, margin: float = 0.0, digits: int = 9) -> Boundary | Ball | Box:
-        """Return a picker of this place on any mesh of the surface. margin : metres added to a box on each side."""
+        """Return a picker of this place on any mesh of the surface."""
         if self.loop is not None:
             return Boundary(self.loop)
         if self.length:
@@ -64,7 +64,7 @@ class SupportPlace:
 @dataclass(frozen=True, eq=False)
 class SupportReading:
     """A way in which a shape may be supported.
-    word : its name for `--stand`.    form : score from 0 to 1: how clearly the shape suggests these supports."""
+    word : its name for `--stand`.    form : score from 0 to 1, best 1."""
 
     word: str
     kind: Kind
@@ -77,13 +77,13 @@ class SupportReading:
 
 
 def readings(shape: Shape) -> list[SupportReading]:
-    """Return all ways to support a shape that has edges; those with the highest score `form` come first."""
+    """Return all ways to support a shape that has edges, the best first."""
     candidates = [_of_what_it_leaves(shape, reading) for read in READINGS for reading in read(shape) if reading.places]
     return sorted((reading for reading in candidates if reading.form > 0.02), key=lambda reading: -reading.form)
 
 
 def distinct_readings(shape: Shape) -> list[SupportReading]:
-    """Return ways to support a shape, the best first. Of ways with nearly equal supports, only the best is kept."""
+    """Return ways to support a shape, the best first, without nearly equal ways."""
     distinct = list[tuple[SupportReading, Bools]]()
     for reading in readings(shape):
         supported = reading.vertices(shape.surface)
@@ -94,7 +94,6 @@ def distinct_readings(shape: Shape) -> list[SupportReading]:
 
 
 def _of_what_it_leaves(shape: Shape, reading: SupportReading) -> SupportReading:
-    """Return `reading`, with a lower score `form` if it leaves necks or hollows of a roof without support."""
     free = len(shape.heads) * (reading.word not in ("loops", "walls")) + len(shape.lugs) * (reading.word != "hung")
     ponds = len(shape.inner_hollows) > 0 and not shape.heads and reading.kind == "roof"
     ponds = ponds and reading.word not in ("hollows", "columns")
@@ -115,7 +114,7 @@ def _roof(shape: Shape) -> float:
 
 
 def numbered_places(name: str, places: Sequence[SupportPlace]) -> tuple[SupportPlace, ...]:
-    """Return the places, named "name 1", "name 2" ...; a single place has the name without a number."""
+    """Return the places, named "name 1", "name 2" ...; a single place has no number."""
     several = len(places) > 1
     return tuple(replace(place, name=f"{name} {k}" if several else name) for k, place in enumerate(places, 1))
 
@@ -125,7 +124,6 @@ def _edge_place(edge: Edge) -> SupportPlace:
 
 
 def _whole(shape: Shape, edges: Sequence[Edge], name: str) -> tuple[SupportPlace, ...]:
-    """Return whole edges as supports. A support has its edge's number if no other edge is within 5 % of its length."""
     places = []
     for edge in edges:
         rivals = [rival for rival in shape.edges if abs(rival.length / edge.length - 1) < 0.05]
@@ -143,7 +141,7 @@ def _column_heads(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _edge_form(shape: Shape) -> float:
-    """Return 1 if the outer edge is level and not above the centre of mass, as on walls; less for other edges."""
+    """Return 1 if the outer edge is level and low, as on walls; less for other edges."""
     return _mean([edge.levelness * shape.lowness(edge) for edge in shape.outer])
 
 
@@ -157,7 +155,6 @@ def _walls(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _masts(shape: Shape) -> list[Edge]:
-    """Return the edges around the masts of a tent; none for other shapes. A tent's outer edge curves inwards."""
     is_tent = 3 <= len(shape.corners) <= 8 and is_scalloped(shape.edges[0], shape.corners)
     return [edge for edge in shape.small if is_tent and shape.neck(edge)[2] < -2 * NECK]
 
@@ -205,7 +202,7 @@ def _whole_edges(shape: Shape) -> Iterator[SupportReading]:
     floor = max(_roof(shape), float(shape.is_floor))
     drop = _mean([edge.z.mean() for edge in shape.outer]) - _mean([edge.z.mean() for edge in shape.large])
     is_vault = bool(shape.large) and shape.rise > 0.05 * shape.width and abs(drop) < 0.05 * shape.rise
-    loss = LEFT if is_vault else 1.0  # a vault's inner and outer edge are equally low, so both probably have supports
+    loss = LEFT if is_vault else 1.0
     yield SupportReading("edge", kind, _whole(shape, shape.outer, name), DRAWN * loss * floor * _mean(outer))
     below = drop > max(0.3 * shape.rise, 0.015 * shape.width)
     usual = loss * (DRAWN if below else USUAL) * _roof(shape)
@@ -223,7 +220,6 @@ def _pairs(shape: Shape) -> tuple[list[Edge], list[Edge]]:
 
 
 def _hangs_between(shape: Shape, two: Sequence[Edge], crossing: Sequence[Edge]) -> bool:
-    """Return True if the sheet sags between the sides `two`: its centre and middles of sides `crossing` are lower."""
     if not two:
         return False
     low = min(float(side.z.min()) for side in two)
@@ -287,8 +283,7 @@ def _base(shape: Shape) -> Iterator[SupportReading]:
 
 
 def low_places(shape: Shape, reach: float, edges: Sequence[Edge] = ()) -> list[SupportPlace]:
-    """Return the parts of edges at most `reach` metres above the lowest point, without very small parts.
-    edges : default: the outer and the large inner edges."""
+    """Return the parts of edges at most `reach` metres above the lowest point."""
     highest, places = shape.surface.V[:, 2].min() + reach, list[SupportPlace]()
     for edge in edges or (*shape.outer, *shape.large):
         low = edge.z <= highest
@@ -305,7 +300,7 @@ def low_places(shape: Shape, reach: float, edges: Sequence[Edge] = ()) -> list[S
 
 
 def soles(surface: Surface) -> tuple[SupportPlace, ...]:
-    """Return the lowest parts of a closed surface, on which it stands, without very small parts."""
+    """Return the lowest parts of a closed surface, without very small parts."""
     z = surface.V[:, 2]
     low = z <= z.min() + SOLE * np.ptp(z)
     ends = surface.edges.ends[low[surface.edges.ends].all(axis=1)]

@@ -1,4 +1,4 @@
-"""`Shape`: a coarse copy of a surface, and its features (edges, corners, sides, low points) that suggest supports."""
+"""`Shape`: a coarse copy of a surface, and its features that suggest supports."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -12,21 +12,21 @@ from dsfab.core.arrays import Floats, Ints, lengths, lock
 from dsfab.core.errors import SurfaceError
 from dsfab.surface import Surface, polyline_length, remeshed_surface
 
-VERTICES = 1500  # Usual number of vertices of a coarse shape, for fast solves.
+VERTICES = 1500  # Usual number of vertices of a coarse shape.
 STEPS = 400  # Number of equal steps along a closed edge.
 SLOPE = 0.25  # Slope (14 degrees) at which `levelness` is 1/2.
 CORNER = 40.0  # Smallest change of an edge's direction at a corner, degrees.
 DEPTH, RISE = 0.15, 0.05
-"""Smallest depth of a foot (low part of an edge), and largest rise within a foot, divided by the surface's height."""
-SMALL = 0.15  # Largest length of a small edge, divided by the length of the surface's longest edge.
-STRIP = 3.0  # Smallest ratio of long to short sides of a strip, such as a footbridge.
+"""Smallest depth of a foot (low part of an edge) and largest rise within a foot, divided by the surface's height."""
+SMALL = 0.15  # Largest length of a small edge / length of the longest edge.
+STRIP = 3.0  # Smallest ratio of long to short sides of a strip.
 NECK = 0.2  # Smallest vertical component of `Shape.neck` for a column head (up) or a hanging point (down).
 LUG = 2.0  # Smallest height of a lug, divided by its radius.
 HEAD = 2.2  # Height that people need, metres.
 
 
 def coarse_surface(surface: Surface) -> Surface:
-    """Return the surface, in its own unit, with about `VERTICES` vertices; unchanged if it cannot be meshed again."""
+    """Return the surface with about `VERTICES` vertices; unchanged if a new mesh is impossible."""
     if 0.5 * VERTICES < surface.n < 1.6 * VERTICES:
         return surface
     middle, size = surface.V.mean(axis=0), surface.size
@@ -39,17 +39,17 @@ def coarse_surface(surface: Surface) -> Surface:
 
 
 def is_nearly_closed(surface: Surface) -> bool:
-    """Return True if the surface has no boundary except around very small holes."""
+    """Return True if the surface has no boundary except very small holes."""
     return bool(surface.edge_lengths[surface.edges.boundary].sum() < 0.02 * np.sqrt(surface.area))
 
 
 def is_figure(surface: Surface) -> bool:
-    """Return True if the surface is closed, or nearly closed, such as a head with an open neck."""
+    """Return True if the surface is closed, or nearly closed."""
     return bool(surface.edge_lengths[surface.edges.boundary].sum() ** 2 < 4 * surface.area)
 
 
 def depth_within(points: Floats, middle: Floats) -> float | None:
-    """Return the distance (m) from the point `middle` (2,) to the convex outline of points (k, 2); negative outside.
+    """Return the distance (m) from `middle` (2,) to the convex outline of points (k, 2); negative outside.
     Return None if the points lie on a line."""
     try:
         sides = ConvexHull(points).equations  # negative for a point inside
@@ -60,7 +60,7 @@ def depth_within(points: Floats, middle: Floats) -> float | None:
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """A closed free edge (boundary loop), or a part of it.
+    """A closed free edge (boundary loop), or a part of an edge.
     loop   : number of the boundary loop of the coarse surface.
     points : (k, 3) points in equal steps along the edge, metres. A closed edge does not repeat its first point.
     closed : True for a whole loop."""
@@ -97,7 +97,7 @@ class Edge:
 
     @cached_property
     def levelness(self) -> float:
-        """1 for a level edge, 1/2 if its root mean square slope is `SLOPE`; small steps of the mesh do not count."""
+        """1 for a level edge, 1/2 for an edge with the slope `SLOPE`."""
         P = self.points[:: max(len(self.points) // 60, 1)]
         step = np.diff(np.vstack([P, P[:1]]), axis=0) if self.closed else np.diff(P, axis=0)
         run = lengths(step) + 1e-12
@@ -105,13 +105,12 @@ class Edge:
 
     @cached_property
     def straight_levelness(self) -> float:
-        """1 for a level edge, 1/2 if rise / length is `SLOPE`, for an edge on a straight wall or beam."""
+        """1 for a level edge, 1/2 if rise / length is `SLOPE`."""
         return float(1 / (1 + (np.ptp(self.z) / max(self.length, 1e-12) / SLOPE) ** 2))
 
     def valleys(self, height: float, shortest: float) -> Iterator[tuple["Edge", float]]:
-        """Yield low parts of a closed edge, each with its depth (m) below the neighbouring parts.
-        height   : height of the surface, metres.
-        shortest : smallest length of a part, metres. A shorter part is extended by the next lowest points."""
+        """Yield low parts of a closed edge, each with its depth (m). height : height of the surface, metres.
+        shortest : smallest length of a part, metres."""
         z, n, step = self.z, len(self.points), self.length / len(self.points)
         tops, facts = find_peaks(-np.tile(z, 3), prominence=DEPTH * height, plateau_size=(None, None))
         for top, depth in zip((tops - n).tolist(), facts["prominences"].tolist(), strict=True):
@@ -119,14 +118,13 @@ class Edge:
                 continue
             profiles = [np.maximum.accumulate(np.roll(z, -top)[::sign][: n // 2 - 1]) for sign in (1, -1)]
             least = np.sort(np.concatenate(profiles))[min(int(np.ceil(shortest / step)), n - 3)]
-            level = max(z[top] + RISE * height, least) + 1e-4 * height  # 1e-4: points of equal height are all included
+            level = max(z[top] + RISE * height, least) + 1e-4 * height
             after, before = (int((profile <= level).sum()) for profile in profiles)
             yield self.part((top - before) % n, (top + after - 1) % n), float(depth)
 
     def corners(self, arm: float) -> list[int]:
-        """Return indices of the points of a closed edge where its direction changes most, by at least `CORNER`.
-        There is no corner where the edge is straight in plan, as on a folded roof.
-        arm : length (m) of the edge before and after a point. The angle between these two parts is measured."""
+        """Return indices of points where the direction of a closed edge changes by at least `CORNER`.
+        arm : length (m) before and after a point over which the change is measured."""
         n, reach = len(self.points), max(round(arm / self.length * len(self.points)), 1)
         before, after = self.points - np.roll(self.points, reach, 0), np.roll(self.points, -reach, 0) - self.points
         long = lengths(before) * lengths(after) + 1e-12
@@ -142,7 +140,7 @@ class Edge:
         return sorted(corners)
 
     def posts(self, apart: float, width: float) -> list["Edge"]:
-        """Return parts of an open edge, `width` metres long, at equal distances of about `apart` metres."""
+        """Return parts of an open edge, `width` metres long, about `apart` metres apart."""
         n, count = len(self.points), max(round(self.length / apart), 2)
         half = max(round(width / self.length * n / 2), 1)
         middles = [round((k + 0.5) * (n - 1) / count) for k in range(count)]
@@ -151,7 +149,7 @@ class Edge:
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A coarse surface in metres with z up, and its features that suggest supports."""
+    """A coarse surface in metres with z up, and its features."""
 
     surface: Surface
 
@@ -169,12 +167,12 @@ class Shape:
 
     @cached_property
     def large(self) -> list[Edge]:
-        """Long inner edges, for example of a courtyard or a stadium."""
+        """Long inner edges, for example of a courtyard."""
         return [edge for edge in self.edges if edge not in self.outer and edge not in self.small]
 
     @cached_property
     def small(self) -> list[Edge]:
-        """Small inner edges (boundary loops): around column heads, lugs and openings."""
+        """Small inner edges (boundary loops)."""
         return [edge for edge in self.edges if edge not in self.outer and edge.length < SMALL * self.edges[0].length]
 
     @cached_property
@@ -183,13 +181,13 @@ class Shape:
 
     @cached_property
     def width(self) -> float:
-        """4 x area / length of the edges, metres: the side length of a square, and twice the width of a long strip."""
+        """4 x area / length of the edges, metres."""
         length = sum(edge.length for edge in (*self.outer, *self.large))
         return float(4 * self.surface.area / length if length else np.sqrt(self.surface.area))
 
     @cached_property
     def plan_share(self) -> float:
-        """Share of the area that is visible in plan: 1 for a flat roof, 0 for a wall."""
+        """Share of the area that is visible in plan."""
         return float(self.surface.areas @ np.abs(self.surface.normals[:, 2]) / self.surface.area)
 
     @cached_property
@@ -199,12 +197,12 @@ class Shape:
 
     @property
     def is_raised(self) -> bool:
-        """True if the surface is probably above the ground: its rise is below `HEAD`, or its lowest z >= `HEAD`."""
+        """True if the surface is probably above the ground."""
         return self.rise < HEAD or HEAD <= self.surface.V[:, 2].min() <= 1.5 * self.surface.size
 
     @cached_property
     def corners(self) -> list[int]:
-        """Indices of the corners among the points of the longest edge (boundary loop)."""
+        """Indices of the corners among the points of the longest edge."""
         return self.edges[0].corners(self.width / 8)
 
     @cached_property
@@ -219,12 +217,12 @@ class Shape:
 
     @cached_property
     def ratio(self) -> float:
-        """Length of the long sides divided by that of the short ones; 0 without four sides."""
+        """Length of long sides / length of short sides; 0 without four sides."""
         ends, long = (sum(side.length for side in self.sides[k::2]) for k in (0, 1))
         return long / ends if self.sides else 0.0
 
     def neck(self, edge: Edge) -> Floats:
-        """Return the mean direction (3,) from an edge into the sheet: up at a column head, down at a hanging point."""
+        """Return the mean direction (3,) from an edge into the sheet."""
         V, F = self.surface.V, self.surface.F
         is_on = np.isin(F, self.surface.loops[edge.loop])
         faces = is_on.sum(axis=1) == 2
@@ -236,7 +234,7 @@ class Shape:
         return np.asarray(length @ (into / lengths(into)[:, None]) / length.sum()) if len(third) else np.zeros(3)
 
     def slenderness(self, edge: Edge) -> float:
-        """Return the height of an edge (boundary loop) above the sheet around it, divided by the edge's mean radius."""
+        """Return the height of an edge above the sheet around, divided by the edge's mean radius."""
         radius = edge.length / (2 * np.pi)
         middle = edge.points.mean(axis=0)
         away = np.linalg.norm(self.surface.V[:, :2] - middle[:2], axis=1) / radius
@@ -244,13 +242,13 @@ class Shape:
         return float(middle[2] - np.median(around)) / radius if len(around) else 0.0
 
     def lowness(self, edge: Edge) -> float:
-        """Return 1 for an edge at or below the centre of mass, 0 at the surface's top. An almost flat sheet gives 1."""
+        """Return 1 for a low edge, 0 at the surface's top."""
         rise = (edge.z.mean() - self.middle[2]) / max(self.surface.V[:, 2].max() - self.middle[2], 1e-9)
         return 1.0 if self.rise < 0.05 * self.width else float(np.clip(1 - rise, 0, 1))
 
     @cached_property
     def hollows(self) -> Ints:
-        """Indices (k,) of vertices that are lower than all others around: places where water would stand."""
+        """Indices (k,) of vertices that are lower than all others around."""
         V, z = self.surface.V, self.surface.V[:, 2]
         tree = cKDTree(V[:, :2])
         radius, lowest, hollows = self.width / 12, z.copy(), list[int]()
@@ -266,7 +264,7 @@ class Shape:
 
     @cached_property
     def inner_hollows(self) -> Ints:
-        """Indices (k,) of vertices in `hollows` (places where water would stand) that are not on a free edge."""
+        """Indices (k,) of vertices in `hollows` that are not on a free edge."""
         return np.setdiff1d(self.hollows, np.concatenate([*self.surface.loops, np.zeros(0, dtype=np.int64)]))
 
     def below(self, plan: Floats) -> Floats:
@@ -277,7 +275,7 @@ class Shape:
 
     @cached_property
     def is_object(self) -> bool:
-        """True for a sculpture: a closed surface, or a nearly closed surface whose edges do not reach the ground."""
+        """True for a sculpture."""
         if is_nearly_closed(self.surface):
             return True
         ground = self.surface.V[:, 2].min() + RISE * self.rise
@@ -286,23 +284,22 @@ class Shape:
 
     @cached_property
     def heads(self) -> list[Edge]:
-        """Column heads: small inner edges from which the sheet goes up. At openings, the sheet does not go up."""
+        """Column heads: small inner edges from which the sheet goes up."""
         return [edge for edge in self.small if self.neck(edge)[2] > NECK]
 
     @cached_property
     def lugs(self) -> list[Edge]:
-        """Small edges (boundary loops) from which the sheet may hang: upper ends of slender necks of the sheet."""
+        """Small edges from which the sheet may hang."""
         return [edge for edge in self.small if self.neck(edge)[2] < -NECK and self.slenderness(edge) > LUG]
 
     @cached_property
     def wall(self) -> float:
-        """1 for a wall, 0 for a roof, and values between; from `plan_share`."""
+        """1 for a wall, 0 for a roof, and values between."""
         return float(np.clip((0.55 - self.plan_share) / 0.2, 0, 1))
 
     @cached_property
     def is_deck(self) -> bool:
-        """True for a strip with level ends that people can walk on.
-        The largest slope is 40 degrees (stairs) if the strip climbs from end to end, else 25 degrees (a ramp)."""
+        """True for a strip with level ends that people can walk on."""
         climb = abs(float(np.subtract(*(end.z.mean() for end in self.sides[::2])))) if self.sides else 0.0
         walkable = np.abs(self.surface.normals[:, 2]) > np.cos(np.radians(40.0 if climb > 0.9 * self.rise else 25.0))
         share = float(self.surface.areas[walkable].sum() / self.surface.area)
@@ -315,7 +312,7 @@ class Shape:
 
 
 def is_scalloped(edge: Edge, corners: Sequence[int]) -> bool:
-    """Return True if a closed edge curves inwards in plan between all its corners, like a cable."""
+    """Return True if a closed edge curves inwards between all corners."""
     middle = edge.points[list(corners), :2].mean(axis=0)
     for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
         arc = edge.part(a, b).points[:, :2]

@@ -11,13 +11,12 @@ from dsfab.preset.proposal.shape import is_figure
 from dsfab.surface import Surface
 
 MEMBERS = 16  # Number of members across the shorter side of the plan.
-COARSEST, FINEST = 2.5, 3.5  # Smallest and largest number of mesh edges per spacing; fewer give uneven stripes.
-TRIANGLES = 6500  # Usual number of triangles, so that CAD programs can open the solid.
+COARSEST, FINEST = 2.5, 3.5  # Smallest and largest number of mesh edges per spacing.
+TRIANGLES = 6500  # Usual number of triangles.
 SLENDER = {"steel": 200, "timber": 100}  # Ratio of span to thickness, by material.
 STEEL = ("S235", "S275", "S355", "S460", "aluminium 6082")
 LONG = 1.8
-"""Smallest ratio of the span to the shorter side of the plan for which the span governs the thickness. A square roof on
-its corners has a ratio of 1.41."""
+"""Smallest ratio of the span to the shorter side of the plan for which the span governs the thickness."""
 THICKEST = 1 / 5  # Largest thickness of a surface with a long span, divided by the spacing of its members.
 MODEL = 3.0  # Surfaces smaller than this (m) count as printed models.
 
@@ -27,7 +26,6 @@ class Sizes:
     """Proposed lengths in metres.
     edge    : edge length of the mesh; 0 if the user's mesh does not change.
     own     : mean edge length of the user's mesh.
-    span    : shorter side of the plan (see `shorter_side`); or the span of a roof, if it is far smaller than this side.
     bridged : span between the supports if it is far longer than the shorter side of the plan, else 0."""
 
     span: float
@@ -40,7 +38,7 @@ class Sizes:
 
     @property
     def coarse(self) -> bool:
-        """True if the edges of the user's mesh are so long that its flat faces would be visible."""
+        """True if the edges of the user's mesh are too long for a smooth surface."""
         return self.edge < 0.7 * self.own
 
     @property
@@ -49,10 +47,7 @@ class Sizes:
         return round(self.bridged / self.thickness) if self.bridged else slenderness(self.material)
 
     def with_feet(self, surface: Surface, feet: Sequence[Floats], roof: bool = False) -> "Sizes":
-        """Return the sizes for a surface on supports. feet : points (k, 3) of each support.
-        The span is twice the distance in plan from the supports to the farthest vertex. If the span of a roof is far
-        smaller than the plan's shorter side, all lengths follow from the span. If the span is far longer than this
-        side, spacing and thickness are larger: the thickness suits a span of 1.1 sqrt(span x side)."""
+        """Return the sizes for a surface on supports. feet : points (k, 3) of each support."""
         if is_figure(surface) or not feet:
             return self
         distance, _ = cKDTree(np.concatenate(feet)[:, :2]).query(surface.V[:, :2])
@@ -78,17 +73,17 @@ class Sizes:
 
     @property
     def fillet(self) -> float:
-        """Radius of the corners of openings, before `Preset.with_thickness` enlarges it for thick sheets."""
+        """Radius of the corners of openings."""
         return two_digits(0.06 * self.spacing)
 
 
 def sizes(surface: Surface, material: str | None = None, span: float = 0.0) -> Sizes:
-    """Return the proposed sizes of members, mesh and thickness for a surface with z up.
-    material : default: GL24h, or PLA for a printed model.    span : metres; 0 for the shorter side of the plan."""
+    """Return the proposed sizes for a surface with z up.
+    material : default: GL24h, or PLA for a printed model.    span : metres; 0 for the plan's shorter side."""
     figure = is_figure(surface)
     span = span or shorter_side(surface)
     square = float(np.sqrt(surface.area))
-    cells = 550  # with more openings, a viewer sees no pattern
+    cells = 550
     spacing = two_digits(max(square / 18 if figure else span / MEMBERS, square / np.sqrt(cells)))
     material = material or ("PLA" if surface.size < MODEL else "GL24h")
     thick = spacing / 8 if figure else span / slenderness(material)
@@ -96,7 +91,7 @@ def sizes(surface: Surface, material: str | None = None, span: float = 0.0) -> S
 
 
 def shorter_side(surface: Surface) -> float:
-    """Return the shorter side (m) of a surface's plan; for a wall, the shorter side of its elevation."""
+    """Return the shorter side (m) of a surface's plan; for a wall, of its elevation."""
     across, face = float(np.ptp(surface.V, axis=0)[:2].min()), float(np.sort(np.ptp(surface.V, axis=0))[1])
     return face if across < face / 4 else across
 

@@ -1,4 +1,4 @@
-"""`ProposedValues`: the values of a proposed preset, and its text with comments."""
+"""`ProposedValues`: the values of a proposed preset, and the preset's text."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,9 +22,7 @@ SHARE = 0.45  # Share of the surface that stays material.
 @dataclass(frozen=True, eq=False)
 class ProposedValues:
     """Values of a proposed preset.
-    stands   : the supports.    built_in : True if the supports are clamped.
-    loads    : pressures (Pa) of the loads by name, without the weight.
-    marks    : points and curves in the file that mark supports, loads or regions, by layer."""
+    built_in : True if the supports are clamped.    loads : pressures (Pa) by name, without the weight."""
 
     size: Sizes
     stands: tuple[SupportPlace, ...]
@@ -35,7 +33,7 @@ class ProposedValues:
 
 def proposal_text(user_mesh: UserMesh, plan: ProposedValues, keys: Mapping[str, Any], notes: Mapping[str, str]) -> str:
     """Return the preset as TOML with comments.
-    keys : keys of [surface] that define the mesh.    notes : reason of each decision, by topic."""
+    keys : keys of [surface] that define the mesh.    notes : reasons, by topic."""
     size, stands, marks = plan.size, plan.stands, plan.marks
     surface, stand = user_mesh.surface, () if "support" in marks else stands
     file = "" if "origin" in keys else str(keys.get("file"))  # curves in the file keep the old origin

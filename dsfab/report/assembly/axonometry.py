@@ -1,4 +1,4 @@
-"""Members in parallel projection, drawn from the farthest face to the nearest [painter's algorithm]."""
+"""Members in parallel projection [painter's algorithm]."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -25,7 +25,7 @@ class Axonometry:
 
     @classmethod
     def from_angles(cls, up: Floats, azimuth: float = AZIMUTH, elevation: float = LEAST_ELEVATION) -> Self:
-        """Return a view by its azimuth about `up` and its elevation above ground, degrees; elevation 90 is a plan."""
+        """Return a view by its azimuth about `up` and its elevation, degrees; elevation 90 is a plan."""
         x = np.array([1.0, 0.0, 0.0])
         y = np.cross(up, x)
         a, e = np.radians(azimuth), np.radians(elevation)
@@ -54,8 +54,7 @@ class MemberFaces:
 
 
 def drawn_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """Return the faces of all bars and plates to draw; in a plan without bars, the faces of all members with parts.
-    Strips show their uppermost layer, planks both sides and the upper edge. Fills are drawn only with planks."""
+    """Return the faces of all bars and plates; in a plan without bars, of all members."""
     assert plan.graph is not None
     if plan.bars:
         return bar_faces(plan, palette)
@@ -77,7 +76,7 @@ def drawn_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
 
 
 def bar_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """Return the faces of all bars, in the colours of their members, and of all plates at nodes."""
+    """Return the faces of all bars and of all plates at nodes."""
     assert plan.bars is not None
     assert plan.graph is not None
     members, faces = plan.graph.by_id, []
@@ -147,7 +146,7 @@ class FaceList:
 def painted_faces(
     faces: list[MemberFaces], view: Axonometry, colours: dict[str, tuple[float, float, float]]
 ) -> FaceList:
-    """Return all faces in drawing order, the farthest first. colours : colours for some members, by name."""
+    """Return all faces in drawing order, the farthest first. colours : for some members, by name."""
     quads = np.concatenate([face.quads for face in faces])
     tints = np.concatenate([np.tile(colours.get(face.id, face.colour), (len(face.quads), 1)) for face in faces])
     n = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])

@@ -1,4 +1,4 @@
-"""Pages on a structure of bars: a table of all bars, their order of assembly, and drawings of joints."""
+"""Pages on a structure of bars."""
 
 from collections.abc import Callable, Container, Sequence
 
@@ -28,7 +28,7 @@ BARS_UNCHECKED = (
     "effects of moisture, grain and knots; distances of bolts from edges and ends (see the material's standard)",
     "bearings: the parts that hold the structure at its supports",
 )
-"""Risks of bars that dsfab does not check, for the last page of the book."""
+"""Risks of bars that dsfab does not check."""
 
 
 def bar_figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
@@ -70,14 +70,15 @@ BAR_TABLE_NOTE = (
 
 
 def bar_row(row: Sequence[str | int | float]) -> list[str]:
-    """Return a row of `bar_table` as texts, without distance of nodes, width and file name."""
+    """Return a row of `bar_table` as texts."""
     name, start_node, end_node, _, bar_length, _, *angles, bow, _ = row
     angle_words = [f"{angle:z.1f}°" for angle in angles]
     return [str(name), str(start_node), str(end_node), f"{bar_length:,.1f}", *angle_words, f"{bow:.1f}"]
 
 
 def bar_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Return steps of assembly, each with the same number of bars, lowest bars first. up : (3,) unit vector."""
+    """Return steps of assembly, lowest bars first.
+    up : (3,) unit vector."""
     assert plan.bars is not None
     net = plan.bars.bar_lattice
     heights = np.array([float(bar.points.mean(axis=0) @ up) for bar in net.bars])
@@ -93,7 +94,7 @@ SHOWN = 1.7  # Drawn length of a bar on the page of a joint, divided by the leng
 
 
 def joint_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return a page that draws the joint with the most bars, and a page that draws a joint on the ground."""
+    """Return pages with drawings of two joints."""
     assert plan.bars is not None
     joints = [joint for joint in plan.bars.bar_lattice.joints if joint.node.joined]
     pages = list[PartsPage]()
@@ -143,8 +144,8 @@ def _joint_page(plan: WorkshopPlan, name: str) -> Callable[[Paper], None]:
 
 
 def bar_on_plate(part: FlatPart, arm: PlateArm, from_end: bool) -> Floats:
-    """Return the outline (k, 2) of a bar's end on the arm of a flat plate, before folding; metres from the node.
-    from_end : True for the second end of the bar, False for its first end."""
+    """Return the outline (k, 2) of a bar's end on a flat plate, metres from the node.
+    from_end : True for the second end of the bar."""
     hole = next(hole_here for hole_here in (reversed(part.holes) if from_end else part.holes))
     direction = part.axis[1] - part.axis[0]
     direction = direction / np.linalg.norm(direction) * (-1 if from_end else 1)

@@ -1,4 +1,4 @@
-"""The book `assembly.pdf` for cutting and assembly: line drawings on A3 pages."""
+"""The book `assembly.pdf` for cutting and assembly."""
 
 import io
 from collections.abc import Callable
@@ -40,11 +40,11 @@ LAYERS_UNCHECKED = (
     "effects of moisture, grain and knots; distances of bolts from edges and ends (see the material's standard)",
     "bearings: the parts that hold the structure at its supports",
 )
-"""Risks of bent layers that dsfab does not check, for the last page of `assembly.pdf`."""
+"""Risks of bent layers that dsfab does not check."""
 
 
 def assembly_pdf(plan: WorkshopPlan, design: Design) -> bytes:
-    """Return the file `assembly.pdf`; the same plan gives the same bytes."""
+    """Return the bytes of `assembly.pdf`."""
     from reportlab.pdfgen.canvas import Canvas
 
     name, file = design.preset.name, io.BytesIO()
@@ -63,7 +63,7 @@ def assembly_pdf(plan: WorkshopPlan, design: Design) -> bytes:
 
 
 def book_pages(plan: WorkshopPlan, design: Design) -> list[BookPage]:
-    """Return titles and drawings of all pages. A flat design has no steps of assembly."""
+    """Return titles and drawings of all pages."""
     flat_pages = [*cut_list_pages(plan), *nest_pages(plan)]
     last_page = ("What was not checked", partial(_unchecked_page, plan=plan))
     if plan.graph is None:
@@ -143,7 +143,7 @@ PLANKS_UNCHECKED = (
     "effects of moisture, grain and knots; distances of bolts from edges and ends (see the material's standard)",
     "bearings: the parts that hold the structure at its supports",
 )
-"""Risks of upright planks that dsfab does not check, for the last page of the assembly book."""
+"""Risks of upright planks that dsfab does not check."""
 
 
 def _unchecked_points(plan: WorkshopPlan) -> tuple[str, ...]:

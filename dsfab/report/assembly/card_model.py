@@ -1,4 +1,4 @@
-"""The page for model makers: how to cut and build a model from card."""
+"""The page on how to cut and build a model from card."""
 
 from collections.abc import Callable, Iterator
 
@@ -44,7 +44,7 @@ FAMILY_WORDS = {"major": "A", "minor": "B", "rim": "rim", "keep": "rings and ban
 
 
 def model_figures(plan: WorkshopPlan) -> list[tuple[str, str]]:
-    """Return names and values of the key figures of a model, for its cover."""
+    """Return names and values of the key figures of a model."""
     assert plan.graph is not None
     size = MM_PER_M * np.ptp(plan.graph.sheet.surface.V, axis=0)
     pins = {hole.bolt for part in plan.parts for hole in part.holes}
@@ -64,7 +64,7 @@ def model_figures(plan: WorkshopPlan) -> list[tuple[str, str]]:
 
 
 def model_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return the page for a model of members; an empty list for a structure at full size."""
+    """Return the page for a model of members; [] for a structure at full size."""
     return [(f"Building the model at 1:{plan.model:g}", _model_page(plan))] if plan.model and plan.graph else []
 
 

@@ -14,19 +14,19 @@ from dsfab.workshop import FlatPart, NestedSheet, WorkshopPlan, money, node_tabl
 
 ACROSS, DOWN = 4, 13  # Columns and rows of parts on a page.
 ROWS, COLUMNS = 62, 3  # Rows and columns of nodes on a page.
-LEGIBLE, LEGIBLE_MODEL = 40.0, 400.0  # smallest scales (mm per metre) of legible names: on structures, on models
+LEGIBLE, LEGIBLE_MODEL = 40.0, 400.0  # smallest scales (mm per metre) of legible names
 PartsPage = tuple[str, Callable[[Paper], None]]
 
 
 def sheet_figures(plan: WorkshopPlan, name: str = "Sheets") -> list[tuple[str, str]]:
-    """Return pairs of title and text: number, size, used share of sheets (titled `name`); and the price, if known."""
+    """Return pairs of title and text about the sheets: number, size, used share and price."""
     cost = stock_cost(plan.sheets)
     priced = [("Price of the sheets", money(cost))] if cost else []
     return [(name, f"{stock_words(plan.sheets)}, {plan.used_share:.0%} used"), *priced]
 
 
 def cut_list_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return pages with all different parts: outline, size, number of copies, and sheets."""
+    """Return pages with all different parts."""
     pages = []
     per_page = ACROSS * DOWN
     for k in range(0, len(plan.equal_parts), per_page):
@@ -73,7 +73,7 @@ def _outline(paper: Paper, part: FlatPart, fitted: DrawingTransform) -> None:
 
 
 def nest_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return pages that show all sheets at the same scale, with the name of each part."""
+    """Return pages that show all sheets with the name of each part."""
     wide = max(sheet.size[0] for sheet in plan.sheets)
     high = max(sheet.size[1] for sheet in plan.sheets)
     legible = LEGIBLE_MODEL if plan.model else LEGIBLE
@@ -126,7 +126,7 @@ def _part_name(paper: Paper, part: FlatPart, fitted: DrawingTransform) -> None:
 
 
 def node_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return pages with a table of all nodes with bolts: members, angle between them, and place."""
+    """Return pages with a table of all nodes with bolts."""
     heads, places = ("node", "members", "angle", "x", "y", "z"), (0.0, 16.0, 72.0, 90.0, 107.0, 122.0)
     note = "Coordinates in millimetres, on the middle surface; angles between the members at the node."
     meets = "on" if plan.layering else "with"
@@ -148,8 +148,8 @@ def table_pages(
     places: Sequence[float],
     note: str,
 ) -> list[PartsPage]:
-    """Return pages of a table in blocks side by side. size : rows per block, and blocks per page.
-    places : distances of the columns from the left edge of a block, mm. Columns from 50 mm on are flush right."""
+    """Return pages of a table. size : rows of a block, and blocks of a page.
+    places : distances of the columns from the left edge of a block, mm."""
     down, columns = size
 
     def draw(paper: Paper, page_rows: Sequence[Sequence[str]]) -> None:
@@ -194,7 +194,7 @@ PER_PAGE = int(PAGE.high // ROW)
 
 
 def family_pages(plan: WorkshopPlan) -> list[tuple[str, Callable[[Paper], None]]]:
-    """Return titles and drawings of pages with the members of each family, all members of a family at one scale."""
+    """Return titles and drawings of pages with the members of each family."""
     assert plan.graph is not None
     pages = []
     built = {part.member for part in plan.parts}
@@ -245,7 +245,7 @@ def _member_row(paper: Paper, plan: WorkshopPlan, member: Member, y: float, scal
 
 
 def node_ticks(paper: Paper, plan: WorkshopPlan, member: Member, origin: tuple[float, float], scale: float) -> None:
-    """Draw a tick and the name of each node along a member. origin : paper coordinates (mm) of the member's start."""
+    """Draw a tick and the name of each node of a member. origin : paper coordinates (mm) of the member's start."""
     assert plan.graph is not None
     (start, middle), labelled = origin, -np.inf
     for node in plan.graph.nodes_along[member.id]:

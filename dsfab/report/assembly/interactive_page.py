@@ -1,4 +1,4 @@
-"""The interactive page of a structure: a click on a member shows its flat parts and their sheets."""
+"""The interactive page of a structure, which shows the flat parts of each member."""
 
 import json
 from html import escape
@@ -20,9 +20,8 @@ from dsfab.workshop import FlatPart, WorkshopPlan, bar_table, file_stem, refolde
 
 
 def colour_scales(plan: WorkshopPlan, names: list[str], judged_design: Design | None) -> list[dict[str, Any]]:
-    """Return the quantities by which the page can colour members: name, unit, and a value or None for each member.
-    names : the members.
-    judged_design : design whose utilisation and forces are added, or None.
+    """Return quantities that colour members: name, unit, and a value or None for each member.
+    judged_design : design with utilisation and forces, or None.
     Raises StaticsError for a design without a strength, or if nothing carries the loads."""
     assert plan.graph is not None
     members = plan.graph.by_id
@@ -75,9 +74,8 @@ def key_figures(design: Design, judged: bool) -> list[tuple[str, str]]:
 
 
 def assembly_page(plan: WorkshopPlan, design: Design, judged: bool = False) -> str:
-    """Return the page as one HTML file that loads nothing from the network; the same plan gives the same page.
-    judged : True for a page for clients, with scales of utilisation and force, and without workshop drawings.
-    The plan must have members."""
+    """Return the page as one HTML file; the plan must have members.
+    judged : True for a page for clients."""
     assert plan.graph is not None
     preset, graph = design.preset, plan.graph
     load = design.load if design.has("statics") else None

@@ -1,4 +1,4 @@
-"""Pages of the book that show the structure: cover, views with names, parts bent back into space, steps of assembly."""
+"""Pages of the book that show the structure."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,13 +16,13 @@ from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, RED, DrawingTran
 from dsfab.surface import simplified_line
 from dsfab.workshop import Layering, RefoldedStrip, WorkshopPlan, is_strip, layer_numbers, refolded_plan
 
-GRID_PER_MM = 8.0  # Grid cells per millimetre of paper; `place_names` moves names on this grid.
+GRID_PER_MM = 8.0  # Grid cells per millimetre of paper.
 
 
 def draw_cover(
     paper: Paper, faces: list[MemberFaces], up: Floats, figures: list[tuple[str, str]], notes: list[str]
 ) -> None:
-    """Draw the structure, and beside the drawing its key figures and the notes. up : (3,) unit vector."""
+    """Draw the structure with key figures. up : (3,) unit vector."""
     wide = 128.0
     drawing = PaperBox(PAGE.x, PAGE.y, PAGE.wide - wide - 10, PAGE.high)
     draw_structure(paper, faces, Axonometry.from_angles(up), drawing, {})
@@ -51,8 +51,8 @@ def draw_structure(
     colours: dict[str, tuple[float, float, float]],
     extent: Floats | None = None,
 ) -> DrawingTransform:
-    """Draw members into a box of the page; return the map from view to paper. colours : of some members, by name.
-    extent : (k, 2) points that the box must show, m; None shows all members."""
+    """Draw members into a box of the page; return the map from view to paper.
+    colours : colours of some members, by name.    extent : (k, 2) points that the box must show, m, or None."""
     faces_in_order = painted_faces(faces, view, colours)
     extent = faces_in_order.corners.reshape(-1, 2) if extent is None else extent
     fitted = DrawingTransform.fit_to_box(extent.min(axis=0), extent.max(axis=0), box)
@@ -64,7 +64,7 @@ def draw_named_view(paper: Paper, faces: list[MemberFaces], view: Axonometry) ->
     """Draw all members with their names on one page."""
     box = PaperBox(PAGE.x + 6, PAGE.y + 8, PAGE.wide - 12, PAGE.high - 14)
     fitted = draw_structure(paper, faces, view, box, {})
-    letter = 2.5 * min(1.0, float(np.sqrt(120 / len(faces))))  # millimetres; smaller for over 120 members
+    letter = 2.5 * min(1.0, float(np.sqrt(120 / len(faces))))
     plates = [Nameplate(face.id, (0, 0, 0), *_name_places(face, view, fitted)) for face in faces]
     size = (int(GRID_PER_MM * (PAGE.wide + 2 * PAGE.x)), int(GRID_PER_MM * (PAGE.high + PAGE.y + 10)))
     names = place_names(plates, size, GRID_PER_MM * letter)
@@ -92,7 +92,7 @@ def _name_places(face: MemberFaces, view: Axonometry, fitted: DrawingTransform) 
 def refolded_pages(
     plan: WorkshopPlan, faces: list[MemberFaces], up: Floats
 ) -> list[tuple[str, Callable[[Paper], None]]]:
-    """Return a page of flat parts bent back into space, if the plan has strips. up : (3,) unit vector."""
+    """Return a page of flat parts bent back into space. up : (3,) unit vector."""
     parts_in_space = refolded_plan(plan)
     if not parts_in_space.strips:
         return []
@@ -114,14 +114,14 @@ def refolded_pages(
 
 
 def piece_length(faces: list[MemberFaces]) -> float:
-    """Return the length of the straight pieces in the drawing of a curved part, metres."""
+    """Return the length of straight pieces in the drawing of a curved part, metres."""
     corners = np.concatenate([face.quads.reshape(-1, 3) for face in faces])
     return float(np.linalg.norm(np.ptp(corners, axis=0))) / DRAWN_PIECES
 
 
 def strip_quads(strip: RefoldedStrip, piece: float, slotted: bool = False) -> Floats:
-    """Return a bent strip as quadrilaterals (q, 4, 3), each about `piece` metres long.
-    slotted : True to divide the strip at its corners instead."""
+    """Return a bent strip as quadrilaterals (q, 4, 3), about `piece` metres long.
+    slotted : True to divide the strip at corners."""
     if slotted:
         rows = simplified_line(strip.edges.reshape(-1, 6), 1e-3).reshape(-1, 2, 3)
     else:
@@ -151,26 +151,26 @@ def _refolded_page(
     return draw
 
 
-STEP_PICTURES = 12  # Approximate number of steps, each with a picture.
+STEP_PICTURES = 12  # Approximate number of steps.
 
 LAYER_RULE = (
     "Assemble each layer before the layer above it: at every node the upper member is bolted on the lower member. "
     "Within a layer, assemble members by the height of their lowest points, lowest first; at equal height, by name. "
     "If no bolt holds a member yet, prop it until the next layer is bolted on."
 )
-"""Rule for the order of `assembly_steps`, printed for the builders."""
+"""Rule for the order of assembly."""
 
 
 @dataclass(frozen=True)
 class AssemblyStep:
-    """A step of assembly: names of members to add. layer : number of layers above these members."""
+    """A step of assembly: members to add. layer : number of layers above these members."""
 
     layer: int
     members: tuple[str, ...]
 
 
 def assembly_steps(graph: MemberGraph, layering: Layering, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Return the steps of assembly of layered members, in the order of `LAYER_RULE`. up : (3,) unit vector.
+    """Return the steps of assembly of members in layers. up : (3,) unit vector.
     A member appears once in each of its layers."""
     return _ordered_steps(graph, up, partial(layer_numbers, layering))
 
@@ -180,12 +180,12 @@ PLANK_RULE = (
     "piece along the mean normal of its slots. Within a family, place members in the order of the heights of their "
     "lowest points; order members of equal height by name. Close a splice when both pieces are in place."
 )
-"""Rule for the order of `plank_steps`, printed for the builders."""
+"""Rule for the order of assembly of planks."""
 FAMILY_WORDS = {"major": "family A", "minor": "family B", "rim": "edges", "keep": "planks around supports and loads"}
 
 
 def plank_rule(plan: WorkshopPlan) -> str:
-    """Return `PLANK_RULE` with the names of the plan's families."""
+    """Return `PLANK_RULE` for the plan's families."""
     assert plan.graph is not None
     assert plan.planks is not None
     families = {member.family for member in plan.graph.members if is_strip(member)}
@@ -194,7 +194,7 @@ def plank_rule(plan: WorkshopPlan) -> str:
 
 
 def plank_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Return the steps of assembly: first planks with slots open above, plates last. up : (3,) unit vector, upwards."""
+    """Return the steps of assembly of planks. up : (3,) unit vector, upwards."""
     assert plan.graph is not None
     assert plan.planks is not None
     built, order = {part.member for part in plan.parts}, plan.planks.planks.order
@@ -229,14 +229,14 @@ def _ordered_steps(
     return tuple(steps)
 
 
-ACROSS, DOWN = 3, 2  # Columns and rows of pictures on a page, with one picture for each step.
-STANDING_COLOUR = (0.82, 0.81, 0.79)  # Colour of members that earlier steps have assembled.
+ACROSS, DOWN = 3, 2  # Columns and rows of pictures on a page.
+STANDING_COLOUR = (0.82, 0.81, 0.79)  # Colour of the members of earlier steps.
 
 
 def step_pages(
     steps: tuple[AssemblyStep, ...], faces: list[MemberFaces], up: Floats, rule: str
 ) -> list[tuple[str, Callable[[Paper], None]]]:
-    """Return pages with the text `rule` and a picture of each step: new members in colour, earlier members in grey."""
+    """Return pages with a picture of each step. up : (3,) unit vector.    rule : text on the pages."""
     pages, per_page = [], ACROSS * DOWN
     for k in range(0, len(steps), per_page):
         title = f"Assembly: steps {k + 1} to {min(k + per_page, len(steps))} of {len(steps)}"

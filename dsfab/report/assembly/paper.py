@@ -1,4 +1,4 @@
-"""Drawing on a sheet of paper with reportlab; places are millimetres from the lower left corner."""
+"""Drawing on paper with reportlab, millimetres from the lower left corner."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,9 +11,9 @@ from dsfab.report.assembly.axonometry import FaceList
 from dsfab.report.html_pages import COLOURS
 from dsfab.report.pdf_pages import MM
 
-PAPER_WIDTH, PAPER_HEIGHT = 420.0, 297.0  # Size of A3 paper, millimetres.
-MARGIN, HEAD, FOOT = 14.0, 26.0, 18.0  # Margins of a page, millimetres: at both sides, above, and below.
-SCALE_STEPS = (1.0, 2.0, 2.5, 5.0)  # Usual scales are 1:k; k is one of these numbers times a power of ten.
+PAPER_WIDTH, PAPER_HEIGHT = 420.0, 297.0  # A3 paper, millimetres.
+MARGIN, HEAD, FOOT = 14.0, 26.0, 18.0  # Margins of a page, millimetres: at the sides, above, and below.
+SCALE_STEPS = (1.0, 2.0, 2.5, 5.0)  # Usual scales are 1:k; k is one of these times a power of ten.
 Colour = tuple[float, float, float]
 
 
@@ -27,7 +27,7 @@ INK, QUIET, HAIR, RED = _ink("text"), _ink("quiet"), _ink("hair"), _ink("bad")
 
 @dataclass(frozen=True)
 class PaperBox:
-    """A box on a page: lower left corner, width and height, millimetres."""
+    """A box on a page, millimetres."""
 
     x: float
     y: float
@@ -35,13 +35,13 @@ class PaperBox:
     high: float
 
     def cells(self, across: int, down: int, gap: float = 0.0) -> "list[PaperBox]":
-        """Return boxes in rows and columns that fill this box, row by row from the upper left. gap : millimetres."""
+        """Return boxes that fill this box, row by row from the upper left. gap : millimetres."""
         w, h = (self.wide - gap * (across - 1)) / across, (self.high - gap * (down - 1)) / down
         tops = [self.y + self.high - h - k * (h + gap) for k in range(down)]
         return [PaperBox(self.x + k * (w + gap), y, w, h) for y in tops for k in range(across)]
 
 
-PAGE = PaperBox(MARGIN, FOOT, PAPER_WIDTH - 2 * MARGIN, PAPER_HEIGHT - HEAD - FOOT)  # box for the drawings of a page
+PAGE = PaperBox(MARGIN, FOOT, PAPER_WIDTH - 2 * MARGIN, PAPER_HEIGHT - HEAD - FOOT)  # drawings of a page
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class DrawingTransform:
 
     @classmethod
     def fit_to_box(cls, low: Floats, high: Floats, box: PaperBox, scale: float = 0.0) -> "DrawingTransform":
-        """Centre a drawing with corners `low` and `high` (2,), metres, in a box of paper; scale 0 fills the box."""
+        """Centre a drawing with corners `low` and `high` (2,), metres, in a box; scale 0 fills the box."""
         size = np.maximum(high - low, 1e-9)
         scale = scale or float(min(box.wide / size[0], box.high / size[1]))
         return cls(scale, np.array([box.x + box.wide / 2, box.y + box.high / 2]) - scale * (low + high) / 2)
@@ -64,7 +64,7 @@ class DrawingTransform:
 
 
 def usual_scale(largest: float) -> tuple[float, str]:
-    """Return the largest usual scale (mm per metre) that does not exceed `largest`, and its name, such as "1:20"."""
+    """Return the largest usual scale (mm per metre) up to `largest`, and its name, such as "1:20"."""
     least = 1000 / largest
     power = 10.0 ** np.floor(np.log10(least) - 1)
     step = next(float(f"{k * power * 10**j:.6g}") for j in range(3) for k in SCALE_STEPS if k * power * 10**j >= least)
@@ -86,7 +86,7 @@ class Paper:
         side: Literal["left", "middle", "right"] = "left",
         bold: bool = False,
     ) -> None:
-        """Write a line of text, size in points, with its left end, middle or right end (`side`) at `place`."""
+        """Write a line of text, size in points; `side` is the part of the line at `place`."""
         self.canvas.setFont(self.fonts[bold], size)
         self.canvas.setFillColorRGB(*colour)
         draw = {"left": "drawString", "middle": "drawCentredString", "right": "drawRightString"}[side]
@@ -95,7 +95,7 @@ class Paper:
     def upright_text(self, place: tuple[float, float], words: str, size: float, colour: Colour = INK) -> None:
         """Write a line of text upwards from a place."""
         self.canvas.saveState()
-        self.canvas.translate(place[0] * MM + size * 0.35, place[1] * MM)  # half of a capital's height
+        self.canvas.translate(place[0] * MM + size * 0.35, place[1] * MM)
         self.canvas.rotate(90)
         self.canvas.setFont(self.fonts[0], size)
         self.canvas.setFillColorRGB(*colour)
@@ -107,7 +107,7 @@ class Paper:
         return float(self.canvas.stringWidth(words, self.fonts[bold], size)) / MM
 
     def wrapped_lines(self, words: str, width: float, size: float) -> list[str]:
-        """Break a text into lines of at most this width, millimetres."""
+        """Break a text into lines of at most `width`, millimetres."""
         from reportlab.lib.utils import simpleSplit
 
         return list(simpleSplit(words, self.fonts[0], size, width * MM))
@@ -145,7 +145,7 @@ class Paper:
             self.canvas.circle(x, y, diameter / 2 * MM)
 
     def faces(self, faces: FaceList, fitted: DrawingTransform) -> None:
-        """Draw faces in one call; a call per face takes ten times as long. fitted : map from metres to paper."""
+        """Draw faces. fitted : map from metres to paper."""
         P = (fitted.to_paper(faces.corners) * MM).reshape(-1, 8)
         dark = 0.55 * faces.colours
         rows = np.concatenate([faces.colours, P, dark, P[:, :4], P[:, 4:]], axis=1)
@@ -159,7 +159,7 @@ class Paper:
         self.canvas.restoreState()
 
     def scale_bar(self, corner: tuple[float, float], scale: float) -> None:
-        """Draw a bar of a round length, to the right of a corner; scale : millimetres of paper per metre."""
+        """Draw a scale bar to the right of a corner; scale : millimetres of paper per metre."""
         metres = float(f"{10.0 ** np.floor(np.log10(45 / scale)):.6g}")
         metres = max(metres * k for k in (1, 2, 5) if metres * k * scale <= 45) if metres * scale <= 45 else metres
         x, y = corner

@@ -1,4 +1,4 @@
-"""The report of `dsfab compare`, from an architect to an engineer: one HTML file and one PDF.
+"""The report of `dsfab compare`: one HTML file and one PDF.
 
 Findings (findings.py) ─► sections.py ─► Document ─► html_pages.py ─► report.html
        with tables.py and figures.py             └─► pdf_pages.py ──► report.pdf"""
@@ -30,7 +30,7 @@ __all__ = ["FILES", "Findings", "compliance_document", "write_report"]
 
 
 def compliance_document(findings: Findings, rows: Sequence[Mapping[str, Any]], pictures: FindingsPictures) -> Document:
-    """Return the compliance report as a document. rows : rows of `results.json`, for a chart of several masses."""
+    """Return the compliance report. rows : rows of `results.json`."""
     from dsfab.preset.file import preset_toml
 
     preset, library_versions = findings.task.preset, versions()
@@ -51,7 +51,7 @@ def compliance_document(findings: Findings, rows: Sequence[Mapping[str, Any]], p
 
 
 def write_report(findings: Findings, rows: Sequence[Mapping[str, Any]], folder: Path) -> tuple[list[str], list[str]]:
-    """Write report.html and report.pdf; return their names, and a sentence for each step that failed."""
+    """Write report.html and report.pdf; return their names, and a sentence for each failure."""
     pictures = FindingsPictures(findings)
     document = compliance_document(findings, rows, pictures)
     files, messages = write_document(document, folder)
@@ -62,7 +62,7 @@ def write_results(
     preset: "Preset", comparisons: "Sequence[tuple[float | None, Comparison]]", command: str, folder: Path
 ) -> str:
     """Write results.csv and results.json; return the text of results.json.
-    comparisons : pairs of a share of material (None: the design itself) and the comparison with competitors."""
+    comparisons : pairs of a share of material, or None, and a comparison."""
     from dsfab.preset.file import preset_toml
 
     rows = [{"volume": share, **row} for share, a in comparisons for row in a.record()["competitors"]]
@@ -105,7 +105,7 @@ def _cell(value: Any) -> Any:
 
 
 def summary_document(rows: Sequence[Mapping[str, Any]], against: Sequence[str], folder: Path) -> Document:
-    """Return the summary of designs. rows : see `SummaryRow`. against : competitors' names. folder : of the summary."""
+    """Return the summary of designs. against : names of competitors."""
     compared = [row for row in rows if not row["error"]]
     blocks: list[Block] = [Paragraph(_verdict_counts(rows), "lead")]
     if compared:

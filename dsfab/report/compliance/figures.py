@@ -1,4 +1,4 @@
-"""Figures of a compliance report: charts of compliance against mass, and pictures of loads, stress and displacement."""
+"""Figures of a compliance report."""
 
 import io
 import math
@@ -42,7 +42,7 @@ STYLES: Mapping[str, tuple[str, str, str]] = {
     "grid": ("#2c9a62", "-", "D"),
     "simp": ("#222222", "-.", "x"),
 }
-"""Colour, line and mark of each competitor in charts; they differ in black and white too."""
+"""Colour, line and mark of each competitor in charts."""
 
 NAMES = {
     "design": "this design",
@@ -57,8 +57,7 @@ NAMES = {
 
 def write_chart(rows: Sequence[ResultRow], title: str, path: Path, names: Mapping[str, str] = NAMES) -> None:
     """Write the chart of compliance against mass as `path` with the suffixes .svg and .png.
-    rows  : results for several shares of material. A competitor without equilibrium leaves a gap in its line.
-    names : label of each competitor."""
+    rows : results for several shares of material.    names : label of each competitor."""
     import matplotlib as mpl
 
     settings: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "dsfab", "font.size": 10}
@@ -69,10 +68,10 @@ def write_chart(rows: Sequence[ResultRow], title: str, path: Path, names: Mappin
 
 
 def chart_figure(rows: Sequence[ResultRow], title: str, names: Mapping[str, str] = NAMES) -> "Figure":
-    """Return the chart as a figure of matplotlib; see `write_chart`."""
+    """Return the chart as a figure of matplotlib."""
     from matplotlib.figure import Figure
 
-    many = len({row["name"] for row in rows}) > 6  # a long legend would hide lines of the chart
+    many = len({row["name"] for row in rows}) > 6
     figure = Figure(figsize=(7.6, 5.6 if many else 4.6), layout="constrained")
     axes = figure.add_subplot()
     _plot_lines(axes, rows, title, names)
@@ -128,7 +127,7 @@ FONT: dict[Any, Any] = {"font.family": ["Helvetica", "Arial", "Liberation Sans",
 
 
 def chart_images(findings: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[str, ChartImage]:
-    """Return the chart `bars` of compliances at one mass, and `volumes` if there are several masses."""
+    """Return the charts of compliances, `bars` and `volumes`."""
     images: dict[str, ChartImage] = {}
     with lettering():
         if findings.compared.rivals:
@@ -140,12 +139,12 @@ def chart_images(findings: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[
 
 @contextmanager
 def lettering(**settings_of_chart: Any) -> Iterator[None]:
-    """Use the fonts of a report for all charts in a `with` block. settings_of_chart : more settings of matplotlib."""
+    """Use the fonts of a report for all charts in a `with` block."""
     import logging
 
     import matplotlib as mpl
 
-    # no warning of a missing font, because the next font of the list replaces it
+    # no warning of a missing font
     logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
     settings: dict[Any, Any] = {**FONT, **settings_of_chart}
     with mpl.rc_context(settings):
@@ -192,7 +191,7 @@ TEXT = 174 / 25.4 * 72  # Width of the text of a report, points.
 
 
 class FindingsPictures:
-    """Pictures of findings. Each method returns a figure; if this machine cannot draw, the figure holds the reason.
+    """Pictures of findings. Every method returns a figure.
     width in all methods : width of the picture, divided by the width of the report's text."""
 
     def __init__(self, findings: Findings) -> None:
@@ -213,12 +212,12 @@ class FindingsPictures:
         return up_axis(task.surface.V, task.surface, task.statics.load)
 
     def design(self, caption: str, width: float) -> ReportFigure:
-        """Draw the design with its loads and supports."""
+        """Draw the design."""
         sheet, task = self.findings.structure.sheet.surface, self.findings.task
         return self._figure(caption, width, SIZE, sheet.V, sheet.F, task.surface, task.statics.load)
 
     def all_material(self, caption: str, width: float) -> ReportFigure:
-        """Draw all material of the pattern with its loads and supports; parts that reach no support are red."""
+        """Draw all material of the pattern; loose parts are red."""
         structure, task = self.findings.structure, self.findings.task
         family = np.where(kept_cells(structure.material, structure.sheet), -1, 0)
         red, material = replace(WHITE, families=(RED,)), structure.material.surface
@@ -226,7 +225,7 @@ class FindingsPictures:
         return self._figure(caption, width, SIZE, material.V, material.F, task.surface, load, red, family)
 
     def case(self, name: str, caption: str, width: float, side_by_side: bool = False) -> ReportFigure:
-        """Draw the uncut surface with loads and supports of a case. side_by_side : True if two pictures share a row."""
+        """Draw the uncut surface with loads and supports of a case. side_by_side : True for two pictures in a row."""
         surface = self.findings.task.surface
         load = self.findings.task.all_loads[name]
         palette = replace(WHITE, members=WHITE.plain)
@@ -234,16 +233,15 @@ class FindingsPictures:
         return self._figure(caption, width, SMALL, surface.V, surface.F, surface, load, palette, letters=letters)
 
     def stress(self, answered: AnsweredLoad, caption: str) -> ReportFigure:
-        """Draw the von Mises stress on the cut sheet, in each face the largest value at top, middle or bottom."""
+        """Draw the largest von Mises stress in each face of the cut sheet."""
         sheet, value = self.findings.structure.sheet.surface, answered.stress.largest
-        limit = quantile(value, sheet.areas, 0.98) or 1.0  # leaves out the peaks at corners: 2 % of the area
+        limit = quantile(value, sheet.areas, 0.98) or 1.0  # leaves out peaks at corners
         return self.band_figure(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
 
     def displacement(self, answered: AnsweredLoad, limit: float, caption: str) -> ReportFigure:
         """Draw the deformed sheet, coloured by displacement, 0 to `limit` (m).
-        caption : text in which `{factor}` is replaced by the enlargement of displacements."""
+        caption : text in which `{factor}` is replaced by the enlargement."""
         sheet, u = self.findings.structure.sheet.surface, answered.equilibrium.u
-        # the largest displacement is magnified to 7 % of the surface's size, or less
         factor = round_number_above(0.07 * self.findings.task.surface.size / float(np.linalg.norm(u, axis=1).max())) / 2
         moved = np.linalg.norm(u, axis=1)[sheet.F].mean(axis=1)
         words = caption.format(factor=significant_digits(factor, 2))
@@ -252,7 +250,7 @@ class FindingsPictures:
     def band_figure(
         self, caption: str, V: Floats, F: Ints, value: Floats, limit: float, unit: str, quantity_name: str
     ) -> ReportFigure:
-        """Return a picture of a mesh with values (m,) of its faces in bands of colour, 0 to about `limit`."""
+        """Return a picture of a mesh with values (m,) of its faces in bands of colour."""
         step = round_number_above(limit / BANDS)
         count = max(2, math.ceil(limit / step - 1e-9))
         bands = band_colours(count)
@@ -291,13 +289,13 @@ class FindingsPictures:
 
 def letter_enlargement(size: tuple[int, int], width: float, points: float = 7.0) -> float:
     """Return the factor, at least 1, by which a picture's letters must grow to be `points` high on paper.
-    size : size of the picture, pixels.    width : width of the picture / width of the report's text."""
+    size : pixels.    width : width of the picture / width of the report's text."""
     point = size[0] / (TEXT * width)
     return max(1.0, points * point / (size[1] / 46))
 
 
 def without_empty_rows(pixels: Bytes, paper: Colour, margin: int = 12) -> Bytes:
-    """Return a picture without empty rows at its top and bottom, and with a small gap above the caption."""
+    """Return a picture (height, width, 3) without empty rows at top and bottom."""
     marked_rows = np.flatnonzero((np.abs(pixels.astype(np.int16) - np.array(paper)).max(axis=2) > 6).any(axis=1))
     if not len(marked_rows):
         return pixels

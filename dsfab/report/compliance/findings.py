@@ -1,4 +1,4 @@
-"""Findings of a comparison: the status of a design with reasons, and numbers as text."""
+"""Findings of a comparison: status of a design with reasons."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -25,14 +25,14 @@ PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "
 
 
 def prefixed_unit(size: float, unit: str) -> tuple[float, str]:
-    """Return the divisor and the unit that shorten a value: 12e3 and 'N' give (1e3, 'kN')."""
+    """Return divisor and unit that shorten a value: 12e3 and 'N' give (1e3, 'kN')."""
     size = abs(size)
     factor, prefix = next(((f, p) for f, p in PREFIXES if size >= 0.9995 * f), (1.0, "") if not size else PREFIXES[-1])
     return factor, prefix + unit
 
 
 def quantity(value: float | None, unit: str, digits: int = 3) -> str:
-    """Return a value as text, for example '12.3 kN'; 'n/a' for None or an infinite value."""
+    """Return a value as text, '12.3 kN'; 'n/a' for None or an infinite value."""
     if value is None or not math.isfinite(value):
         return "n/a"
     factor, name = prefixed_unit(value, unit)
@@ -40,10 +40,10 @@ def quantity(value: float | None, unit: str, digits: int = 3) -> str:
 
 
 def significant_digits(value: float, digits: int = 3) -> str:
-    """Return a number with significant digits and without an exponent: '0.0123', '12.3', '12 300'."""
+    """Return a number without an exponent: '0.0123', '12.3', '12 300'."""
     if value == 0 or not math.isfinite(value):
         return "0" if value == 0 else "n/a"
-    value = float(f"{value:.{digits - 1}e}")  # rounding may add a digit: 9.996 becomes 10.0
+    value = float(f"{value:.{digits - 1}e}")  # rounding may add a digit
     decimals = max(0, digits - 1 - math.floor(math.log10(abs(value)) + 1e-12))
     return f"{value:,.{decimals}f}".replace(",", " ")
 
@@ -58,27 +58,27 @@ def within(value: float, bound: float | None, unit: str) -> str:
 
 
 def share_words(part: float) -> str:
-    """Return a share of the surface in percent: 0.413 gives '41.3 %'."""
+    """Return a share in percent: 0.413 gives '41.3 %'."""
     return f"{100 * part:.1f} %"
 
 
 def percent(share: float) -> str:
-    """Return a share in percent with one or two digits: '1.8 %', '0.3 %', '12 %'."""
+    """Return a share in percent with few digits: '1.8 %', '12 %'."""
     return f"{100 * share:.2g} %" if abs(share) < 0.1 else f"{100 * share:.0f} %"
 
 
 def range_words(low: float, middle: float, high: float) -> str:
-    """Return a ratio with its bounds as text, for example '1.92 (1.87 to 1.97)'."""
+    """Return a ratio with bounds as text: '1.92 (1.87 to 1.97)'."""
     return f"{significant_digits(middle)} ({significant_digits(low)} to {significant_digits(high)})"
 
 
 def point_words(place: Sequence[float]) -> str:
-    """Return the coordinates of a point, for example '(1.20, 0.00, 3.98) m'."""
+    """Return a point as text: '(1.20, 0.00, 3.98) m'."""
     return f"({', '.join(f'{x + 0.0:.2f}' for x in place)}) m"
 
 
 def length_or_na(metres: float | None) -> str:
-    """Return a length as text, for example '0.31 mm' or '2.4 m'; 'n/a' for None."""
+    """Return a length as text: '0.31 mm'; 'n/a' for None."""
     return "n/a" if metres is None or not math.isfinite(metres) else length_words(metres)
 
 
@@ -88,12 +88,12 @@ def enumeration(words: Sequence[str]) -> str:
 
 
 def round_number_above(value: float) -> float:
-    """Return the smallest round number above a value: 1, 2, 2.5 or 5 times a power of ten."""
+    """Return a round number above a value: 1, 2, 2.5 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(value))
     return float(next(power * step for step in (1.0, 2.0, 2.5, 5.0, 10.0) if power * step >= value * (1 - 1e-9)))
 
 
-SAFE_BUCKLING_FACTOR = 5.0  # smallest factor that is safe; real shells buckle at 1/5 to 1/2 of the linear factor
+SAFE_BUCKLING_FACTOR = 5.0  # real shells buckle at 1/5 to 1/2 of the linear factor
 
 LABELS = {
     "full": "Whole sheet, uncut",
@@ -121,9 +121,9 @@ class CheckLine:
 @dataclass(frozen=True, eq=False)
 class Findings:
     """Comparison of a design with other structures of the same mass (competitors).
-    A design that cannot carry its loads (`carries` is False) has no `judgement` and no `fields`.
-    volumes : further comparisons, as pairs of a share of material and the comparison at that share.
-    command : command line that repeats the comparison.    share : share of material if widths were scaled, or None."""
+    If `carries` is False, there is no `judgement`, and there are no `fields`.
+    volumes : pairs of a share of material and a further comparison.
+    share   : share of material if widths were scaled, or None."""
 
     compared: Comparison
     volumes: Sequence[tuple[float, Comparison]]
@@ -132,12 +132,12 @@ class Findings:
 
     @property
     def task(self) -> ComparisonTask:
-        """Surface, loads and supports, the same for the design and its competitors."""
+        """Surface, loads and supports."""
         return self.compared.task
 
     @property
     def design(self) -> Competitor:
-        """The design itself, which is one of the compared structures."""
+        """The design, as a compared structure."""
         return self.compared.design
 
     @property
@@ -152,29 +152,29 @@ class Findings:
 
     @property
     def reference_compliance(self) -> float:
-        """Compliance, J, whose size sets the unit of all compliances in the report."""
+        """Reference for the unit of compliances in the report, J."""
         return self.design.compliance if self.carries else self.compared.full.compliance
 
     @property
     def judgement(self) -> Judgement:
-        """Compliance of the design, its response to each load, and the verdict on the accuracy of these results."""
+        """Compliance of the design, responses to loads, and verdict on accuracy."""
         assert self.design.judgement is not None
         return self.design.judgement
 
     @property
     def structure(self) -> Structure:
-        """Cut sheet of the design, and all cells of the cut, material and void."""
+        """Cut sheet of the design, and all cells of the cut."""
         assert self.design.structure is not None
         return self.design.structure
 
     @property
     def fields(self) -> Mapping[str, AnsweredLoad]:
-        """Displacements and stresses under each load, by the name of the load."""
+        """Displacements and stresses by load name."""
         return self.judgement.solved
 
     @cached_property
     def cut_load_sums(self) -> Mapping[str, Floats]:
-        """Sum of forces (3,), N, on the cut sheet by case and combination; empty if a load acts on no material."""
+        """Sum of forces (3,), N, on the cut sheet by case; empty if a load acts on no material."""
         if not self.carries:
             return {}
         task, structure = self.task, self.structure
@@ -186,7 +186,7 @@ class Findings:
 
     @cached_property
     def cases(self) -> list[str]:
-        """Names of the load cases that were judged, the governing case first."""
+        """Names of the judged load cases, the governing case first."""
         if not self.carries:
             return list(self.task.loads)
         if self.judgement.check:
@@ -195,7 +195,7 @@ class Findings:
 
     @property
     def is_plane(self) -> bool:
-        """True if the loads lie in the plane of a flat sheet, so that dsfab solved the sheet in this plane."""
+        """True if a flat sheet is loaded in its plane."""
         return flat_axis(self.task.surface, *self.task.all_loads.values()) is not None
 
     @property
@@ -204,8 +204,7 @@ class Findings:
         return self.judgement.cases[self.cases[0]]
 
     def decisive_case(self, answer: str) -> tuple[str, CaseResponse]:
-        """Return name and response of the case with the largest displacement or stress, or the least buckling factor.
-        answer : `displacement` in cases of the limit state SLS; `stress` or `buckling` in cases of ULS."""
+        """Return name and response of the worst case for `displacement`, `stress` or `buckling`."""
         state: LimitState = "SLS" if answer == "displacement" else "ULS"
         return max(
             ((name, self.judgement.cases[name]) for name in self.task.preset.judged_in(state, self.judgement.cases)),
@@ -213,7 +212,7 @@ class Findings:
         )
 
     def cases_shown(self, names: Iterable[str]) -> list[str]:
-        """Return the `names` of cases to draw: all except a building standard's combinations that govern no result."""
+        """Return the `names` of cases to draw."""
         standard_names = {combination.name for combination in self.task.preset.surface.standard_sums}
         decisive_names = set[str]()
         if self.carries:
@@ -224,7 +223,7 @@ class Findings:
         return f", {escaped_text(self.decisive_case(answer)[0])}" if len(self.judgement.cases) > 1 else ""
 
     def stiffness_ratio(self, rival: Competitor) -> tuple[float, float, float]:
-        """Return the design's stiffness divided by a competitor's at equal mass: lower bound, estimate, upper bound."""
+        """Return the design's stiffness / a competitor's at equal mass: lower bound, estimate, upper bound."""
         assert rival.judgement is not None
         rival_bound, design_bound = rival.judgement.bound or 0.0, self.judgement.bound or 0.0
         middle = rival.compliance / self.design.compliance
@@ -232,12 +231,12 @@ class Findings:
 
     @property
     def status(self) -> Status:
-        """Worst status of all checks on the structure itself."""
+        """Worst status of all checks of the structure."""
         return worst_status(line.status for line in self.checks if line.status != "note")
 
     @cached_property
     def checks(self) -> list[CheckLine]:
-        """Checks of the design. A design that cannot carry its loads has a single check, which fails."""
+        """Checks of the design."""
         if not self.carries:
             reason = f"no: {self.design.error}"
             return [CheckLine("Carries its loads", "fail", reason, "equilibrium with its supports")]
@@ -271,7 +270,7 @@ class Findings:
         return CheckLine("Within thin-shell theory", mark, words, percent(CONVERGED))
 
     def balance_check(self) -> CheckLine:
-        """Check that the reactions balance the loads, and that the equations are solved."""
+        """Check that reactions balance the loads."""
         cases = self.judgement.cases.values()
         imbalance, residual = max(case.imbalance for case in cases), max(case.residual for case in cases)
         if self.judgement.check:
@@ -344,7 +343,7 @@ class Findings:
 
     @cached_property
     def claims(self) -> list[CheckLine]:
-        """One check for each competing structure: whether the design is stiffer at equal mass."""
+        """Checks whether the design is stiffer than each competitor."""
         return [self._claim(rival) for rival in self.compared.rivals]
 
     def _claim(self, rival: Competitor) -> CheckLine:

@@ -1,4 +1,4 @@
-"""Sections of a compliance report, and of the report on a design that cannot carry its loads."""
+"""Sections of a compliance report."""
 
 from collections.abc import Mapping, Sequence
 
@@ -73,7 +73,7 @@ def structure_section(findings: Findings, number: CaptionNumbers) -> ReportSecti
 
 
 def loads_section(findings: Findings, pictures: FindingsPictures, number: CaptionNumbers) -> ReportSection:
-    """Return tables of loads and supports, and a picture for each case. number : counter of captions."""
+    """Return tables of loads and supports, and a picture for each case."""
     names = findings.cases_shown(tables.ordered_cases(findings))
     several = len(names) > 1
     figures = []
@@ -87,7 +87,7 @@ def loads_section(findings: Findings, pictures: FindingsPictures, number: Captio
 
 
 def convergence_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
-    """Return a section with the compliance on finer and finer meshes, or on a single mesh after a quick check."""
+    """Return a section with the compliance on finer and finer meshes."""
     levels = tables.levels_table(findings, number)
     if levels is None:
         words = "The compliance is from one solve on the mesh of the cut sheet; "
@@ -113,7 +113,7 @@ def convergence_section(findings: Findings, number: CaptionNumbers) -> ReportSec
 def comparison_section(
     findings: Findings, number: CaptionNumbers, charts: Mapping[str, tuple[bytes, tuple[int, int]]]
 ) -> ReportSection:
-    """Return the comparison with structures of equal mass. charts : pictures, and their sizes in pixels, by name."""
+    """Return the comparison with structures of equal mass. charts : pictures, and sizes in pixels, by name."""
     blocks: list[Block] = [Paragraph(text) for text in comparison_sentences(findings)]
     blocks.append(tables.rivals_table(findings, number))
     blocks += [
@@ -149,7 +149,7 @@ def comparison_section(
 def displacement_and_stress_section(
     findings: Findings, pictures: FindingsPictures, number: CaptionNumbers
 ) -> ReportSection:
-    """Return a section with pictures of displacements and of stress, each in the load case with the largest value."""
+    """Return a section with pictures of the largest displacements and the largest stress."""
     moving_case, moving = findings.decisive_case("displacement")
     stressed_case, stressed_answer = findings.decisive_case("stress")
     several, names = len(findings.cases) > 1, (moving_case, stressed_case)
@@ -227,7 +227,7 @@ def scope_sections(findings: Findings) -> list[ReportSection]:
 
 
 def calibration_section() -> ReportSection:
-    """Return a section on tests of the error bound of the compliance, on random designs."""
+    """Return a section on tests of the compliance's error bound."""
     rows = calibration.shipped_table()
     result, kinds = calibration.summary(rows), len({row.kind for row in rows})
     text = (
@@ -246,7 +246,7 @@ def calibration_section() -> ReportSection:
 def reproduction_section(
     command: str, versions: Mapping[str, str], preset: str, number: CaptionNumbers
 ) -> ReportSection:
-    """Return a section on how to repeat the report. preset : text of the preset. number : counter of captions."""
+    """Return a section on how to repeat the report. preset : text of the preset."""
     blocks: Sequence[Block] = [
         Paragraph("This command made the report, with the preset below and these versions:"),
         Code(command),
@@ -265,7 +265,7 @@ def carrying_sections(
     versions: Mapping[str, str],
     preset: str,
 ) -> list[ReportSection]:
-    """Return all sections of the report on a design that carries its loads. preset : text of the preset."""
+    """Return all sections of the report on a design that carries the loads."""
     return [
         summary_section(findings, pictures, number),
         checks_section(findings, number),
@@ -289,7 +289,7 @@ def failed_sections(
     versions: Mapping[str, str],
     preset: str,
 ) -> list[ReportSection]:
-    """Return all sections of the report on a design that cannot carry its loads. preset : text of the preset."""
+    """Return all sections of the report on a design that cannot carry the loads."""
     return [
         _failed_summary(findings, pictures, number),
         checks_section(findings, number),

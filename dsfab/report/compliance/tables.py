@@ -31,18 +31,18 @@ DUST = 5e-5  # A force below this share of the largest force is shown as 0.
 
 
 def checks_table(checks: list[CheckLine], number: CaptionNumbers, caption: str) -> Table:
-    """Return a table of checks: name, result, limit and verdict."""
+    """Return a table of checks."""
     rows = [(line.name, line.result, line.limit, line.status) for line in checks]
     return Table(number.table(caption), ("Check", "Found", "Wanted", "Verdict"), rows, 4, "", (3.2, 5.2, 2.4, 1.2))
 
 
 def key_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return the table of key results for the first page of the report. number : counters for captions."""
+    """Return the table of key results for the first page of the report."""
     moving_case, moving = findings.decisive_case("displacement")
     stressed_case, stressed = findings.decisive_case("stress")
     several = len(findings.cases) > 1
     move_case, stress_case = (f", {escaped_text(name)}" * several for name in (moving_case, stressed_case))
-    settled = quantity(stressed.stress.settled, "Pa")  # At corners the largest stress diverges.
+    settled = quantity(stressed.stress.settled, "Pa")
     stress_words = f"on 99 % of the area; {settled} at points more than a rib's width from corners{stress_case}"
     move_words = f"at {point_words(moving.displacement.place)}{move_case}"
     compliance = within(findings.judgement.compliance, findings.judgement.bound, "J")
@@ -88,7 +88,7 @@ def structure_table(findings: Findings, number: CaptionNumbers) -> Table:
 
 
 def pattern_table(quality: PatternQuality, number: CaptionNumbers) -> Table:
-    """Return a table of spacing, dead ends and directions of both families of members. number : counter of captions."""
+    """Return a table of spacing, dead ends and directions of the members."""
     titled = zip(quality.titles, quality.families, strict=True)
     families = [(title, family) for title, (_, family) in titled if family.drawn]
     rows = [
@@ -123,7 +123,7 @@ def _kept_words(design: Competitor, sheet: Surface | None) -> str:
 
 
 def loads_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return a table of forces by load case: sums on the cut sheet if it carries all loads, else on the uncut sheet."""
+    """Return a table of the forces of each load case."""
     task, rows = findings.task, []
     cases = task.statics.cases
     uncut = {name: case.load.force.sum(axis=0) for name, case in cases.items()}
@@ -163,12 +163,12 @@ def _uncut_note(sums: Mapping[str, Floats], uncut: Mapping[str, Floats]) -> str:
 
 
 def ordered_cases(findings: Findings) -> list[str]:
-    """Return the names of all load cases; the cases that were judged come first."""
+    """Return the names of all load cases; the judged cases come first."""
     return [*findings.cases, *(name for name in findings.task.statics.cases if name not in findings.cases)]
 
 
 def acting_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return a table of the loads and supports of the preset. number : counter of captions."""
+    """Return a table of the loads and supports of the preset."""
     surface = findings.task.preset.surface
     rows = [(x.name or "Load", x.case, x.kind.replace("_", " "), _settings_words(x)) for x in surface.load]
     rows += [
@@ -228,7 +228,7 @@ def _value_words(value: Any) -> str:
 
 
 def levels_table(findings: Findings, number: CaptionNumbers) -> Table | None:
-    """Return a table of the governing load case's results on each mesh of a full check; None after a quick check."""
+    """Return a table of results on each mesh; None after a quick check."""
     check, name = findings.judgement.check, findings.cases[0]
     if check is None:
         return None
@@ -265,7 +265,7 @@ def levels_table(findings: Findings, number: CaptionNumbers) -> Table | None:
 
 
 def cases_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return a table of compliance, displacement and stress by load case, the governing case first."""
+    """Return a table of results by load case, the governing case first."""
     check, rows = findings.judgement.check, []
     for name in findings.cases:
         case = findings.judgement.cases[name]
@@ -289,7 +289,7 @@ def cases_table(findings: Findings, number: CaptionNumbers) -> Table:
 
 
 def stress_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return a table of the largest stresses and their places, in the load case with the largest stress."""
+    """Return a table of the largest stresses and their places."""
     name, case = findings.decisive_case("stress")
     rows = []
     for label, extreme in (
@@ -311,7 +311,7 @@ def stress_table(findings: Findings, number: CaptionNumbers) -> Table:
 
 
 def reactions_table(findings: Findings, name: str, number: CaptionNumbers) -> Table:
-    """Return a table of reactions by support in the load case `name`, and their balance with the loads."""
+    """Return a table of reactions by support in the load case `name`."""
     case = findings.judgement.cases[name]
     loads = findings.fields[name].load.force.sum(axis=0)
     reaction_sum = np.sum(case.reactions, axis=0)
@@ -336,7 +336,7 @@ def reactions_table(findings: Findings, name: str, number: CaptionNumbers) -> Ta
 
 
 def rivals_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return a table of all competitors: mass, compliance, displacement, stress, level of the check (full or quick)."""
+    """Return a table of all competitors."""
     rows = [_rival_row(findings, competitor) for competitor in findings.compared.competitors]
     _, unit = prefixed_unit(findings.reference_compliance, "J")
     head = (
@@ -398,7 +398,7 @@ def _ratio(competitor: Competitor, full: float) -> str:
 
 
 def versions_table(versions: Mapping[str, str], number: CaptionNumbers) -> Table:
-    """Return a table of the versions of dsfab and of the libraries that a result depends on."""
+    """Return a table of the versions of dsfab and of its libraries."""
     return Table(number.table("Versions."), ("Part", "Version"), list(versions.items()), 2, "", (1, 3))
 
 

@@ -1,4 +1,4 @@
-"""Sentences of a report: the verdict on the structure itself, and comparisons with structures of equal mass."""
+"""Sentences of a report: verdict and comparisons."""
 
 from dsfab.core.messages import length, mass, sentence
 from dsfab.report.compliance.findings import (
@@ -22,7 +22,7 @@ TITLES = {
 
 
 def verdict_banner(findings: Findings) -> Banner:
-    """Return the banner with the verdict on the structure itself."""
+    """Return the banner with the verdict on the structure."""
     missed = [check for check in findings.checks if check.status == findings.status != "pass"]
     if not findings.carries:
         error = findings.design.error
@@ -44,7 +44,7 @@ def verdict_banner(findings: Findings) -> Banner:
 
 
 def alternative_banners(findings: Findings) -> list[Banner]:
-    """Return a warning if a thinner sheet or isotropic stripes of equal mass are stiffer; else nothing."""
+    """Return a warning if a thinner sheet or isotropic stripes of equal mass are stiffer."""
     stiffer = [alternative for alternative in findings.compared.alternatives if alternative.is_stiffer]
     if not stiffer:
         return []
@@ -60,7 +60,7 @@ def alternative_banners(findings: Findings) -> list[Banner]:
 
 
 def comparison_sentences(findings: Findings) -> list[str]:
-    """Return a sentence for each competitor: how much stiffer or softer the design is than the competitor."""
+    """Return a sentence for each competitor: how much stiffer or softer the design is."""
     lines = [_rival_sentence(findings, rival) for rival in findings.compared.rivals]
     return lines or ["The design was compared with no other structure."]
 
@@ -106,7 +106,7 @@ def _thinner_sentence(findings: Findings, rival: Competitor) -> str:
 
 
 def thinner_sheet_words(findings: Findings) -> str:
-    """Return words that say if the design or a thinner sheet is stiffer, by share of material; '' if not compared."""
+    """Return words that compare the design with a thinner sheet; '' if not compared."""
     pairs = [
         (f"{share:.0%}", _compliance_range(compared.design), _compliance_range(compared["thinner"]))
         for share, compared in findings.volumes

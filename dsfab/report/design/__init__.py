@@ -1,1 +1,1 @@
-"""Reports of a design: numbers for `design.json`, lines for people, and the folder of its files."""
+"""Reports of a design: numbers, lines for people, and the folder of files."""

@@ -1,4 +1,4 @@
-"""The verdict on a design, in words: whether it carries its loads, key figures, advice, and a table of reactions."""
+"""The verdict on a design, in words."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import hypot
@@ -9,7 +9,7 @@ from dsfab.core.messages import length, load_factor, mass, point_words, table
 if TYPE_CHECKING:
     from dsfab.study.carrying import Carrying
 
-USUAL_SPAN_SHARE = 300  # a movement > 1/300 of the span is reported [EN 1990, annex A1.4: by agreement, usually 300]
+USUAL_SPAN_SHARE = 300  # usual limit of movement: 1/300 of the span [EN 1990, annex A1.4]
 SHOWN_SUPPORTS = 6  # number of supports in a short table of reactions
 LEVEL = 1e-3  # a horizontal force below this share of the reaction is a rounding error
 OPPOSED = 0.1
@@ -17,7 +17,7 @@ OPPOSED = 0.1
 
 
 def verdict_line(name: str, carrying: "Carrying") -> str:
-    """Return a line of text: whether the design `name` carries its loads, and if not, why."""
+    """Return a line of text: whether the design `name` carries its loads."""
     if carrying.outcome == "not judged":
         return f"{name} is not judged: {'; '.join(carrying.remarks)}"
     if carrying.faults:
@@ -26,8 +26,8 @@ def verdict_line(name: str, carrying: "Carrying") -> str:
 
 
 def cure_line(carrying: "Carrying", is_sized: bool = False) -> str:
-    """Return advice for a design that does not carry its loads; '' if the design carries its loads.
-    is_sized : True if dsfab has already tried more material and every thickness in stock."""
+    """Return advice for a design that does not carry its loads; else ''.
+    is_sized : True if dsfab has already tried every thickness in stock."""
     if not carrying.faults:
         return ""
     if is_sized:
@@ -39,7 +39,7 @@ def cure_line(carrying: "Carrying", is_sized: bool = False) -> str:
 
 
 def figure_lines(carrying: "Carrying") -> Iterator[str]:
-    """Yield one line for each result of the cut structure: largest utilisation, movement, buckling and mass."""
+    """Yield one line for each result of the cut structure."""
     use, moved = carrying.use, carrying.movement
     several = len({row.case for row in carrying.reactions}) > 1
     if use:
@@ -57,7 +57,7 @@ def figure_lines(carrying: "Carrying") -> Iterator[str]:
 
 
 def carrying_notes(carrying: "Carrying") -> Iterator[str]:
-    """Yield notes on the results: on a large movement of the structure, on missing results, and on assumptions."""
+    """Yield notes on the results."""
     moved = carrying.movement
     if moved and moved.share > 1 / USUAL_SPAN_SHARE:
         yield f"the structure moves by 1/{1 / moved.share:.0f} of its span; the usual limit is 1/{USUAL_SPAN_SHARE}"
@@ -67,7 +67,7 @@ def carrying_notes(carrying: "Carrying") -> Iterator[str]:
 
 def reaction_lines(reactions: Sequence[Mapping[str, Any]], every: bool = False) -> list[str]:
     """Return a table of the reactions (kN), from `carrying.reactions` of `design.json`.
-    every : True for all supports in all cases; False for the largest reaction of the most loaded supports."""
+    every : True for all supports in all cases."""
     rows, several = list(reactions), len({row["case"] for row in reactions}) > 1
     if not every:
         largest: dict[str, Mapping[str, Any]] = {}

@@ -1,4 +1,4 @@
-"""The file `design.json`: all numbers of a design in SI units, and the candidates of an automatic choice."""
+"""The file `design.json`: all numbers of a design in SI units."""
 
 import platform
 from collections.abc import Mapping, Sequence
@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 
 def answer_facts(design: Design, case: "CaseResult | StaticsResult") -> dict[str, Any]:
     """Return stress, strain energy and requested results of the uncut sheet under one load, in SI units.
-    Stress and energy appear only if `answers.elements.is_reported`.
-    Requested frequencies and buckling factors are lists, which are empty if dsfab could not compute them."""
+    Stress and energy may be missing. A list is empty if dsfab could not compute its numbers."""
     answers, questions, areas = case.answers, design.preset.statics.analyses, design.surface.areas
     stress, facts = answers.stress, dict[str, Any](answered_by=str(answers.elements))
     if answers.elements.is_reported:
@@ -53,8 +52,7 @@ def answer_facts(design: Design, case: "CaseResult | StaticsResult") -> dict[str
 
 
 def uncut_modes(design: Design) -> ModeIntervals:
-    """Return the lowest buckling factors and frequency of the uncut sheet, with error intervals from finer meshes.
-    The design keeps the result for later calls."""
+    """Return the lowest buckling factors and frequency of the uncut sheet, with error intervals."""
     questions = design.preset.statics.analyses
 
     def intervals() -> ModeIntervals:
@@ -64,7 +62,7 @@ def uncut_modes(design: Design) -> ModeIntervals:
 
 
 def mode_facts(design: Design) -> dict[str, Any]:
-    """Return buckling factors and frequency of the uncut sheet with relative error bounds; empty if not requested."""
+    """Return buckling factors and frequency of the uncut sheet; {} if not requested."""
     if not design.preset.statics.analyses.modes:
         return {}
     intervals = uncut_modes(design)
@@ -77,7 +75,7 @@ def mode_facts(design: Design) -> dict[str, Any]:
 
 
 def mode_lines(design: Design) -> list[str]:
-    """Return a line on the uncut sheet's lowest buckling factor and lowest frequency; no line if not requested."""
+    """Return a line on the uncut sheet's buckling factor and frequency; [] if not requested."""
     if not design.preset.statics.analyses.modes:
         return []
     intervals, words = uncut_modes(design), []
@@ -95,7 +93,7 @@ def mode_lines(design: Design) -> list[str]:
 
 def equilibrium_facts(design: Design, load: "LoadCase", answer: Equilibrium) -> dict[str, Any]:
     """Return compliance, largest displacement, residuals, and sums of loads and reactions under one load.
-    Compliance and displacement appear only if `answer.elements.is_reported`."""
+    Compliance and displacement may be missing."""
     moved = {"compliance_J": answer.compliance, "largest_displacement_m": answer.largest_displacement}
     return {
         **(moved if answer.elements.is_reported else {}),
@@ -116,7 +114,7 @@ def case_facts(design: Design) -> dict[str, Any]:
 
 
 def cut_load_facts(design: Design) -> dict[str, Any]:
-    """Return `load_N`: the load in newtons on the cut sheet, by case; empty if a load meets no material."""
+    """Return `load_N`: the load in newtons on the cut sheet, by case; {} if a load meets no material."""
     loads = {name: case.load for name, case in design.statics.cases.items()}
     try:
         on_sheet = loads_on(design.surface, design.sheet, loads)
@@ -126,7 +124,7 @@ def cut_load_facts(design: Design) -> dict[str, Any]:
 
 
 def balance(design: Design, load: "LoadCase", answer: Equilibrium) -> dict[str, Any]:
-    """Return the sums of loads and reactions, and their moments about the origin, in total and for each support."""
+    """Return the sums of loads and reactions, and their moments about the origin."""
     surface, supports = design.surface, acting_on(design.preset, design.surface).support
     loads, reaction = resultant(surface, load.force), resultant(surface, answer.reaction, answer.torque)
     carried = zip(supports, support_reactions(surface, supports, answer), strict=True)
@@ -149,7 +147,7 @@ def balance(design: Design, load: "LoadCase", answer: Equilibrium) -> dict[str, 
 
 
 def choice_lines(choice: "Choice | None", count: int = 8) -> list[str]:
-    """Return a table of the `count` best candidates for modes and phases; empty if dsfab tried no candidates."""
+    """Return a table of the `count` best candidates for modes and phases; [] without candidates."""
     if choice is None:
         return []
     rows = [_candidate_row(rank, candidate) for rank, candidate in enumerate(choice.candidates[:count], start=1)]
@@ -169,7 +167,7 @@ def _candidate_row(rank: int, candidate: "Candidate") -> tuple[str, ...]:
 
 
 def attempt_lines(attempts: "Sequence[Attempt]") -> list[str]:
-    """Return a table of the methods and width rules that a search tried, best first; empty without a search."""
+    """Return a table of the tried methods and width rules, best first; [] without a search."""
     if not attempts:
         return []
     rows = [(f"{rank}", attempt.name, *_attempt_cells(attempt)) for rank, attempt in enumerate(attempts, start=1)]
@@ -183,7 +181,7 @@ def _attempt_cells(attempt: "Attempt") -> tuple[str, ...]:
 
 
 def attempt_facts(attempts: "Sequence[Attempt]") -> dict[str, Any]:
-    """Return `attempts` of `design.json`: methods that a search tried, best first. A refused method has no results."""
+    """Return `attempts` of `design.json`: the tried methods, best first."""
     return {} if not attempts else {"attempts": [_attempt_facts(attempt) for attempt in attempts]}
 
 
@@ -207,7 +205,7 @@ def alternative_facts(alternatives: "Sequence[Alternative]") -> dict[str, Any]:
 
 
 def alternative_lines(facts: Mapping[str, Any]) -> list[str]:
-    """Return a line for each structure in `design.json` with which the design is compared."""
+    """Return a line for each alternative in `design.json`."""
     return [_alternative_line(alternative) for alternative in facts.get("alternatives", ())]
 
 
@@ -222,7 +220,7 @@ def _alternative_line(alternative: Mapping[str, Any]) -> str:
 
 
 def choice_facts(choice: "Choice | None") -> dict[str, Any]:
-    """Return `candidates` of `design.json`: tried modes and phases, best first. A refused candidate has no results."""
+    """Return `candidates` of `design.json`: tried modes and phases, best first."""
     return {} if choice is None else {"candidates": [_candidate_facts(candidate) for candidate in choice.candidates]}
 
 
@@ -297,7 +295,7 @@ def _solid_facts(design: Design) -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of dsfab, Python and the libraries that a result depends on."""
+    """Return the versions of dsfab, Python and libraries."""
     from dsfab.core.sparse import solver_name
 
     libraries = ("numpy", "scipy", "libigl", "manifold3d", "trimesh", "build123d", "pyvista", "vtk")

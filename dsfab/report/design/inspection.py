@@ -1,4 +1,4 @@
-"""Loads, supports, pattern quality and fabrication of a design: numbers for `design.json`, tables for people."""
+"""Loads, supports, pattern quality and fabrication of a design, as numbers and tables."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import hypot
@@ -16,9 +16,7 @@ if TYPE_CHECKING:
 
 
 def load_facts(design: "Design") -> dict[str, Any]:
-    """Return `supports` and `loads` of `design.json`.
-    Each load has its sum on the uncut surface (`force_N`) and, after slicing, on the cut sheet (`cut_force_N`).
-    Raises DsfabError for supports and loads whose place contains no part of the surface."""
+    """Return `supports` and `loads` of `design.json`. Raises DsfabError for supports and loads off the surface."""
     from dsfab.design import acting_on
     from dsfab.statics import load_entries, support_entries
 
@@ -54,7 +52,7 @@ def load_facts(design: "Design") -> dict[str, Any]:
 
 
 def _force_on_cut_sheet(design: "Design", load: "Load") -> "Floats":
-    """Return the sum (3,), N, of a load on the cut sheet. Spread loads over openings count only with a covering."""
+    """Return the sum (3,), N, of a load on the cut sheet."""
     from dsfab.surface import load_parts
 
     surface, sheet = design.surface, design.sheet
@@ -65,7 +63,7 @@ def _force_on_cut_sheet(design: "Design", load: "Load") -> "Floats":
 
 
 def load_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a table of supports and a table of loads, if `facts`, the content of `design.json`, has them."""
+    """Yield a table of supports and a table of loads. facts : content of `design.json`."""
     supports, loads = facts.get("supports", ()), facts.get("loads", ())
     if supports:
         yield from table(("support", "vertices", "along", "holds"), map(_support_row, supports)).split("\n")
@@ -100,7 +98,7 @@ QUANTILES = ("5%", "50%", "95%")
 
 
 def quality_facts(quality: "PatternQuality") -> dict[str, Any]:
-    """Return the quality of a pattern as a table for the key `pattern` of `design.json`."""
+    """Return the quality of a pattern for `design.json`."""
     titled = zip(quality.titles, quality.families, strict=True)
     families = {name: {"title": title, **_family_facts(family)} for title, (name, family) in titled}
     shared = {"crossing_angle_deg": quality.crossing_angle, "symmetry_error": quality.symmetry_error}
@@ -122,7 +120,7 @@ def _family_facts(quality: "FamilyQuality") -> dict[str, Any]:
 
 
 def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Yield lines of text: a summary of the pattern, then the sizes of the openings of each family."""
+    """Yield lines of text on the quality of a pattern."""
     yield f"pattern: {facts['summary']}"
     for name in ("major", "minor"):
         if not facts[name].get("drawn", True):
@@ -137,13 +135,13 @@ def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
         yield f"{title}: {sizes}{ratio}"
 
 
-SHARES = (0.05, 0.5, 0.95)  # Quantiles in `design.json` of the widths of members, measured at all their edges.
+SHARES = (0.05, 0.5, 0.95)  # Quantiles of the widths of members in `design.json`.
 MEASURED_KEY = {"min_member": "smallest_member", "min_gap": "smallest_gap", "min_wall": "thinnest_wall"}
-"""Measure in `design.json` for each limit in the section [fabrication] of a preset."""
+"""Measure in `design.json` for each limit of a preset."""
 
 
 def fabrication_facts(measures: "FabricationMeasures") -> dict[str, Any]:
-    """Return measures and limits of fabrication for `design.json`, metres; None for a feature that the design lacks."""
+    """Return measures and limits of fabrication for `design.json`, metres or None."""
     features, wall = measures.features, measures.wall
     wall_facts = wall and {"m": wall.thickness, "at_m": wall.place.tolist(), "what": "a wall of the solid"}
     return {
@@ -202,7 +200,7 @@ def _check_facts(check: "Check") -> dict[str, Any]:
 
 
 def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Yield lines on the smallest features and the pieces, then a table of the preset's limits and all unmet limits."""
+    """Yield lines of text on the smallest features and the preset's limits."""
     sizes = {name: facts[name] for name in ("smallest_member", "smallest_gap", "thinnest_wall") if facts[name]}
     words = [f"{name.replace('_', ' ')} {length(value['m'])}" for name, value in sizes.items()]
     usual_width = facts["member_widths"]["at_share_of_walls"].get("50%")

@@ -1,4 +1,4 @@
-"""The report on members: section forces, and utilisation by the Eurocode of the material."""
+"""The report on members: section forces and utilisation."""
 
 import math
 from collections.abc import Sequence
@@ -58,8 +58,7 @@ RISING, FALLING, INK = "#b84f38", "#21508c", "#3a3532"  # colours of positive va
 
 
 def force_diagrams(design: Design, rows: list[tuple[str, str]]) -> ChartImage:
-    """Draw two rows of diagrams for each pair of member and case: N, Vy, Vz, and below them Mt, My, Mz.
-    Grey lines show the least and the greatest value of all cases. Strokes at the bottom mark nodes."""
+    """Draw diagrams of the section forces for each pair of member and case."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -114,7 +113,7 @@ WORST_COUNT = 10  # Number of members that get a row, a diagram and a name.
 
 
 def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
-    """Draw the structure coloured by utilisation. Without graphics, the figure has the reason instead of a picture."""
+    """Draw the structure coloured by utilisation."""
     from dsfab.render import band_colours, rated_members_picture
 
     utilisation = design.member_utilisation
@@ -139,8 +138,7 @@ def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
 
 
 def bay_values(design: Design) -> Floats:
-    """Return for each cell (m,) of the members' sheet the utilisation of the nearest bay (member between two nodes).
-    At a crossing the larger value counts. A cell without a bay has NaN."""
+    """Return the utilisation (m,) of the nearest bay at each cell of the members' sheet; NaN without a bay."""
     graph, utilisation = design.members, design.member_utilisation
     value, samples = np.full(graph.sheet.surface.m, -np.inf), 8  # eight points along a bay
     for name in dict.fromkeys(utilisation.bays.member):
@@ -155,13 +153,13 @@ def bay_values(design: Design) -> Floats:
 
 
 def worst_member_words(utilisation: Utilisation) -> str:
-    """Return the member with the largest utilisation and its value, for example 'B10, 63 %'."""
+    """Return the member with the largest utilisation, for example 'B10, 63 %'."""
     worst = utilisation.order[0]
     return f"{utilisation.bays.member[worst]}, {percent(float(utilisation.largest[worst]))}"
 
 
 def summary_section(utilisation: Utilisation, picture: ReportFigure) -> ReportSection:
-    """Return the first page: a verdict on the members, not on joints or the stability of the whole, and a picture."""
+    """Return the first page: a verdict on the members, and a picture."""
     overloaded = sum(value > 1 for value in utilisation.by_member.values())
     if utilisation.standard.startswith("no standard"):
         status, title = "unknown", "No standard: stress / strength"
@@ -180,7 +178,7 @@ def summary_section(utilisation: Utilisation, picture: ReportFigure) -> ReportSe
 
 
 def worst_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
-    """Return the members with the largest utilisation, with their forces and the decisive clause of the standard."""
+    """Return the members with the largest utilisation, with their forces."""
     bays = utilisation.worst_bays(WORST_COUNT)
     decisive = []
     for bay in bays:
@@ -232,7 +230,7 @@ def diagrams_section(design: Design, number: CaptionNumbers) -> ReportSection:
 
 
 def checks_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
-    """Return a section with a table of the largest utilisation by each check of the standard."""
+    """Return a table of the largest utilisation by each check of the standard."""
     rows = []
     for column, check in enumerate(utilisation.checks):
         values = utilisation.worst[:, column]
@@ -259,7 +257,7 @@ def scope_section(utilisation: Utilisation) -> ReportSection:
 
 
 def members_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
-    """Return a list of all members in three columns, the member with the largest utilisation first."""
+    """Return a list of all members, the member with the largest utilisation first."""
     ranked, limit = sorted(utilisation.by_member.items(), key=lambda item: -item[1]), 400
     shown = [(name, percent(value)) for name, value in ranked[:limit]]
     third = -(-len(shown) // 3)
@@ -276,7 +274,7 @@ STRUCTURE_FILE = "structure.html"  # Name of the interactive page for clients.
 
 def member_report(design: Design, command: str) -> Document:
     """Return the report on the utilisation of members. command : command line that repeats the report.
-    Raises StaticsError for a material with neither a building code nor a strength, or if nothing carries the loads."""
+    Raises StaticsError for an unsuitable material, or if nothing carries the loads."""
     utilisation, number, library_versions = design.member_utilisation, CaptionNumbers(), versions()
     facts = [
         ("Design", design.preset.name),

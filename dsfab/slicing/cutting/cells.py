@@ -1,4 +1,4 @@
-"""`Cells`: convex polygons on shared vertices. Functions divide them into triangles, and snap values onto levels."""
+"""`Cells`: convex polygons on shared vertices, and their triangles."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -10,23 +10,22 @@ from numpy.typing import NDArray
 from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
 from dsfab.surface.topology import half_edges
 
-CHUNK = 1 << 13  # Number of polygons in a batch. A batch fits the processor's cache.
+CHUNK = 1 << 13  # Number of polygons in a batch.
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
     """Polygons in one flat array. Polygon i has the corners corner[start[i]], ..., corner[start[i + 1] - 1].
-    start    : (c + 1,) index into `corner` of each polygon's first corner; the last entry is len(corner) = h.
+    start    : (c + 1,) index of each polygon's first corner.
     corner   : (h,) vertices. An index into `corner` is called a slot.
-    sides_on : (h,) line on which the side from each slot to the next lies: a row of `CutLines`; 0 without a line.
-               During a split, -1 - l stands for level l."""
+    sides_on : (h,) row of `CutLines` for the side from each slot to the next; 0 without a line, -1 - l for level l."""
 
     start: Ints
     corner: Ints
     sides_on: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     def __post_init__(self) -> None:
-        if len(self.sides_on) != len(self.corner):  # `sides_on` was left out: no side lies on a line of `CutLines`
+        if len(self.sides_on) != len(self.corner):
             object.__setattr__(self, "sides_on", np.zeros(len(self.corner), dtype=np.int64))
 
     @classmethod
@@ -43,32 +42,32 @@ class Cells:
 
     @cached_property
     def owner(self) -> Ints:
-        """(h,) for each slot (index into `corner`), the number of its polygon."""
+        """(h,) number of the polygon at each slot (index into `corner`)."""
         return np.repeat(np.arange(len(self.sizes)), self.sizes)
 
     @cached_property
     def following(self) -> Ints:
-        """(h,) for each slot (index into `corner`), the slot of the next corner of the same polygon."""
+        """(h,) slot (index into `corner`) of the next corner of the same polygon."""
         slot = np.arange(1, len(self.corner) + 1)
         slot[self.start[1:] - 1] = self.start[:-1]
         return slot
 
     def next_values(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return for each polygon corner the value at the polygon's next corner; `values` (h,) at polygon corners."""
+        """Return the value (h,) at the next corner of the same polygon. values : (h,)."""
         result: NDArray[Any] = np.empty_like(values)
         result[:-1] = values[1:]
         result[self.start[1:] - 1] = values[self.start[:-1]]
         return result
 
     def per_polygon(self, ufunc: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
-        """Apply `ufunc`, such as a sum, to the values (h,) at the corners of each polygon; return (c,)."""
-        if len(values) == 3 * len(self.sizes):  # all polygons are triangles
+        """Return a sum or another `ufunc` (c,) of the values (h,) at the corners of each polygon."""
+        if len(values) == 3 * len(self.sizes):
             a, b, c = values.reshape(-1, 3).T
             return np.asarray(ufunc(ufunc(a, b), c))
         return ufunc.reduceat(values, self.start[:-1])
 
     def sides(self, active: Bools) -> tuple[Ints, Ints]:
-        """Return the first and the last vertex (s,) of every side of the polygons that the mask `active` (c,) marks."""
+        """Return the first and the last vertex (s,) of every side of the polygons `active` (c,)."""
         a, b = self.corner, self.next_values(self.corner)
         if active.all():
             return a, b
@@ -76,7 +75,7 @@ class Cells:
         return a[slots], b[slots]
 
     def slots(self, which: Ints) -> Ints:
-        """Return the slots (indices into `corner`) of the polygons `which` (k,), polygon by polygon."""
+        """Return the slots (indices into `corner`) of the polygons `which` (k,)."""
         sizes = self.sizes[which]
         ends = np.cumsum(sizes)
         return np.asarray(np.repeat(self.start[which] - (ends - sizes), sizes) + np.arange(int(sizes.sum())))
@@ -87,8 +86,8 @@ class Cells:
         return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[slots], self.sides_on[slots])
 
     def with_new_lines(self, lines: Ints) -> "Cells":
-        """Return polygons with new values in `sides_on`: the mark -1 - l of level l becomes the line lines[l, polygon].
-        lines : (levels, c) rows of `CutLines`; a dimension may be 1 if all levels, or all polygons, share a line."""
+        """Return polygons in which lines[l, polygon] replaces the mark -1 - l of each level l.
+        lines : (levels, c) rows of `CutLines`."""
         side = np.flatnonzero(self.sides_on < 0)
         if not len(side):
             return self
@@ -97,7 +96,8 @@ class Cells:
         return Cells(self.start, self.corner, sides_on)
 
     def triangle_sides(self, F: Ints, polygon: Ints) -> Ints:
-        """Return the row of `CutLines` (m, 3) of each side of triangles F (m, 3). Triangle i lies in polygon[i]."""
+        """Return the row of `CutLines` (m, 3) of each side of triangles F (m, 3).
+        polygon : (m,) the polygon of each triangle."""
         slot = np.flatnonzero(self.sides_on)
         n, owner, end = int(self.corner.max()) + 1, self.owner[slot], self.next_values(self.corner)[slot]
         key = owner * n + self.corner[slot]
@@ -118,7 +118,7 @@ class Cells:
         return Cells(start - start[0], self.corner[start[0] : start[-1]])
 
     def areas(self, X: Floats) -> tuple[Floats, Floats]:
-        """Return the area (c,) of each polygon, and the squared distance (c,) from its first to its farthest corner."""
+        """Return the area (c,) of each polygon, and the squared distance (c,) from the first to the farthest corner."""
         if len(self.sizes) > CHUNK:
             parts = [self._slice(k, k + CHUNK).areas(X) for k in range(0, len(self.sizes), CHUNK)]
             area, reach = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -133,13 +133,12 @@ class Cells:
 
 
 LARGEST = 9
-"""Corners of the largest polygon that `triangulate` fills directly; it halves larger polygons first, to save time."""
+"""Corners of the largest polygon that `triangulate` does not halve."""
 
 
 def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
     """Divide convex polygons into triangles (m, 3); return also the polygon (m,) of each triangle, ascending.
-    X : (n, 3) positions. The area of a polygon must not be 0. Corners of 180 degrees are allowed.
-    Triangles have an area, and the orientation of their polygon. Every side of a polygon is a side of a triangle."""
+    X : (n, 3) positions."""
     waiting: dict[int, list[tuple[Ints, Ints]]] = {}
     for size in np.flatnonzero(np.bincount(cells.sizes)).tolist():
         which = np.flatnonzero(cells.sizes == size)
@@ -163,7 +162,7 @@ def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
 
 
 def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
-    """Return 4 sqrt(3) area / sum of squared sides (g,) of triangles, at most 1 [Bank, Smith 1997]."""
+    """Return the quality (g,) of triangles, at most 1 [Bank, Smith 1997]."""
     u, v = b - a, c - a
     w = v - u
     squares = sum((s[0] * s[0] + s[2] * s[2]) + s[1] * s[1] for s in (u, v, w))
@@ -172,8 +171,6 @@ def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
 
 
 def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
-    """Divide polygons (g, s) so that the worst triangle is as good as possible; return triangles, and their polygons.
-    rating[i, j] : worst quality in the best division of the polygon with the corners i, ..., j."""
     g, size = polygons.shape
     if size == 3:
         return polygons, np.arange(g)
@@ -212,7 +209,7 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
     fan = np.linalg.norm(np.cross(spoke[:, :-1], spoke[:, 1:]), axis=2)
     upto = np.concatenate([np.zeros((len(fan), 1)), np.cumsum(fan, axis=1)], axis=1)
     i, j = np.triu_indices(size, 2)
-    i, j = i[j - i < size - 1], j[j - i < size - 1]  # a chord cannot join neighbouring corners
+    i, j = i[j - i < size - 1], j[j - i < size - 1]
     corner = np.linalg.norm(np.cross(spoke[:, i], spoke[:, j]), axis=2)
     ear = upto[:, j] - upto[:, i] - corner  # twice the area between corners i, i + 1, ..., j
     choice = np.minimum(ear, upto[:, -1:] - ear).argmax(axis=1)
@@ -226,8 +223,8 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
 
 
 SNAP_FLOOR = 1e-9
-"""Smallest fraction for snapping (a value moves onto a near level, see `cut`); it applies even at snap = 0."""
-TIP = 1e-3  # Largest snap fraction (see `cut`) for moving only one edge of a stripe; the opposite edge stays.
+"""Smallest fraction of an edge for moving a value onto a level."""
+TIP = 1e-3  # Largest fraction of an edge for moving only one edge of a stripe.
 
 
 def nearest_levels(x: Floats, levels: Floats) -> Floats:
@@ -242,8 +239,8 @@ def snap_values(
     x: Floats, levels: Floats, sides: tuple[Ints, Ints], difference: Floats, fraction: float, free: Bools
 ) -> Floats:
     """Move each value x (n,) at a vertex onto the nearest of the levels (k,), if this level is close.
-    A value moves by at most `fraction` times the largest `difference` on the edges at its vertex.
-    sides : both vertices of each edge.    difference : change of x on each edge.    free : (n,) True if x may move."""
+    fraction : largest move / largest `difference` on the edges at a vertex.
+    sides : both vertices of each edge.    free : (n,) True if x may move."""
     level = nearest_levels(x, levels)
     gap = np.abs(x - level)
     may_snap = gap <= fraction * difference.max(initial=0.0) + _rounding(x)
@@ -256,13 +253,12 @@ def snap_values(
 
 def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) -> Floats:
     """Move both values x (n, 2) at each vertex by a common step, so that one value lies on the nearest level (k,).
-    Values stay if no level is near. No value crosses a level.
-    reach : (n, 2) largest change of each value along the edges of its vertex; the step is at most `fraction` of it."""
+    reach : (n, 2) largest change of each value along the edges of its vertex.    fraction : largest step / reach."""
     level = np.stack([nearest_levels(x[:, i], levels) for i in (0, 1)], axis=1)
     steps, limit = level - x, fraction * reach + _rounding(x)
     gap = np.abs(steps)
     share = gap * limit[:, ::-1]
-    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # equally near to levels: take the larger step
+    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])
     upper_nearer = (share[:, 0] < share[:, 1]) | tie
     chosen = np.stack([upper_nearer, ~upper_nearer], axis=1)
     step = np.where(chosen, steps, 0).sum(axis=1)
@@ -277,7 +273,7 @@ def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) 
 
 def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools, Bools]:
     """Return masks (c,) of the polygons wholly inside stripes, and of the polygons wholly outside stripes.
-    y : (h, 2) values at each polygon corner: the field plus the stripes' half-width, and minus the half-width."""
+    y : (h, 2) the field plus the stripes' half-width, and minus the half-width, at each polygon corner."""
     width, begins = y[:, 0] - y[:, 1], cells.start[:-1]
     gap = np.diff(levels).max(initial=0.0)
     within = (y[:, 0] >= levels[0]) & (y[:, 1] < levels[-1])
@@ -286,7 +282,7 @@ def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools,
 
 
 def largest_ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floats:
-    """Return the largest `difference` on sides at each of n vertices; 0 without sides. sides : ends of each side."""
+    """Return the largest `difference` on sides at each vertex (n,); 0 without sides."""
     reach = np.zeros(n)
     for end in sides:
         np.maximum.at(reach, end, difference)
@@ -294,4 +290,4 @@ def largest_ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floa
 
 
 def _rounding(x: Floats) -> float:
-    return float(8 * np.spacing(np.abs(x).max()))  # rounding errors are below 8 units in the last place
+    return float(8 * np.spacing(np.abs(x).max()))  # bound of rounding errors

@@ -1,4 +1,4 @@
-"""Cut polygons along the stripes of a `CornerField`, whose sign and offset may differ from face to face."""
+"""Cut polygons along the stripes of a `CornerField`."""
 
 import dataclasses
 from dataclasses import dataclass, replace
@@ -23,8 +23,8 @@ from dsfab.surface.fields import CornerField
 
 @dataclass(frozen=True, eq=False)
 class PolygonField:
-    """A `CornerField`, whose sign and offset may differ between faces, on the vertices of polygons.
-    lead   : (n',) for each vertex, the face in which its values hold.    values : (n', 1 or 2) the field in this face.
+    """A `CornerField` on the vertices of polygons.
+    lead   : (n',) for each vertex, the face in which its values hold.
     sign, shift : (h,) for polygon corners: in the polygon's own uncut face, the field is sign * value + shift.
     blank  : (h,) True for polygon corners without a value."""
 
@@ -38,7 +38,7 @@ class PolygonField:
 
     @classmethod
     def from_field(cls, mesh: PolygonMesh, field: CornerField) -> Self:
-        """Evaluate the field at each vertex, in a face around the vertex: the first face where the field has values."""
+        """Return the field at each vertex."""
         corner, n = mesh.cells.corner, len(mesh.X)
         lead = np.zeros(n, dtype=np.int64)
         lead[corner[::-1]] = mesh.face[::-1]
@@ -58,9 +58,7 @@ class PolygonField:
     @classmethod
     def _from_leads(cls, mesh: PolygonMesh, field: CornerField, values: Floats, lead: Ints) -> Self:
         face, sign, shift = mesh.face, np.ones(len(mesh.face)), np.zeros(len(mesh.face))
-        turned_slots = np.flatnonzero(
-            field.changed_faces[face] | field.changed_faces[lead][mesh.cells.corner]
-        )  # at all other polygon corners, sign is 1 and shift is 0
+        turned_slots = np.flatnonzero(field.changed_faces[face] | field.changed_faces[lead][mesh.cells.corner])
         if len(turned_slots):
             vertex, slot_face = mesh.cells.corner[turned_slots], face[turned_slots]
             lead_face, support_vertex = lead[vertex], mesh.support[vertex]
@@ -71,7 +69,7 @@ class PolygonField:
         return cls(mesh, field, values, lead, sign, shift, field.blank[face])
 
     def value_index(self, side: int) -> Ints:
-        """Return indices (h,) in values.ravel() of z + d (side 0) or z - d (side 1). z : field. d : half-width."""
+        """Return indices (h,) in values.ravel() of z + d (side 0) or z - d (side 1)."""
         return self._lower if side else self._upper
 
     @cached_property
@@ -84,7 +82,7 @@ class PolygonField:
         return self._upper if self.values.shape[1] == 1 else self._upper ^ 1
 
     def slot_values(self, side: int) -> Floats:
-        """Return the field (h,) at all polygon corners. side : stripe edge, 0: z + d, 1: z - d (field z, width 2 d)."""
+        """Return the field (h,) at all polygon corners. side : stripe edge, 0: z + d, 1: z - d."""
         return self._slots[side]
 
     @cached_property
@@ -107,14 +105,13 @@ class PolygonField:
         return changed
 
     def side_values(self, side: int, foreign: Bools | None = None) -> SideValues:
-        """Return the field at both ends of each polygon side. side : edge of stripes, as in `slot_values`.
-        foreign : (h,) mask of polygon sides without a value; default: `blank`."""
+        """Return the field at both ends of each polygon side. foreign : (h,) mask of polygon sides without a value."""
         return SideValues.from_slots(
             self.mesh.cells, self.slot_values(side), self.blank if foreign is None else foreign
         )
 
     def after_split(self, split: Split, side: int, lines: Ints) -> "PolygonField":
-        """Return the field z after a split at levels of z + d (side 0) or z - d (side 1). d : half-width of stripes.
+        """Return the field after a split. side : 0 for z + d, 1 for z - d.
         lines : (l, 1) row of `CutLines` for each level."""
         mesh, following = self.mesh.after_split(split, lines), self.mesh.cells.following
         cut = self.slot_values(side)
@@ -154,10 +151,9 @@ class PolygonField:
 def corner_band(
     mesh: PolygonMesh, field: CornerField, levels: Floats, snaps: tuple[float, float], size: float, edges: Ints
 ) -> tuple[PolygonMesh, Bools]:
-    """Cut the void polygons along the stripes of a `CornerField`; return also a mask (c',) of the new material.
-    If the field changes its sign across a mesh edge, this edge first gets vertices at all levels.
-    snaps : snap fractions (see `cut`): for moves of whole stripes, and for moves of one edge of a stripe (see `TIP`).
-    size  : size of the surface, m.    edges : (l, 2) rows of `CutLines`: z + d = level, z - d = level (see `cut`)."""
+    """Cut the void polygons along the stripes of a field; return also a mask (c',) of the new material.
+    snaps : snap fractions: for moves of whole stripes, and for moves of one edge of a stripe.
+    edges : (l, 2) rows of `CutLines`: z + d = level, z - d = level."""
     void = (mesh.void | mesh.again) & ~field.blank[mesh.parent]
     if field.wanted is not None and void.any():
         void &= _cells_to_cut(mesh, field.wanted)
@@ -176,14 +172,14 @@ def corner_band(
 
 
 def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
-    """Return a mask (c,) of void polygons without a field value, with material along over half of their outline."""
+    """Return a mask (c,) of void polygons without a field value, mostly enclosed by material."""
     inner = mesh.void & blank[mesh.parent]
     if not inner.any():
         return inner
     owner, corner, ahead = mesh.cells.owner, mesh.cells.corner, mesh.cells.next_values(mesh.cells.corner)
     touched = np.zeros(len(mesh.X), dtype=bool)
     touched[corner[inner[owner]]] = True
-    candidates = np.flatnonzero(touched[corner] & touched[ahead])  # all sides of polygons in `inner`, and a few more
+    candidates = np.flatnonzero(touched[corner] & touched[ahead])
     p, q, polygon = corner[candidates], ahead[candidates], owner[candidates]
     length = np.linalg.norm(mesh.X[p] - mesh.X[q], axis=1)
     order, begins, edge = equal_key_groups(np.minimum(p, q) * len(touched) + np.maximum(p, q))
@@ -193,7 +189,7 @@ def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
 
 
 def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
-    """Return a mask (c,) of polygons to cut: in openings, or in `mesh.again`, with mean `wanted_share` over a half."""
+    """Return a mask (c,) of polygons to cut."""
     least = 0.5
     crossed = mesh.again & (wanted_share > least)[mesh.parent]
     if not mesh.void.any():
@@ -209,10 +205,10 @@ def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
 @dataclass(frozen=True, eq=False)
 class StripeCut:
     """A cut along the stripes of a `CornerField`, in progress.
-    seen   : the field on the polygons.    levels : values at which to cut the field.
+    seen   : the field on the polygons.
     tip    : largest move of an edge of a stripe onto a vertex, as a fraction of a polygon side.
     active : (c,) mask of polygons to cut.    solid : (c,) mask of polygons inside stripes.
-    source : (c,) for each polygon, its polygon before the last split.    size : of the surface, m.
+    source : (c,) for each polygon, its polygon before the last split.
     edges  : (l, 2) rows of `CutLines` for both edges of the stripe at each level."""
 
     seen: PolygonField
@@ -236,7 +232,7 @@ class StripeCut:
         return slots, cells.following[slots]
 
     def with_snapped_stripes(self, fraction: float) -> "StripeCut":
-        """Move whole stripes so that their edges meet nearby vertices; the widths of stripes do not change.
+        """Move whole stripes so that their edges meet nearby vertices.
         fraction : largest move, as a fraction of a polygon side."""
         values = self.seen.values
         reach = np.zeros(values.size)
@@ -247,7 +243,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved))
 
     def with_snapped_values(self, side: int) -> "StripeCut":
-        """Move edges of stripes onto vertices within the snap fraction `tip`. side : 0 for z + d, 1 for z - d."""
+        """Move edges of stripes onto near vertices. side : 0 for z + d, 1 for z - d."""
         x = self.seen.values.ravel()
         a, b, difference = self._side_ends(side)
         free = np.ones(len(x), dtype=bool)
@@ -255,8 +251,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved.reshape(self.seen.values.shape)))
 
     def with_turned_edges(self, side: int) -> "StripeCut":
-        """Add vertices to edges where the field changes sign: where the values of the first polygon equal a level.
-        side : edge of stripes, as in `with_snapped_values`."""
+        """Add vertices to edges where the field changes sign. side : 0 for z + d, 1 for z - d."""
         leading, second = self.seen.turned_edges()
         owner = self.seen.mesh.cells.owner
         if not self.active[owner[leading | second]].any():
@@ -270,7 +265,7 @@ class StripeCut:
 
     def cut_along_levels(self, side: int, above: bool) -> tuple["StripeCut", Ints]:
         """Cut the polygons `active` along edges of stripes: where z + d (side 0) or z - d (side 1) equals a level.
-        Return also the number (c',) of levels below each polygon. z : field. d : half-width of stripes.
+        Return also the number (c',) of levels below each polygon.
         above : True counts a level as below a polygon that lies on this level."""
         state = self.with_snapped_values(side)
         for _ in range(ROUNDS):

@@ -1,4 +1,4 @@
-"""`cut` divides a surface exactly along level lines of fields that are linear on each face."""
+"""Exact cuts of a surface along level lines of fields that are linear on each face."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -30,26 +30,21 @@ LEVEL_GAP = 1e-6  # Levels closer to each other than this fraction of the field'
 
 Field = Floats | CornerField | DividedField
 DividedAgain = Callable[[PolygonMesh, int, Bools], Bools]
-"""Function that returns a mask (c,) of material that the next fields may divide too. Arguments: the mesh of polygons;
-number k of the latest field; a mask (m,) of faces where field k has no value, and of neighbours of these faces."""
+"""Function that returns a mask (c,) of material that the next fields may divide too.
+Arguments: the polygon mesh; number k of the latest field; a mask (m,) of faces without field k, and of neighbours."""
 
 
 def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05) -> Sheet:
-    """Cut a surface along the levels of several fields; return a sheet of all cells, material and void.
+    """Return a surface, cut along the levels of several fields, with all cells, material and void.
 
-    fields : for each field, values (n,) on the vertices, in any unit. Values are linear on each face.
-             Stripes of variable half-width d need values (n, 2): z + d and z - d. Levels are the middles of stripes.
-             A field may also be a `CornerField` or a `DividedField`. All divided fields must share one division, and
-             must come before any `CornerField`.
-    levels : ascending values for each field. Strip j of a field has j levels below it, and odd strips are material.
-             Two equal levels (see `LEVEL_GAP`) are left out. With values (n, 2), material has |z - level| < d.
-    snap   : 0 to 0.4, a fraction of the largest range of values on the edges at a vertex. A value within this distance
-             of a level moves onto it. This avoids very thin triangles, and moves a line by at most this fraction of an
-             edge. With 0, areas are exact: values move only within `SNAP_FLOOR`, or to avoid cells without area.
+    fields : for each field, values (n,) on the vertices, or (n, 2): z + d and z - d for stripes of half-width d;
+             or a `CornerField` or `DividedField`. All divided fields share one division, before any `CornerField`.
+    levels : ascending values for each field. Strip j of a field has j levels below the strip; odd strips are material.
+             With values (n, 2), material has |z - level| < d.
+    snap   : 0 to 0.4, fraction of the local range of values; nearer values move onto a level.
 
-    A cell is material if any field makes it material. Later fields do not cut the material of earlier fields.
-    A face wholly on a level is void. The cells are in the order of their parent faces. The first n vertices are the
-    vertices of the surface.
+    A cell is material if any field makes the cell material.
+    The cells are in the order of the faces; the first n vertices are those of the surface.
 
     Raises PatternError for values that are not finite, levels out of order, a snap out of range, or cells without area.
     """
@@ -57,7 +52,8 @@ def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], 
 
 
 def sheet_of(mesh: PolygonMesh) -> Sheet:
-    """Divide polygons from `cut_polygons` into triangles of a sheet. Raises PatternError for triangles without area."""
+    """Divide polygons from `cut_polygons` into triangles of a sheet.
+    Raises PatternError for triangles without area."""
     cut_surface, cell, sides_on = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     return Sheet(cut_surface, mesh.parent[cell], mesh.family[cell], mesh.weights, mesh.stubs, sides_on, mesh.lines)
 
@@ -69,8 +65,8 @@ def cut_polygons(
     snap: float = 0.05,
     mesh: PolygonMesh | None = None,
 ) -> PolygonMesh:
-    """Cut a surface as `cut` does; return the polygons before their division into triangles.
-    mesh : polygons without material, to cut; default: the faces of the surface."""
+    """Cut a surface as `cut` does, but return polygons.
+    fields : values (n,) or (n, 2).    mesh : polygons without material, to cut; default: the faces."""
     return polygons_along(surface, fields, *checked_lines(surface, fields, levels), snap, mesh=mesh)
 
 
@@ -83,8 +79,8 @@ def polygons_along(
     divided_again: DividedAgain | None = None,
     mesh: PolygonMesh | None = None,
 ) -> PolygonMesh:
-    """Cut a surface as `cut_polygons` does. values, levels : checked values and levels from `checked_lines`.
-    divided_again : see `DividedAgain`; by default, a field does not cut the material of earlier fields."""
+    """Cut a surface as `cut_polygons` does.
+    values, levels : from `checked_lines`, (n,) or (n, 2) for each field."""
     if not 0 <= snap <= 0.4:
         raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
     divided, on_parts = _division(fields)
@@ -133,7 +129,6 @@ def _tip_snap(snap: float) -> float:
 def _plain_splits(
     mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Split polygons at the levels `lines` of field x; return splits, material mask. edges : rows of `CutLines`."""
     if x.ndim == 2:
         return _band(mesh, x, lines, snap, size, edges)
     split = clean_split(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, Snapping(snap, size))
@@ -143,8 +138,6 @@ def _plain_splits(
 def _band(
     mesh: PolygonMesh, x: Floats, levels: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Split void cells at the edges of stripes: levels of x[:, 0], then of x[:, 1]. Return splits and a material mask.
-    Where a stripe ends, its edges meet in a vertex, because the second split uses the vertices of the first split."""
     cells, X, void = mesh.cells, mesh.X, mesh.void | mesh.again
     if not len(levels):
         return [], np.zeros(len(void), dtype=bool)
@@ -163,8 +156,9 @@ def _band(
 
 
 def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints, Ints]:
-    """Divide polygons into triangles; return also each triangle's polygon (m',), and the line of each side (m', 3).
-    parent : (c,) uncut face of each polygon. Raises PatternError for triangles without area."""
+    """Return triangles, the polygon (m',) of each triangle, and the line of each side (m', 3).
+    parent : (c,) uncut face of each polygon.
+    Raises PatternError for triangles without area."""
     F, cell = triangulate(cells, X)
     try:
         return Surface(X, F), cell, cells.triangle_sides(F, cell)
@@ -180,7 +174,8 @@ def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Int
 def checked_lines(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike]
 ) -> tuple[list[Floats], list[Floats]]:
-    """Check fields and levels; return each field's values (n,) or (n, 2), and distinct levels. Errors: see `cut`."""
+    """Return each field's values (n,) or (n, 2), and distinct levels.
+    Raises PatternError for invalid fields or levels."""
     values = [_checked_field(surface, k, f) for k, f in enumerate(fields)]
     return values, [_checked_levels(k, x, lines) for k, (x, lines) in enumerate(zip(values, levels, strict=True))]
 
@@ -200,7 +195,6 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
 
 
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
-    """Return distinct levels of field k. Equal levels cancel in pairs; with values (n, 2), a single level remains."""
     values = np.asarray(levels, dtype=np.float64)
     if values.ndim != 1 or not np.isfinite(values).all() or (np.diff(values) < 0).any():
         raise PatternError(f"the levels of field {k} must be finite and ascending")
@@ -214,8 +208,8 @@ def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
 
 
 def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
-    """Return the triangles `cells` (k,) of a sheet, and their neighbours, as polygons that can be cut again. Return
-    also the sheet's triangle (c,) of each polygon. cells : ascending. Vertices keep their order."""
+    """Return the triangles `cells` (k,) of a sheet, and neighbours, as polygons to cut again.
+    Return also the triangle (c,) of each polygon.    cells : ascending."""
     surface = sheet.surface
     selected = np.zeros(surface.m, dtype=bool)
     selected[cells] = True
@@ -231,7 +225,8 @@ def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
 
 
 def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
-    """Return a sheet with `mesh` in place of some triangles. source : (c,) replaced triangle of each polygon."""
+    """Return a sheet with `mesh` in place of some triangles.
+    source : (c,) replaced triangle of each polygon."""
     surface = sheet.surface
     stay = np.ones(surface.m, dtype=bool)
     stay[source] = False
@@ -252,7 +247,7 @@ def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
 
 
 def divided_field_values(sheet: Sheet, uncut: Surface, field: DividedField) -> Floats:
-    """Interpolate a field on divided faces of `uncut` at the vertices of a sheet; return (n',) or (n', 2)."""
+    """Return a field of divided faces at the vertices of a sheet, (n',) or (n', 2)."""
     divided, F = field.divided, sheet.surface.F
     values = sheet.carry(field.at_vertices)
     parts = divided.cut_parts()

@@ -1,7 +1,6 @@
 """Halving: where lines of a family lie too close together, only each second or fourth line remains.
 
-At halving level h, line k remains if k is a multiple of 2^h. A line may end only on a line of the other family.
-Thus an opening has one level. The second family is halved after the first, between lines of the first."""
+At halving level h, line k remains if k is a multiple of 2^h. A line may end only on a line of the other family."""
 
 from dataclasses import dataclass, replace
 
@@ -15,16 +14,16 @@ from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import link_components
 
 GAIN = 0.45
-"""`halve_lines` uses `uncapped_target` if this lowers log2(P95 / P5) of the distances of lines by more than GAIN.
-P5, P95 : percentiles. `uncapped_target` removes more lines; structures become up to a tenth softer."""
+"""`halve_lines` uses `uncapped_target` if log2(P95 / P5) of the distances of lines falls by more than GAIN.
+P5, P95 : percentiles."""
 
 
 @dataclass(frozen=True, eq=False)
 class LineHalving:
-    """Polygons between the lines that remain after halving, which removes every second line.
-    mesh   : the polygons.    level : (c, 2) how often the lines of each family were halved in each polygon.
-    phases : of both families, whole numbers on lines; values near a whole number are moved onto this number.
-    first  : the family that was halved first. Lines of the second family may end on lines of the first family."""
+    """Polygons between the lines that remain after halving.
+    mesh   : the polygons.    level : (c, 2) number of halvings of each family in each polygon.
+    phases : of both families, whole numbers on lines.
+    first  : the family that was halved first."""
 
     mesh: PolygonMesh
     level: Ints
@@ -38,7 +37,7 @@ class LineHalving:
         return np.asarray(np.bincount(self.mesh.parent, drawn_area, surface.m) / surface.areas)
 
     def mean_scale(self, surface: Surface, family: int) -> Floats:
-        """Return the mean over each face (m,) of the remaining fraction of a family's lines: 1/2 after one halving."""
+        """Return the mean fraction (m,) of a family's lines that remain on each face."""
         area = self.mesh.cells.areas(self.mesh.X)[0]
         scaled_area = area * 0.5 ** self.level[:, family]
         return np.asarray(np.bincount(self.mesh.parent, scaled_area, surface.m) / surface.areas)
@@ -52,9 +51,9 @@ def halve_lines(
     uncapped_target: tuple[Floats, Floats] | None = None,
 ) -> LineHalving:
     """Remove every second line of two families, once or more. Lines lie where the phase (n, 1) is a whole number.
-    target          : (m,) ideal number of halvings, for each family. An area between lines gets the rounded mean.
+    target          : (m,) ideal number of halvings, for each family.
     level_limits    : largest number of halvings of each family.
-    uncapped_target : (m,) ideal numbers without limits; they replace `target` if spacings become more even (`GAIN`)."""
+    uncapped_target : (m,) ideal numbers without limits, used if spacings become more even."""
     mesh, uncapped_target = PolygonMesh.from_surface(surface), uncapped_target or target
     level = np.zeros((surface.m, 2), dtype=np.int64)
     if not any(level_limits):
@@ -109,8 +108,7 @@ def _with_lines(
 
 
 def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
-    """Mark inner edges on every p-th line, or beside faces where `field` has no value. p : least `period` at the edge.
-    An edge is on a p-th line if the middles of its polygons are in different strips. So rounding errors do no harm."""
+    """Return a mask of inner edges on lines that remain."""
     slot_a, slot_b, slot_at_start = mesh.neighbours
     seen, owner = PolygonField.from_field(mesh, field), mesh.cells.owner
     y = seen.slot_values(0)
@@ -124,8 +122,6 @@ def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
 
 
 def _levels(mesh: PolygonMesh, walls: Bools, target: Floats, uncapped_target: Floats, level_limit: int) -> Ints:
-    """Return how often lines are halved in each polygon, `level_limit` at most: the rounded mean of `target` in its
-    opening (`split_value`). `uncapped_target` (see `halve_lines`) is used if it evens out spacings by over `GAIN`."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, open_ = mesh.cells.owner, ~walls
     count, opening = link_components(len(mesh.parent), owner[slot_a[open_]], owner[slot_b[open_]])

@@ -1,4 +1,4 @@
-"""`PolygonMesh`: a surface divided into convex polygons during a cut, and the contacts between parts of the mesh."""
+"""A surface divided into convex polygons during a cut, and the contacts between its parts."""
 
 import dataclasses
 from dataclasses import dataclass, replace
@@ -21,12 +21,11 @@ from dsfab.surface.topology import link_components
 class PolygonMesh:
     """Convex polygons on vertices X (n', 3), metres.
     F       : (m, 3) faces of the uncut surface.
-    weights : (n', n) barycentric weights: each vertex is a weighted mean of uncut vertices.
+    weights : (n', n) barycentric weights of uncut vertices.
     parent  : (c,) uncut face of each polygon.    family : (c,) number of the field with material here, or `VOID`.
     again   : (c,) mask of material that is cut again by the next fields.
-    also    : (c,) at a crossing, number of the second field with material in the polygon; else `VOID`.
-    stubs   : number of removed and straightened stripes.
-    lines   : the lines to which `Cells.sides_on` refers."""
+    also    : (c,) number of a second field with material in the polygon, or `VOID`.
+    stubs   : number of removed and straightened stripes.    lines : for `Cells.sides_on`."""
 
     F: Ints
     cells: Cells
@@ -41,7 +40,7 @@ class PolygonMesh:
 
     @classmethod
     def from_surface(cls, surface: Surface, divided: DividedSurface | None = None) -> Self:
-        """Return the faces of a surface, or the parts of faces in `divided`, as polygons without material."""
+        """Return the faces of a surface, or of `divided`, as polygons without material."""
         if divided:
             parts = divided.surface
             cells, family = Cells.triangles(parts.F, _rim(parts)), np.full(parts.m, VOID)
@@ -52,23 +51,22 @@ class PolygonMesh:
 
     @classmethod
     def from_sheet(cls, sheet: Sheet) -> Self:
-        """Return the cells of a sheet as polygons, with the cut lines on their sides."""
+        """Return the cells of a sheet as polygons."""
         F, V = sheet.surface.F, sheet.surface.V
         return cls.from_cells(F, Cells.triangles(F), V, sheet.weights, sheet.parent, sheet.family).with_lines_of(sheet)
 
     def with_lines_of(self, sheet: Sheet) -> Self:
-        """Return this mesh with the cut lines of a sheet. Triangle i of the sheet must be polygon i of this mesh."""
+        """Return this mesh with the cut lines of a sheet. Triangle i of the sheet must be polygon i."""
         return replace(self, cells=Cells.triangles(sheet.surface.F, sheet.sides_on), lines=sheet.lines)
 
     @classmethod
     def from_cells(cls, F: Ints, cells: Cells, X: Floats, weights: csr_array, parent: Ints, family: Ints) -> Self:
-        """Return a mesh in which no polygon is material of two fields. Arguments: see `PolygonMesh`."""
+        """Return a mesh in which no polygon is material of two fields."""
         count = len(family)
         return cls(F, cells, X, weights, parent, family, np.zeros(count, dtype=bool), np.full(count, VOID))
 
     def with_material(self, k: int, material: Bools, blank: Bools) -> Self:
-        """Return the mesh with material (c,) of field k. In this material, `family` becomes k where the mesh was void.
-        `also` becomes k where earlier material is cut again, and in new material of faces `blank` (m,)."""
+        """Return the mesh with material (c,) of field k. In new material of faces `blank` (m,), `also` becomes k."""
         new_material = material & self.void
         joint = (material & ~new_material & self.again) | (new_material & blank[self.parent])
         family, also = np.where(new_material, k, self.family), np.where(joint, k, self.also)
@@ -81,7 +79,7 @@ class PolygonMesh:
 
     @property
     def material_area(self) -> float:
-        """Area of the polygons that are not void, square metres."""
+        """Area of the material, square metres."""
         return float(self.cells.areas(self.X)[0][~self.void].sum())
 
     @cached_property
@@ -91,11 +89,11 @@ class PolygonMesh:
 
     @cached_property
     def support(self) -> Ints:
-        """(n',) one uncut vertex for each vertex: a corner of the uncut edge or face where the vertex lies."""
+        """(n',) for each vertex, one corner of the uncut edge or face where the vertex lies."""
         return np.asarray(self.weights.indices[self.weights.indptr[:-1]])
 
     def after_split(self, split: Split, lines: Ints | None = None) -> "PolygonMesh":
-        """Return the mesh after a split. lines : (l or 1, c' or 1) rows of `CutLines` by level and polygon, or None."""
+        """Return the mesh after a split. lines : rows of `CutLines` (l or 1, c' or 1), or None."""
         weights = weights_after_split(self.weights, split)
         cells = split.cells.with_new_lines(np.zeros((1, 1), dtype=np.int64) if lines is None else lines)
         names, source = ("parent", "family", "again", "also"), split.source
@@ -104,9 +102,9 @@ class PolygonMesh:
 
     @cached_property
     def neighbours(self) -> tuple[Ints, Ints, Ints]:
-        """Slots (indices into `Cells.corner`) at inner edges: three arrays (p,).
-        Array one: start of the edge in its first polygon. Array two: start of the edge in its second polygon.
-        Array three: corner of the second polygon at the vertex of array one."""
+        """Indices into `Cells.corner` at inner edges: three arrays (p,).
+        First: start of the edge in its first polygon. Second: start of the edge in its second polygon.
+        Third: corner of the second polygon at the vertex of the first array."""
         a, b = self.cells.corner, self.cells.next_values(self.cells.corner)
         order, _, edge = equal_key_groups(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
         pair = np.flatnonzero(np.diff(edge[order]) == 0)
@@ -122,7 +120,7 @@ class PolygonMesh:
         return polygon
 
     def part_labels(self, marked: Bools) -> Ints:
-        """Return for each marked polygon the number (c,) of its connected part, else -1; only common edges connect."""
+        """Return the number (c,) of each polygon's connected part; -1 if not marked."""
         slot_a, slot_b, _ = self.neighbours
         f, g = self.cells.owner[slot_a], self.cells.owner[slot_b]
         joined = marked[f] & marked[g]
@@ -135,26 +133,25 @@ class PolygonMesh:
         return np.ascontiguousarray(self.F.T)
 
     def corner(self, face: Ints, vertex: Ints) -> Ints:
-        """Return for each uncut face (k,) the number (k,), 0 to 2, of its corner at the uncut vertex (k,)."""
+        """Return the number (k,), 0 to 2, of the corner of each face (k,) at its vertex (k,)."""
         _, second, third = self._corners
         return np.asarray((second[face] == vertex) + 2 * (third[face] == vertex))
 
 
 def _rim(surface: Surface) -> Ints:
-    """Return `LineKind.RIM` for half-edges (m, 3) on the boundary of a surface, and 0 for other half-edges."""
     sides_on = np.zeros(3 * surface.m, dtype=np.int64)
     sides_on[surface.edges.outline] = LineKind.RIM
     return sides_on.reshape(-1, 3)
 
 
 def corner_places(F: Ints, vertex: Ints) -> Ints:
-    """Return for each face (k, 3) the number (k,), 0 to 2, of its corner at the vertex (k,)."""
+    """Return the number (k,), 0 to 2, of the corner of each face (k, 3) at its vertex (k,)."""
     _, second, third = F.T
     return np.asarray((second == vertex) + 2 * (third == vertex))
 
 
 def weights_after_split(weights: csr_array, split: Split) -> csr_array:
-    """Append barycentric weights (k, n) of a split's new vertices. A row has up to three weights that are not 0."""
+    """Append barycentric weights (k, n) of a split's new vertices."""
     new_weights = split.new_weights(weights.shape[0]) @ weights
     data, indices = (
         np.concatenate([getattr(part, name) for part in (weights, new_weights)]) for name in ("data", "indices")
@@ -169,7 +166,7 @@ class Contacts:
     parts  : (k, 2) both parts; the second is -1 at an edge of the surface or at an anchor.    length : (k,) metres.
     links  : (l, 2) pairs of adjacent stretches on a part's outline. Stretch i has the number i on the outline of
              parts[i, 0], and the number i + k on the outline of parts[i, 1].
-    around : (p,) length of each part's outline, metres. Anchor: vertex at which stripes may end."""
+    around : (p,) length of each part's outline, metres."""
 
     parts: Ints
     length: Floats
@@ -178,8 +175,8 @@ class Contacts:
 
     @classmethod
     def from_parts(cls, mesh: PolygonMesh, part: Ints, anchor: Bools) -> "Contacts":
-        """Return where parts of the mesh touch. Adjacent polygon sides between the same two parts form one stretch.
-        part : (c,) the part of each polygon.    anchor : (n,) mask of uncut vertices where stripes may end."""
+        """Return where parts of the mesh touch. part : (c,) the part of each polygon.
+        anchor : (n,) mask of uncut vertices where stripes may end."""
         slot_a, slot_b, _ = mesh.neighbours
         owner, cells = mesh.cells.owner, mesh.cells
         f, g = part[owner[slot_a]], part[owner[slot_b]]
@@ -218,8 +215,7 @@ class Contacts:
         return cls(pairs, length, np.unique(np.stack([stretch[i], stretch[j]], axis=1), axis=0), around)
 
     def dead_ends(self, gone: Bools) -> Bools:
-        """Return a mask (p,) of parts that have one contact only, along less than half of the part's outline.
-        Adjacent stretches (see `Contacts`) are one contact.    gone : (p,) mask of removed parts."""
+        """Return a mask (p,) of parts with one short contact only. gone : (p,) mask of removed parts."""
         part, _, length, row = self._remaining(gone)
         live = np.zeros(2 * len(self.parts), dtype=bool)
         live[row] = True
@@ -230,7 +226,7 @@ class Contacts:
         return np.asarray((places == 1) & (np.bincount(part, length, len(gone)) < self.around / 2))
 
     def single_contacts(self, gone: Bools) -> tuple[Ints, Ints]:
-        """Return parts (k,) whose only contact is a stretch along a neighbour; and the neighbours (k,) of these parts.
+        """Return parts (k,) whose only contact is a stretch along a neighbour, and these neighbours (k,).
         gone : (p,) mask of removed parts."""
         part, neighbour, _, _ = self._remaining(gone)
         is_single = (np.bincount(part, minlength=len(gone))[part] == 1) & (neighbour >= 0)
@@ -238,7 +234,7 @@ class Contacts:
 
     def islands(self, before: Bools, gone: Bools, stays: Bools) -> Bools:
         """Return a mask (p,) of parts that a removal cuts off from surface edges, anchors, and parts in `stays` (p,).
-        before, gone : (p,) masks of removed parts, before and after this removal. The result leaves out `gone`."""
+        before, gone : (p,) masks of removed parts, before and after this removal."""
         return self._has_ground(before, stays) & ~self._has_ground(gone, stays) & ~gone
 
     def _has_ground(self, gone: Bools, stays: Bools) -> Bools:
@@ -260,7 +256,7 @@ class Contacts:
 
 
 def adjacent_sides(group: Ints, ends: Ints, count: int) -> tuple[Ints, Ints]:
-    """Return pairs (l,), (l,) of sides in the same group (k,) with a common vertex. count : number of vertices."""
+    """Return pairs (l,), (l,) of sides in the same group (k,) with a common vertex."""
     key = (group[:, None] * count + ends).ravel()
     order = sorted_order(key)
     meet = np.flatnonzero(np.diff(key[order]) == 0)

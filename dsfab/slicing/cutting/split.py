@@ -1,4 +1,4 @@
-"""Split polygons along level lines of a field, without new polygons of zero area."""
+"""Split polygons along level lines of a field."""
 
 from dataclasses import dataclass, fields
 from typing import NamedTuple
@@ -15,11 +15,11 @@ from dsfab.surface.mesh import ZERO_AREA
 class Split:
     """Polygons after a split. The old vertices come first, then the new vertices (k,).
 
-    cells  : the new polygons. `sides_on` is -1 - l for a side on level l; a side on an earlier line keeps its number.
+    cells  : the new polygons. `sides_on` is -1 - l for a side on level l.
     source : (c',) the old polygon that contains each new polygon.
     strip  : (c',) how many levels lie below each new polygon; -1 for polygons that were not to be split.
-    low, high, t : (k,) old vertices `low` and `high`: a new vertex lies at (1 - t) low + t high, 0 < t < 1.
-    side, level  : (k,) slot (see `Cells`) of the old side with each new vertex, and the field's value there."""
+    low, high, t : (k,) a new vertex lies at (1 - t) low + t high, 0 < t < 1.
+    side, level  : (k,) old side with each new vertex, and the field's value there."""
 
     cells: Cells
     source: Ints
@@ -32,7 +32,7 @@ class Split:
 
     @classmethod
     def unchanged(cls, cells: Cells, active: Bools) -> "Split":
-        """Return a split that cuts no polygon. `strip` is 0 (no level below) for polygons `active` (c,), else -1."""
+        """Return a split without cuts. active : (c,) polygons with `strip` 0; all further polygons get -1."""
         no_index, no_value = np.empty(0, dtype=np.int64), np.empty(0)
         new_vertices = _NewVertices(no_index, no_index, no_value, no_index, no_value)
         return cls(cells, np.arange(len(cells.sizes)), np.where(active, 0, -1), *new_vertices)
@@ -52,9 +52,8 @@ class Split:
 
 @dataclass(frozen=True, eq=False)
 class SideValues:
-    """Values (h,) of a field at the start and the end of every side, in the polygon to which the side belongs.
-    foreign : (k,) sides whose polygon has no value; they take the values of the polygon across the side.
-    own     : (h,) the field at the polygon corners."""
+    """Values (h,) of a field at the start and the end of every side.
+    foreign : (k,) sides whose polygon has no value.    own : (h,) the field at the polygon corners."""
 
     start: Floats
     end: Floats
@@ -77,7 +76,7 @@ class SideValues:
         which = np.flatnonzero(foreign)
         touched = np.zeros(int(a.max()) + 1, dtype=bool)
         touched[a[which]] = touched[b[which]] = True
-        candidates = np.flatnonzero(touched[a] & touched[b])  # only these sides can lie on an edge of a side in `which`
+        candidates = np.flatnonzero(touched[a] & touched[b])
         p, q = a[candidates], b[candidates]
         order, begins, edge = equal_key_groups(np.minimum(p, q) * len(touched) + np.maximum(p, q))
         first_slot = np.minimum.reduceat(np.where(foreign[candidates], len(a), candidates)[order], begins)[edge]
@@ -92,7 +91,7 @@ class SideValues:
 
     def places(self, cells: Cells, levels: Floats, only: Ints | None = None) -> tuple[Ints, Ints]:
         """Return numbers for starts (h,) and ends (h,) of sides: 2 j + 1 on level j, 2 j between levels j - 1 and j.
-        only : sides (k,) to evaluate, as slots (see `Cells`); all other sides get 0."""
+        only : (k,) sides to evaluate; all further sides get 0."""
         if only is not None:
             start, end = np.zeros((2, len(self.start)), dtype=np.int64)
             start[only], end[only] = _level_places(self.start[only], levels), _level_places(self.end[only], levels)
@@ -109,10 +108,7 @@ class SideValues:
 @dataclass(frozen=True, eq=False)
 class _Sides:
     """Crossings of polygon sides (h,) with the levels of a field.
-    low, count : numbers of levels: at or below the lower end; strictly between the ends (0 if the side is not cut).
-    first : the new vertex nearest to the lower end. Polygons with a common side share its new vertices.
-    up    : True if the side runs from the lower to the higher end.    flat : True if the side lies wholly on a level.
-    along : True if the numbers of the new vertices increase from the side's start to its end.
+    low, count : number of the first level; number of levels.    first : the new vertex nearest to the lower end.
 
         lower end o------x-------x----o higher end      low = 2, count = 2, new vertices first + 0, first + 1
                      2   |   3   |  4                   strips 2, 3, 4: with 2, 3, 4 levels below
@@ -146,23 +142,21 @@ def split_cells(
     above: Bools | None = None,
     live: Bools | None = None,
 ) -> Split:
-    """Cut the active polygons by straight chords between the points of their sides where a field has a level value.
-    Two polygons get the same vertices on their common edge, even if sign or shift of the field differ between them.
+    """Cut the active polygons by straight chords along level lines of a field.
 
-    levels : (l,) strictly ascending. A side on a level is in the same strip (between two levels) as the side before it.
-    active : (c,) mask of polygons. Inactive polygons only get new vertices on sides that they share with active ones.
-    above  : (l,) True puts a polygon on this level into the strip above; default: into the even strip, which is void.
+    levels : (l,) strictly ascending.
+    active : (c,) polygons to cut.
+    above  : (l,) True puts a polygon on this level into the strip above; default: into the even strip.
     live   : (h,) sides that get new vertices even without an active polygon.    n : number of vertices."""
     above = np.arange(len(levels)) % 2 == 1 if above is None else above
     only = None
-    if live is not None and not active.any():  # only polygons with a side in `live` can change
+    if live is not None and not active.any():
         only = cells.slots(np.flatnonzero(cells.per_polygon(np.logical_or, live)))
     ends = x.places(cells, levels, only)
     lowest, highest = (cells.per_polygon(np.minimum, ends[0]) + 1) // 2, cells.per_polygon(np.maximum, ends[0]) // 2
     if len(x.foreign):
         lowest = np.minimum(lowest, (cells.per_polygon(np.minimum, ends[1]) + 1) // 2)
         highest = np.maximum(highest, cells.per_polygon(np.maximum, ends[1]) // 2)
-    # strip (number of levels below) of each polygon that no level cuts; cut polygons get their strips later
     strip = np.where(highest < lowest, highest + above[np.minimum(highest, len(levels) - 1)], lowest)
     strip[~active] = -1
     sides_on, which = _sides_on_levels(cells, ends, active), np.flatnonzero(highest > lowest)
@@ -200,7 +194,6 @@ def _sides(
     places: tuple[Ints, Ints],
     live: Bools | None,
 ) -> tuple[_Sides, _NewVertices]:
-    """Return crossings of sides with levels, and shared new vertices. slots : the sides' numbers in x, places, live."""
     a, b = cells.corner, cells.next_values(cells.corner)
     start, end, start_place, end_place = x.start[slots], x.end[slots], places[0][slots], places[1][slots]
     up = start < end
@@ -212,7 +205,7 @@ def _sides(
     gets_vertices = active[cells.owner[crossed]]
     if live is not None:
         gets_vertices = gets_vertices | live[slots[crossed]]
-    if len(x.foreign) and len(first_sides):  # an edge takes the field values of its first polygon that has values
+    if len(x.foreign) and len(first_sides):
         foreign = np.zeros(len(x.start), dtype=bool)
         foreign[x.foreign] = True
         rank = np.where(foreign[slots[crossed]], len(a), 0) + np.arange(len(crossed))
@@ -236,11 +229,10 @@ def _sides(
 
 
 def _with_new_corners(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
-    """Return polygons with new vertices as corners, and each side's strip: on a level, the strip of the side before."""
     count = sides.count + 1
     offset = np.concatenate([[0], np.cumsum(count)])
     side = np.repeat(np.arange(len(count)), count)
-    step = np.arange(offset[-1]) - offset[side]  # 0 at a corner of the old polygon, then 1, 2, ... at new vertices
+    step = np.arange(offset[-1]) - offset[side]  # 0 at an old corner, then 1, 2, ... at new vertices
     climbed = np.where(sides.up[side], step, sides.count[side] - step)
     corner = sides.first[side] + np.where(sides.along[side], step - 1, sides.count[side] - step)
     corner[offset[:-1]] = cells.corner
@@ -253,14 +245,12 @@ def _flat_sides_relabelled(cells: Cells, strip: Ints, flat: Bools) -> Ints:
         return strip
     slot = np.where(flat, -1, np.arange(len(strip)))
     source = np.maximum.accumulate(slot)
-    before = source < cells.start[:-1][cells.owner]  # flat first sides get the strip of the last side not flat
+    before = source < cells.start[:-1][cells.owner]
     source[before] = cells.per_polygon(np.maximum, slot)[cells.owner[before]]
     return np.asarray(strip[source])
 
 
 def _strip_polygons(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells, Ints, Ints]:
-    """Divide each polygon into a new polygon for each strip: the sides in this strip, closed by chords. Each side gives
-    its first corner to the new polygon, and also its last corner if the next side is in another strip."""
     key = sides.owner * (level_count + 2) + strip + 1
     order = sorted_order(key)
     leaves = (strip[sides.following] != strip)[order]
@@ -285,7 +275,6 @@ def _with_pieces(
     pieces_of_split: tuple[Cells, Ints, Ints],
     new_vertices: _NewVertices,
 ) -> Split:
-    """Return the split with new pieces in place of polygons `which`. sides_on : by old side. strip : by old polygon."""
     pieces, row, label = pieces_of_split
     count = np.ones(len(strip), dtype=np.int64)
     count[which] = np.bincount(row, minlength=len(which))
@@ -305,8 +294,8 @@ def _with_pieces(
 
 
 CELL_AREA = 1e3 * ZERO_AREA
-"""Minimum area of a cell, divided by the squared size of the surface; 1000 times the limit of `Surface`."""
-ROUNDS = 12  # Largest number of attempts to split polygons so that no cell has zero area.
+"""Minimum area of a cell, divided by the squared size of the surface."""
+ROUNDS = 12  # Largest number of attempts to split polygons.
 
 
 class Snapping(NamedTuple):
@@ -324,8 +313,8 @@ class Snapping(NamedTuple):
 def clean_split(
     cells: Cells, X: Floats, x: Floats, levels: Floats, active: Bools, snapping: Snapping, above: Bools | None = None
 ) -> Split:
-    """Move values x (n,) at vertices X (n, 3) onto levels nearby, then split polygons, so that no cell has zero area.
-    Values never move across a level.    active, above : see `split_cells`.    snapping : limits of the moves."""
+    """Move values x (n,) at vertices X (n, 3) onto levels nearby, then split polygons.
+    active, above : see `split_cells`.    snapping : limits of the moves."""
     snap, size, hold = snapping
     if not len(levels) or not active.any():
         return Split.unchanged(cells, active)
@@ -345,12 +334,12 @@ def clean_split(
 
 
 def collapsed_corners(split: Split, X: Floats, size: float) -> Ints:
-    """Return vertices (k,) of cells without area that a split made. X : (n, 3) positions. size : surface size, m."""
+    """Return vertices (k,) of cells without area. X : (n, 3) positions.    size : surface size, m."""
     divided = np.flatnonzero(np.bincount(split.source)[split.source] > 1)
     if not len(divided):
         return divided
     cells = split.cells.subset(divided)
     area, squared_reach = cells.areas(X)
-    flat = 1e-12 * squared_reach  # a cell with a smaller area is flat: its corners lie on one line
+    flat = 1e-12 * squared_reach  # a cell with a smaller area is flat
     bad = area <= np.maximum(CELL_AREA * size**2, flat)
     return np.unique(cells.corner[bad[cells.owner]])

@@ -1,4 +1,4 @@
-"""Walls of a cut sheet: the edges between void and material, joined to chains around the openings."""
+"""Walls of a cut sheet: the edges between void and material, joined to chains."""
 
 from bisect import bisect
 from dataclasses import dataclass
@@ -55,7 +55,7 @@ class Walls:
 
     @cached_property
     def void_cells(self) -> Ints:
-        """(w,) the void cell beside each wall (an edge between void and material)."""
+        """(w,) the void cell at each wall."""
         return self.inside // 3
 
     @cached_property
@@ -73,7 +73,7 @@ class Walls:
         return cell.reshape(-1, 3)
 
     def walls_ahead(self, wall: Ints, steps: Ints) -> tuple[Ints, Bools]:
-        """Return for each wall (k,) the wall `steps` places ahead in its chain, and a mask (k,): True if it exists."""
+        """Return the wall `steps` places ahead of each wall (k,), and a mask (k,) of existing walls."""
         chain = self.chain[wall]
         begin, size = self.begin[chain], self.begin[chain + 1] - self.begin[chain]
         position = wall - begin + steps
@@ -82,29 +82,28 @@ class Walls:
 
     @cached_property
     def chain_offsets(self) -> Floats:
-        """(c,) start of each chain if all chains are laid end to end: metres from the start of the first chain."""
+        """(c,) start of each chain if all chains are laid end to end, metres."""
         return np.asarray(np.cumsum(self.total) - self.total)
 
     def walls_at(self, chain: Ints, place: Floats) -> Ints:
-        """Return the walls (k,) at distances `place` (k,), metres, from the starts of their chains `chain` (k,)."""
+        """Return the walls (k,) at distances `place` (k,), metres, from the starts of chains `chain` (k,)."""
         before = self.chain_offsets
         wall = np.searchsorted(before[self.chain] + self.place, before[chain] + place, side="right") - 1
         return np.clip(wall, self.begin[chain], self.begin[chain + 1] - 1)
 
     def points(self, wall: Ints, share: Floats) -> Floats:
-        """Return points (k, 3) on walls (k,); share : (k,) 0 at the start of a wall, 1 at its end."""
+        """Return points (k, 3) on walls (k,). share : (k,) 0 at the start, 1 at the end."""
         segment_start, segment_end = self.surface.V[self.start[wall]], self.surface.V[self.end[wall]]
         return np.asarray(segment_start + share[:, None] * (segment_end - segment_start))
 
     def nearest(self, points: Floats) -> tuple[Ints, Floats]:
-        """Return the walls (k,) nearest to points (k, 3), and the nearest points (k, 3) on these walls."""
+        """Return the walls (k,) nearest to points (k, 3), and the nearest points (k, 3)."""
         nearest = nearest_places(points, self.surface.V, np.stack([self.start, self.end], axis=1))
         return nearest.simplex, nearest.place
 
     @cached_property
     def turns(self) -> Floats:
-        """(w,) turn to the left at the start of each wall, radians: pi minus the sum of angles of void cells there.
-        At the start of an open chain, the turn is -inf. Angles lie in the surface, so a crease causes no turn."""
+        """(w,) left turn at the start of each wall, radians; -inf at the start of an open chain."""
         F, angle = self.surface.F[self.void], np.zeros(self.surface.n)
         for corner, angles in zip(F.T, face_angles(self.surface.V, F).T, strict=True):
             angle += np.bincount(corner, angles, self.surface.n)
@@ -121,8 +120,8 @@ class Walls:
 
 
 def next_in_chains(chain: Ints) -> Ints:
-    """Return the number (k,) of the next position in the same chain. After the last position comes the first.
-    chain : (k,) the chain of each position. The positions of a chain are adjacent."""
+    """Return the number (k,) of the next position in the same chain, and of the first position at the end.
+    chain : (k,) the chain of each position; positions of a chain are adjacent."""
     after = np.arange(1, len(chain) + 1)
     chain_start = np.flatnonzero(np.diff(chain, prepend=-1))
     after[np.append(chain_start[1:], len(chain))[: len(chain_start)] - 1] = chain_start
@@ -160,7 +159,7 @@ def _chains(onward: Ints) -> tuple[Ints, Ints, Bools]:
 class Stretches:
     """Parts (p,) of chains of walls. A part has one entry, or two if it crosses the start of a closed chain.
     low, high : (q,) start and end of each entry, metres, with all chains laid end to end.    part : (q,) its part.
-    before    : (c,) start of each chain, metres, with all chains laid end to end."""
+    before    : (c,) start of each chain, metres."""
 
     low: Floats
     high: Floats
@@ -170,7 +169,7 @@ class Stretches:
     @classmethod
     def from_chains(cls, walls: Walls, chain: Ints, begin: Floats, length: Floats) -> "Stretches":
         """Return parts of chains of walls. chain : (p,) chain of each part.
-        begin, length : (p,) metres from the start of the chain to the part, and length of the part, metres."""
+        begin, length : (p,) start in the chain, and length of the part, metres."""
         before, total = walls.chain_offsets, walls.total[chain]
         begin = begin % total
         over = np.flatnonzero(begin + length > total)
@@ -182,16 +181,16 @@ class Stretches:
 
     def covers(self, chain: Ints, place: Floats) -> Bools:
         """Return a mask (k,) of places that lie in these parts, which must be disjoint.
-        chain, place : (k,) chain of each place, and distance of the place from the start of the chain, metres."""
+        place : (k,) metres from the start of the chain `chain` (k,)."""
         if not len(self.low):
             return np.zeros(len(place), dtype=bool)
         order = np.argsort(self.low)
-        x = self.before[chain] + np.maximum(place, 0.0)  # a place may be slightly negative by a rounding error
+        x = self.before[chain] + np.maximum(place, 0.0)
         index = np.searchsorted(self.low[order], x, side="right") - 1
         return np.asarray((index >= 0) & (x <= self.high[order][np.maximum(index, 0)]))
 
     def overlaps(self, stretches: "Stretches", count: int) -> Bools:
-        """Return a mask (count,) of parts that overlap any part of `stretches`, whose parts must be disjoint."""
+        """Return a mask (count,) of parts that overlap any part of `stretches`, which must be disjoint."""
         if not len(stretches.low):
             return np.zeros(count, dtype=bool)
         order = np.argsort(stretches.low)
@@ -200,7 +199,7 @@ class Stretches:
         return np.asarray(np.bincount(self.part, into, count) > 0)
 
     def disjoint(self, count: int) -> Bools:
-        """Select parts that do not overlap, long parts first. Return a mask (count,) of all `count` parts."""
+        """Return a mask (count,) of parts that do not overlap, long parts first."""
         length = np.bincount(self.part, self.high - self.low, count)
         stay, taken = np.ones(count, dtype=bool), list[tuple[float, float]]()
         for k in np.argsort(-length[self.part], kind="stable").tolist():

@@ -1,1 +1,1 @@
-"""Passes over a cut sheet: openings, minimum widths, round corners, smooth walls, and better triangles."""
+"""Passes over a cut sheet: openings, minimum widths, round corners, smooth walls, better triangles."""

@@ -1,4 +1,4 @@
-"""Fairing: wall vertices move onto smooth curves, and long wall edges are divided where the curves bend."""
+"""Fairing of walls."""
 
 import itertools
 from dataclasses import dataclass, replace
@@ -16,15 +16,15 @@ from dsfab.surface import Surface
 from dsfab.surface.topology import next_half_edge
 
 CORNER = float(np.radians(25))  # Smallest turn of a wall at a corner, radians.
-REACH = 2.0  # Length a in `faired_walls`, in wall segments: waves shorter than 2 pi a disappear.
-BEND = 0.4  # Length b in `faired_walls`, in wall segments; a larger length makes bends less sharp.
+REACH = 2.0  # Length a in `faired_walls`, in wall segments.
+BEND = 0.4  # Length b in `faired_walls`, in wall segments.
 
 
 class Freedom(NamedTuple):
-    """Directions in which wall vertices `vertex` (k,) may move without leaving their edge or face of the uncut mesh.
+    """Directions in which wall vertices `vertex` (k,) may move.
     along : (k, 2, 3) up to two unit vectors; 0 for a missing direction.
     share : (k, 2, 3) change of barycentric weights on uncut vertices `column` (k, 3), per metre in each direction.
-    most  : (k,) largest move, metres: a tenth of the mesh edge."""
+    most  : (k,) largest move, metres."""
 
     vertex: Ints
     along: Floats
@@ -34,12 +34,10 @@ class Freedom(NamedTuple):
 
 
 def faired_walls(sheet: Sheet) -> Sheet:
-    """Make the walls between material and void as smooth as the mesh allows; the sheet must have no point contacts.
+    """Make the walls between material and void smooth; the sheet must have no point contacts.
 
-    The function minimises the integral of d^2 + a^6 k'^2 + b^4 k^2 along the walls between corners. Here d is the move
-    across the wall, and k is the curvature in the surface. The lengths a and b are `REACH` and `BEND` segments.
-    Waves of wave number w shrink to 1 / (1 + (a w)^6) of their height [smoothing spline: Reinsch 1967; Wahba 1990].
-    Circles and straight lines stay. Cells stay in their uncut faces."""
+    The walls minimise the integral of d^2 + a^6 k'^2 + b^4 k^2, with move d and curvature k
+    [smoothing spline: Reinsch 1967; Wahba 1990]."""
     walls = sheet.walls
     vertex = np.unique(np.concatenate([walls.start, walls.end]))
     free = freedom(sheet, vertex, sheet.weights[vertex])
@@ -53,8 +51,7 @@ def faired_walls(sheet: Sheet) -> Sheet:
 
 
 def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
-    """Return the possible moves of vertices (k,). weights : (k, n) their barycentric weights on the uncut vertices.
-    A vertex on an uncut edge can move along this edge, a vertex in an uncut face in this face. Uncut vertices stay."""
+    """Return the possible moves of vertices (k,). weights : (k, n) barycentric weights on the uncut vertices."""
     column, weight = weight_entries(weights)
     has_weight = weight > 0
     count = has_weight.sum(axis=1)
@@ -96,7 +93,7 @@ def _fair_steps(sheet: Sheet, free: Freedom) -> Floats:
         (changes, wall_vertices, 3, REACH * segment),
         (bends, wall_vertices[:, :3], 2, BEND * segment),
     ):
-        q, least = points[used], 0.02 * segment[used]  # `least` replaces smaller distances
+        q, least = points[used], 0.02 * segment[used]
         c, scale = _differences(sheet.surface.V[q], least, order)
         c = c * (size[used] ** order * np.sqrt(scale))[:, None]
         row, value = _rows(q, c[:, :, None] * side[used][:, None], place, free)
@@ -122,8 +119,6 @@ def _lateral(sheet: Sheet, p: Ints) -> Floats:
 
 
 def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
-    """Return weights (k, order + 1) of points for the `order`-th derivative along each row of P (k, order + 1, 3).
-    Return also lengths (k,) over which to integrate it. least : (k,) shorter distances count as this, metres."""
     length = np.maximum(np.linalg.norm(np.diff(P, axis=1), axis=2), least[:, None])
     u = np.concatenate([np.zeros((len(P), 1)), np.cumsum(length, axis=1)], axis=1)
     gap = u[:, :, None] - u[:, None, :] + np.eye(order + 1)
@@ -132,7 +127,6 @@ def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
 
 
 def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array, Floats]:
-    """Return a matrix A, and `value`. (A @ step)[k] is the sum over j of value[k, j] . (move of vertex q[k, j])."""
     k, j = np.nonzero(place[q] >= 0)
     free_vertex = place[q[k, j]]
     data = np.einsum("pi,pci->pc", value[k, j], free.along[free_vertex])
@@ -141,7 +135,6 @@ def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array
 
 
 def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
-    """Move vertices by steps (k, 2), metres; shorten steps that would make cells slim or reversed."""
     surface = sheet.surface
     share = np.ones(surface.n)
     move = np.zeros((surface.n, 3))
@@ -149,8 +142,8 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
     touched = np.flatnonzero((move != 0).any(axis=1)[surface.F].any(axis=1))
     F, normals = surface.F[touched], surface.normals[touched]
     before = least_angles(surface.V[F], normals)
-    slimmest, halvings = 0.5, 7  # smallest angle of a cell, degrees; how often a step may be halved
-    for attempt in itertools.count():  # repeat: a vertex that moves less may make another cell beside it slim
+    slimmest, halvings = 0.5, 7  # smallest angle of a cell, degrees; largest number of halvings of a step
+    for attempt in itertools.count():  # repeat: a vertex that moves less may make a neighbouring cell slim
         V = surface.V + share[:, None] * move
         bad = least_angles(V[F], normals) < np.minimum(before, slimmest)
         if not bad.any():
@@ -164,22 +157,21 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
 
 @dataclass(frozen=True, eq=False)
 class Division:
-    """Walls (k,) to divide, at most one per cell; positions V (k, 3) and barycentric weights (k, n) of new vertices."""
+    """Walls (k,) to divide; positions V (k, 3) and barycentric weights (k, n) of new vertices."""
 
     wall: Ints
     V: Floats
     weights: csr_array
 
     def subset(self, chosen: Bools) -> "Division":
-        """Return this division with only the chosen (k,) walls."""
+        """Return this division with only the walls `chosen` (k,)."""
         rows = np.flatnonzero(chosen)
         return Division(self.wall[rows], self.V[rows], self.weights[rows])
 
 
 def divided_walls(sheet: Sheet) -> Sheet:
-    """Divide bent walls of a sheet after fairing, so that outlines look round.
-    A wall must lie inside one uncut face, and the angles of the cells beside it must stay large. Corners stay sharp."""
-    for _ in range(3):  # each division about halves the angles between consecutive walls
+    """Divide bent walls of a sheet."""
+    for _ in range(3):
         division = _division(sheet)
         if not len(division.wall):
             break
@@ -188,7 +180,6 @@ def divided_walls(sheet: Sheet) -> Sheet:
 
 
 def _bows(walls: Walls) -> Floats:
-    """Return the height (w,) of the arc over each wall, m, positive to the right; 0 for bends under 3 degrees."""
     if not len(walls.start):
         return np.empty(0)
     turn, all_walls = walls.turns, np.arange(len(walls.start))
@@ -203,7 +194,6 @@ def _bows(walls: Walls) -> Floats:
 
 
 def _division(sheet: Sheet) -> Division:
-    """Return the walls to divide next, at most one per cell. A wall that bends more takes precedence."""
     walls = sheet.walls
     bow = _bows(walls)
     wall = np.flatnonzero((bow != 0) & (sheet.parent[walls.void_cells] == sheet.parent[walls.material_cells]))
@@ -236,7 +226,6 @@ def _halves(sheet: Sheet, half_edge: Ints, new_vertex: Ints) -> tuple[Ints, Ints
 
 
 def _keeps_angles(sheet: Sheet, division: Division) -> Bools:
-    """Return a mask (k,) of new vertices at which all new angles reach 2 degrees, or half of the smallest old angle."""
     surface = sheet.surface
     V, number = np.concatenate([surface.V, division.V]), surface.n + np.arange(len(division.wall))
     accepted = np.ones(len(division.wall), dtype=bool)

@@ -1,4 +1,4 @@
-"""Round corners of openings: an arc, made of chords, at each corner or blunt tip that a rolling disc cannot reach."""
+"""Round corners of openings: an arc at each corner that a rolling disc cannot reach."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
@@ -23,7 +23,7 @@ class DiscStops:
     """Places (p,) where a rolling disc stops, because it touches two walls of a flat opening.
     middle : (p, 2) centre of the disc, metres.    before, behind : (p, 2) unit vectors from the centre to the walls.
     a, b   : (p,) the two walls, as indices into `FlatOpenings.wall`.
-    share_a, share_b : (p,) positions of the points of contact on the walls, 0 to 1."""
+    share_a, share_b : (p,) positions of the contacts on the walls, 0 to 1."""
 
     middle: Floats
     before: Floats
@@ -39,9 +39,8 @@ class DiscStops:
 
 
 def rolled_arcs(sheet: Sheet, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
-    """Yield corners (p,) in narrow tips of openings that a disc of `radius` metres cannot reach, and their arcs.
-    First, the corner of a tip is a vertex near the disc; in a second yield, it is the vertex farthest from the disc.
-    taken : parts of walls; corners on these parts are left out. The caller may add parts between the yields."""
+    """Yield corners (p,) in narrow tips that a disc of `radius` metres cannot reach, and their arcs.
+    taken : parts of walls without new corners. The caller may add parts between the yields."""
     flat, walls = flat_openings_of(sheet), sheet.walls
     loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
     if loops:
@@ -70,7 +69,7 @@ def _arcs_in_planes(
 
     line_a, line_b = in_frame(wall_a, stop.share_a, stop.before), in_frame(wall_b, stop.share_b, stop.behind)
     centre, exists = circle_centres(*line_a, *line_b, size)
-    all_tips, margin = np.arange(len(wall)), 0.6 * radius  # margin: metres of wall beyond the ends of an arc
+    all_tips, margin = np.arange(len(wall)), 0.6 * radius  # metres
     lines = tips.wall_line(all_tips, way_a + margin, back=True), tips.wall_line(all_tips, way_b + margin, back=False)
     arcs = tangent_arcs(*lines, size, centre)
     valid = np.flatnonzero(arcs.touching & exists & (arcs.angle > SHARPEST))
@@ -86,8 +85,7 @@ def _stops(flat: FlatOpenings, loops: list[Floats], radius: float) -> DiscStops:
 
 
 def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
-    """Return the points (p, 2) at which loops turn left by more than `SHARPEST`.
-    Return also the unit normals (p, 2), to the right, of the edge before and of the edge after each point."""
+    """Return the points (p, 2) at which loops turn left, and two unit normals (p, 2)."""
     empty = np.empty((0, 2))
     points, rights = [empty], ([empty], [empty])
     for loop in loops:
@@ -102,8 +100,7 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 
 
 def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
-    """Return the discs in `stop` that stop before a narrow tip of an opening, and two vertices of each tip: a vertex
-    near the disc, and the farthest vertex. Numbers of vertices are those of the walls that start there, in `flat`."""
+    """Return the discs in `stop` before narrow tips of an opening, and two vertices of each tip."""
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
     chain_start, chain_size = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
@@ -115,7 +112,7 @@ def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: floa
     touched = _distance(flat.start, loops)[wall] < (1 + 3e-3) * radius
     for to_wall in (stop.before, stop.behind):
         foot = (stop.middle + radius * to_wall)[row]
-        touched &= np.linalg.norm(start - foot, axis=1) > 0.1 * radius  # vertices near points of contact do not count
+        touched &= np.linalg.norm(start - foot, axis=1) > 0.1 * radius
     free = np.bincount(row, touched, len(count)) == 0
     distance = np.linalg.norm(start - stop.middle[row], axis=1)
     close_by = distance < 1.2 * radius
@@ -135,13 +132,12 @@ COLUMNS = ("wall", "circle", "normal", "distance", "ray", "ray_distance")
 
 @dataclass(frozen=True, eq=False)
 class Fillets:
-    """Round corners of openings: at each corner (k,) an arc. The void beyond the arc's chords becomes material.
+    """Round corners of openings: an arc at each corner (k,). The void beyond the arc's chords becomes material.
     normal, distance : (k, c, 3), (k, c) planes through an arc's chords: outward normals, and metres from the origin.
-    ray, ray_distance : (k, 2, 3), (k, 2) planes through an arc's two rays: normals, and metres from the origin.
-    wall : (k,) the walls that begin at the corners.    circle : (k, 7) see `CutLines`.
+    ray, ray_distance : (k, 2, 3), (k, 2) planes through an arc's two end rays: normals, and metres from the origin.
+    wall : (k,) the walls that begin at the corners.    circle : (k, 7) as in `CutLines`.
     pair : (p, 2) number of an arc, and of a void cell that the arc fills at least in part.
-    Two rays lead from an arc's centre through its ends. Void outside of the rays stays. Arcs have rays only where they
-    could otherwise fill void far from the corner. If an arc has under c chords, or no rays, missing normals are 0."""
+    Missing normals are 0."""
 
     wall: Ints
     circle: Floats
@@ -161,11 +157,11 @@ class Fillets:
         return np.asarray(self.circle[:, 6])
 
     def beyond_chords(self, arc: Ints, X: Floats) -> Floats:
-        """Return how far (p,), m, each point X (p, 3) lies beyond the chords of its arc (p,); negative inside all."""
+        """Return how far (p,), m, points X (p, 3) lie beyond the chords of their arcs (p,); negative inside."""
         return np.asarray((np.einsum("pci,pi->pc", self.normal[arc], X) - self.distance[arc]).max(axis=1))
 
     def outside_rays(self, arc: Ints, X: Floats) -> Floats:
-        """Return how far (p,), m, each point X (p, 3) lies outside the two rays of its arc (p,); negative between."""
+        """Return how far (p,), m, points X (p, 3) lie outside the rays of their arcs (p,); negative between."""
         return np.asarray((np.einsum("pci,pi->pc", self.ray[arc], X) - self.ray_distance[arc]).max(axis=1))
 
     def subset(self, chosen: Bools) -> "Fillets":
@@ -185,8 +181,7 @@ class Fillets:
 
 
 def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
-    """Return arcs at corners of openings: of `radius` metres, or smaller where this radius does not fit.
-    Corners stay sharp if no arc fits."""
+    """Return arcs at corners of openings, of `radius` metres or smaller."""
     corners, accepted, taken = Corners.from_walls(sheet.walls), list[Fillets](), list[Stretches]()
     for tips, arcs in rolled_arcs(sheet, radius, taken):
         for rays in (False, True):
@@ -198,7 +193,7 @@ def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
             taken.append(tips.subset(clear).stretches(arcs.subset(clear)))
             corners = corners.with_arc_feet(tips.subset(clear), arcs.subset(clear))
     radii = corners.largest(radius)
-    smallest = 0.02 * radius  # smallest radius of an arc; a corner stays sharp if no larger arc fits
+    smallest = 0.02 * radius  # smallest radius of an arc
     waiting = np.flatnonzero(radii >= smallest)
     for _ in range(12):
         arcs, factor = corners.arcs(waiting, radii[waiting])
@@ -215,9 +210,7 @@ def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
 
 
 def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
-    """Return arcs as fillets in space, and a mask (k,) of usable arcs. A usable arc touches only its corner's walls and
-    no boundary of the surface, and it fills void only near its corner.
-    corner_rows : (k,) row in `corners` of each arc.    rays : True to limit the filled void by rays (see `Fillets`)."""
+    """Return arcs as fillets in space, and a mask (k,) of usable arcs."""
     walls, surface, void_neighbours = corners.walls, corners.walls.surface, corners.walls.void_neighbours
     flat, distance = arcs.chords()
     normal = np.einsum("kcj,kji->kci", flat, corners.frames[corner_rows])
@@ -257,7 +250,6 @@ def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: boo
 
 
 def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
-    """Mark arcs that fill void only near their corner. At a fold, the arc's planes may also reach void far away."""
     surface, (arc, cell) = corners.walls.surface, fillets.pair.T
     reach = 1.1 * np.maximum(arcs.way_a, arcs.way_b)
 
@@ -266,7 +258,7 @@ def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fille
         flat = np.einsum("p...i,pji->p...j", X - corners.origin[row][:, None], corners.frames[row])
         return np.asarray(np.linalg.norm(flat, axis=-1) > reach[arc][:, None])
 
-    far_rows = beyond_reach(arc, surface.V[surface.F[cell]]).any(axis=1)  # cells near the corner need no check
+    far_rows = beyond_reach(arc, surface.V[surface.F[cell]]).any(axis=1)
     arc, X = arc[far_rows], surface.V[surface.F[cell[far_rows]]]
     bad = np.zeros(len(corner_rows), dtype=bool)
     for c in range(fillets.normal.shape[1]):
@@ -281,14 +273,13 @@ def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fille
     return ~bad
 
 
-GOLDEN = (5**0.5 - 1) / 2  # Golden ratio: the fractional parts of its multiples are evenly distributed.
+GOLDEN = (5**0.5 - 1) / 2  # Golden ratio.
 
 
 def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
-    """Round the corners of openings of a sheet without point contacts; return also the fillets' radii (k,), metres.
-    radius : metres. An arc is smaller if this radius does not fit. Chords are within a 20th of the radius from the arc.
-    The function only adds material. Corners that turn by under 20 degrees stay. A corner also stays sharp if its arc
-    would touch other material in a point. Raises PatternError for a radius that is not a length."""
+    """Round the corners of openings of a sheet; return also the fillets' radii (k,), metres.
+    radius : metres. An arc is smaller if this radius does not fit.
+    Raises PatternError for a radius that is not a length."""
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the radius {radius} of fillets must be a positive length in metres")
     if not len(sheet.walls.start):
@@ -330,8 +321,7 @@ def _with_fillets(sheet: Sheet, fillets: Fillets) -> Sheet:
 
 
 def _colours(arc: Ints, corner: Ints) -> Ints:
-    """Return the group of each arc. Cells of different arcs in a group share no vertex. A mixed order saves groups.
-    arc, corner : (p,) arc, and (p, 3) vertices of a cell that the arc fills at least in part."""
+    """Return the group of each arc. Cells of different arcs in a group share no vertex."""
     vertex, arc = corner.ravel(), np.repeat(arc, 3)
     count = int(arc.max()) + 1
     rank = np.argsort(np.argsort(np.arange(count) * GOLDEN % 1))
@@ -350,9 +340,7 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
 def _filled_corners(
     mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
 ) -> tuple[PolygonMesh, Ints, Bools]:
-    """Cut void polygons along the chords and rays of an arc. Return the mesh, the old number of each polygon, and a
-    mask of the polygons that shall become material.
-    arc : (c,) arc that cuts each polygon, or -1.    corner : (k,) vertex of each arc's corner."""
+    """Return the cut mesh, the old number of each polygon, and a mask of the new material."""
     arc = np.where(mesh.void, arc, -1)
     source, beyond = np.arange(len(arc)), np.zeros(len(arc), dtype=bool)
     planes = [(fillets.ray[:, k], fillets.ray_distance[:, k], True) for k in range(fillets.ray.shape[1])]
@@ -378,8 +366,7 @@ def _filled_corners(
 
 
 def _heights(mesh: PolygonMesh, arc: Ints, active: Bools, normal: Floats, distance: Floats, snap: Floats) -> Floats:
-    """Return the heights (n',), metres, of the vertices of `active` polygons above a plane of the polygon's arc.
-    Other vertices, and vertices nearer to the plane than `snap`, get 0. normal, distance, snap : a row for each arc."""
+    """Return the heights (n',), metres, of vertices above a plane of the polygon's arc."""
     slots = mesh.cells.slots(np.flatnonzero(active))
     vertex, arc_of_slot = mesh.cells.corner[slots], arc[mesh.cells.owner[slots]]
     height = np.einsum("ki,ki->k", normal[arc_of_slot], mesh.X[vertex]) - distance[arc_of_slot]

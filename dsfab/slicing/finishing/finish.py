@@ -43,33 +43,33 @@ from dsfab.slicing.finishing.stubs import without_stubs
 from dsfab.surface import Surface
 
 BRIDGED_SHARE, ROUNDING_ROUNDS = 0.95, 5
-"""After the rounding of corners, openings under BRIDGED_SHARE x `neck` get bridges, in up to ROUNDING_ROUNDS rounds."""
+"""Openings under BRIDGED_SHARE x `neck` get bridges after rounding, in up to ROUNDING_ROUNDS rounds."""
 
 PolygonPass = Callable[[PolygonMesh], tuple[PolygonMesh, int]]
-"""A pass over the polygons: it returns all polygons, and the number of details that it changed."""
+"""A pass over polygons: returns all polygons, and the number of changes."""
 
 
 def tidied_sheet(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> Sheet:
-    """Cut a surface along levels of fields, and tidy the stripes unless `tidy` is None; return all cells as triangles.
-    fields, levels, snap : as in `cut`."""
+    """Cut a surface along levels of fields; return all cells as triangles.
+    fields, levels, snap : as in `cut`.    tidy : None to leave the stripes as cut."""
     return sheet_of(tidied_polygons(surface, fields, levels, snap, tidy))
 
 
 def material_area(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> float:
-    """Return the area, m2, of the material after a cut along levels of fields, tidied unless `tidy` is None.
-    fields, levels, snap : as in `cut`."""
+    """Return the area, m2, of the material after a cut along levels of fields.
+    fields, levels, snap : as in `cut`.    tidy : None to leave the stripes as cut."""
     return tidied_polygons(surface, fields, levels, snap, tidy).material_area
 
 
 def tidied_polygons(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> PolygonMesh:
-    """Cut a surface into polygons along levels of fields; tidy the stripes (`polygon_passes`) unless `tidy` is None.
-    fields, levels, snap : as in `cut`."""
+    """Cut a surface into polygons along levels of fields.
+    fields, levels, snap : as in `cut`.    tidy : None to leave the stripes as cut."""
     values, lines = checked_lines(surface, fields, levels)
     if not tidy:
         return polygons_along(surface, fields, values, lines, snap)
@@ -82,7 +82,7 @@ def tidied_polygons(
 def polygon_passes(
     surface: Surface, fields: Sequence[Field], lines: Sequence[Floats], tidy: Tidy
 ) -> Iterator[tuple[str, PolygonPass]]:
-    """Yield name and function of each step that tidies the polygons, in order. lines : levels of each field."""
+    """Yield name and function of each step that tidies the polygons. lines : levels of each field."""
     yield "ends", partial(with_meeting_ends, fields=fields, levels=lines)
     yield "closed", partial(with_closed_openings, closed=tidy.closed)
     yield "loose_ends", partial(without_loose_ends, tidy=tidy)
@@ -92,15 +92,14 @@ def polygon_passes(
 
 class FinishingOptions(NamedTuple):
     """Options of finishing; lengths in metres.
-    snap, pinch : keys of a preset's section [slicing].    thickness : of the sheet.
-    sized     : True if the preset, not dsfab, sets the size `opening`.
+    sized     : True if the preset sets the size `opening`.
     opening   : openings under this size are filled; 0 for none.
-    merge     : which slits are filled. With "none", the options neck and member have no effect.
-    neck      : openings get a bridge where they are narrower; 0 for no bridges.
+    merge     : which slits are filled. With "none", neck and member have no effect.
+    neck      : narrower openings get a bridge; 0 for none.
     fillet    : radius of round corners; 0 for none.
     member    : minimum width of members between round corners; 0 for none.
     least     : minimum widths of openings and of members; 0 for no limit.
-    tolerance : largest move of the edges of stripes when cells are improved; None for no improvement."""
+    tolerance : largest move of stripe edges when cells are improved; None for no improvement."""
 
     snap: float
     pinch: Rule
@@ -120,7 +119,7 @@ class FinishingOptions(NamedTuple):
 
     @property
     def of_trial(self) -> "FinishingOptions":
-        """The options that a `TrialCut` depends on: all except `member`, `least` and `tolerance`."""
+        """The options that a `TrialCut` depends on."""
         return self._replace(member=0.0, least=(0.0, 0.0), tolerance=None)
 
 
@@ -128,9 +127,9 @@ class FinishingOptions(NamedTuple):
 class FinishedSheet:
     """A sheet after some passes of finishing.
     cells     : all cells, material and void.
-    counts    : number of details that each pass changed, by the name of the pass.
+    counts    : number of changes by each pass.
     radii     : (k,) radii of the round corners, metres.
-    unwidened : the cells before the pass for minimum widths, if it ran.
+    unwidened : the cells before the pass for minimum widths.
     shape     : a sentence about the improvement of the cells, or ""."""
 
     cells: Sheet
@@ -140,22 +139,22 @@ class FinishedSheet:
     shape: str = ""
 
     def with_cells(self, cells: Sheet, **counts: int) -> "FinishedSheet":
-        """Return this sheet with new cells. counts : numbers of changes by name of the pass, to add to its counts."""
+        """Return this sheet with new cells. counts : further numbers of changes."""
         return replace(self, cells=cells, counts=self.counts + Counter(counts))
 
 
 Pass = Callable[[FinishedSheet], FinishedSheet]
-"""A pass over the cells: it returns a sheet with all cells, and adds its number of changes to the sheet's `counts`."""
+"""A pass over cells: returns a finished sheet."""
 
 
 def finish(cells: Sheet, uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> FinishedSheet:
-    """Finish a cut sheet: run all `passes` over its cells. uncut : surface from which the cells were cut.
-    trial : a trial cut with these cells, if one exists. Its passes are not repeated."""
+    """Finish a cut sheet. uncut : surface from which the cells were cut.
+    trial : a trial cut with these cells, if available."""
     return _after_passes(cells, passes(uncut, options, trial))
 
 
 def passes(uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> Iterator[tuple[str, Pass]]:
-    """Yield name and function of each pass over the cells, in order, without passes that a trial cut has run."""
+    """Yield name and function of each pass over the cells, without passes of the trial cut."""
     if trial:
         unrounded = trial.unrounded
         yield "trial", lambda _: unrounded
@@ -170,9 +169,9 @@ def passes(uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" =
 
 
 def passes_before_rounding(options: FinishingOptions) -> Iterator[tuple[str, Pass]]:
-    """Yield name and function of each pass that runs before corners are rounded, in order."""
+    """Yield name and function of each pass before corners are rounded."""
     merge, merges, opening = options.merge, options.merge != "none", options.opening
-    slits_first = merges and not options.sized  # most small openings are slits, so slits are filled first
+    slits_first = merges and not options.sized  # most small openings are slits
     yield _counting_pass("pinches", partial(resolve_pinches, radius=options.thickness / 2, rule=options.pinch))
     if opening and not slits_first:
         yield _counting_pass("filled", partial(filled_openings, size=opening))
@@ -185,7 +184,7 @@ def passes_before_rounding(options: FinishingOptions) -> Iterator[tuple[str, Pas
     if options.neck and merges:
         yield _counting_pass("bridged", partial(bridged_necks, width=options.neck))
     if merges:
-        # fairing opens or closes thin slits, so slits are filled again
+        # fairing changes thin slits
         yield _counting_pass("merged", lambda cells: filled_slits(divided_walls(faired_walls(cells)), merge))
         yield _counting_pass("spikes", without_spikes)
 
@@ -199,7 +198,7 @@ def _counting_pass(name: str, change: Callable[[Sheet], tuple[Sheet, int]]) -> t
 
 
 def unrounded_sheet(cells: Sheet, options: FinishingOptions) -> FinishedSheet:
-    """Run all `passes_before_rounding` over the cells of a cut."""
+    """Run all passes before rounding."""
     return _after_passes(cells, passes_before_rounding(options))
 
 
@@ -213,7 +212,6 @@ def _after_passes(cells: Sheet, named_passes: Iterator[tuple[str, Pass]]) -> Fin
 def _with_round_corners(
     sheet: FinishedSheet, options: FinishingOptions, trial: "TrialCut | None" = None
 ) -> FinishedSheet:
-    """Round corners; if openings or members become too narrow, add bridges or widen members, and round again."""
     if trial and trial.bridged and trial.options.member == options.member:
         return trial.bridged
     first_rounded, previous_count = trial.rounded if trial else None, sheet.cells.surface.m
@@ -223,7 +221,7 @@ def _with_round_corners(
         if attempt == ROUNDING_ROUNDS:
             break
         better, bridges, places = _bridged_or_widened(sheet.cells, rounded.cells, options)
-        if not (bridges or places) or places > previous_count:  # no change, or more places widened than last time
+        if not (bridges or places) or places > previous_count:
             break
         sheet, previous_count = sheet.with_cells(better, bridged=bridges, widened=places), places or previous_count
     return rounded
@@ -231,14 +229,13 @@ def _with_round_corners(
 
 def _rounded_once(sheet: FinishedSheet, options: FinishingOptions) -> FinishedSheet:
     cells, radii = rounded_corners(sheet.cells, options.fillet)
-    # round corners narrow the openings, so slits are filled again
+    # round corners narrow the openings
     cells, merged = filled_slits(cells, options.merge) if options.merge != "none" and len(radii) else (cells, 0)
     return replace(sheet.with_cells(cells, merged=merged), radii=radii)
 
 
 def _bridged_or_widened(cells: Sheet, rounded: Sheet, options: FinishingOptions) -> tuple[Sheet, int, int]:
-    """Bridge the openings of `cells` that are too narrow in `rounded`. Without any bridge, widen narrow members.
-    Return the cells, the number of bridges, and the number of widened places."""
+    """Return the cells, the number of bridges, and the number of widened places."""
     if options.merge == "none":
         return cells, 0, 0
     if options.neck:
@@ -253,7 +250,6 @@ def _bridged_or_widened(cells: Sheet, rounded: Sheet, options: FinishingOptions)
 def _with_least_widths(
     sheet: FinishedSheet, uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None
 ) -> FinishedSheet:
-    """Add strips at narrow places. Then flip and collapse edges of cells, because tiny edges harm finite elements."""
     if trial and trial.latest.cells is sheet.cells and trial.least and trial.least[0] == options.least:
         result = trial.least[1]
     else:
@@ -274,9 +270,9 @@ def _with_better_cells(sheet: FinishedSheet, uncut: Surface, tolerance: float) -
 
 @dataclass(frozen=True, eq=False)
 class TrialCut:
-    """A cut that the search for stripe widths made. Slicing with the same options continues from this cut.
+    """A cut that the search for stripe widths made.
     inputs  : fields, levels and `Tidy` rules of the pattern.    cells : sheet before finishing.
-    rounded : sheet after the first rounding; None without round corners.    bridged : sheet with added bridges.
+    rounded : sheet after the first rounding, or None.    bridged : sheet with added bridges.
     least   : minimum widths of openings and members, metres, and the sheet with these widths."""
 
     inputs: tuple[object, object, object]
@@ -289,47 +285,47 @@ class TrialCut:
 
     @classmethod
     def from_cells(cls, inputs: tuple[object, object, object], cells: Sheet, options: FinishingOptions) -> "TrialCut":
-        """Make a trial cut: run `passes_before_rounding` on the cells, then round the corners once."""
+        """Make a trial cut from the cells of a cut."""
         unrounded = unrounded_sheet(cells, options)
         rounded = _rounded_once(unrounded, options) if options.fillet else None
         return cls(inputs, options, cells, unrounded, rounded)
 
     def is_cut_of(self, inputs: tuple[object, object, object]) -> bool:
-        """Return whether this cut was made from `inputs` (fields, levels, `Tidy` rules); equal copies do not count."""
+        """Return True if this cut was made from these `inputs`; equal copies do not count."""
         return all(a is b for a, b in zip(self.inputs, inputs, strict=True))
 
     def serves(self, inputs: tuple[object, object, object], options: FinishingOptions) -> bool:
-        """Return whether slicing with these inputs and options may continue from this cut."""
+        """Return True if slicing may continue from this cut."""
         return self.is_cut_of(inputs) and options.of_trial == self.options.of_trial
 
     @property
     def latest(self) -> FinishedSheet:
-        """The sheet after the latest pass. The pass for minimum widths does not count."""
+        """The sheet after the latest pass, without minimum widths."""
         return self.bridged or self.rounded or self.unrounded
 
     @property
     def added_area(self) -> float:
-        """Area of material added by all passes up to and including the first rounding of corners, square metres."""
+        """Area of material added by finishing up to the first rounding of corners, square metres."""
         return (self.rounded or self.unrounded).cells.material_area - self.cells.material_area
 
     @property
     def bridged_area(self) -> float:
-        """Area of the bridges that are added after the corners are rounded, square metres."""
+        """Area of added bridges, square metres."""
         if not (self.bridged and self.rounded):
             return 0.0
         return self.bridged.cells.material_area - self.rounded.cells.material_area
 
     @property
     def widened_area(self) -> float:
-        """Area of the material that the pass for minimum widths adds, square metres."""
+        """Area that the pass for minimum widths adds, square metres."""
         return self.least[1].cells.material_area - self.latest.cells.material_area if self.least else 0.0
 
     def with_bridges(self) -> "TrialCut":
-        """Return this cut with bridges where openings are too narrow after their corners are rounded."""
+        """Return this cut with bridges across narrow openings."""
         return replace(self, bridged=_with_round_corners(self.unrounded, self.options, self)) if self.rounded else self
 
     def with_least_widths(self, gap: float, member: float) -> "TrialCut":
-        """Return this cut after the pass for minimum widths of openings (`gap`) and members, metres."""
+        """Return this cut with minimum widths of openings (`gap`) and members, metres."""
         options = self.options
         widened = with_least_widths(self.latest.cells, gap, member, options.merge, options.rounded_neck)
         return replace(self, least=((gap, member), widened))

@@ -1,4 +1,4 @@
-"""Openings of a sheet, projected to a plane, and the parts of openings that are too narrow for a disc."""
+"""Openings of a sheet, projected to a plane."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import manifold3d
 
 
-SMOOTH = 1e-3  # Largest rounding error of an outline after an offset, as a fraction of the offset.
+SMOOTH = 1e-3  # Largest error of an outline after an offset, as a fraction of the offset.
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +44,11 @@ class FlatOpenings:
         return manifold3d.CrossSection(loops if len(self.wall) else [], manifold3d.FillRule.Positive)
 
     def room(self, radius: float) -> "manifold3d.CrossSection":
-        """Return the region in which a disc of `radius` metres can have its centre and still lie inside an opening."""
+        """Return the region of the centres of discs of `radius` metres that fit into an opening."""
         return offset_shape(self.shape, -radius)
 
     def nearest_walls(self, points: Floats) -> tuple[Ints, Floats]:
-        """Return the walls (indices into `wall`) nearest to points (p, 2), and positions (p,) on them, 0 to 1."""
+        """Return the walls (indices into `wall`) nearest to points (p, 2), and positions (p,) on the walls, 0 to 1."""
         nearest = self._nearest(points)
         start, finish = self.start[nearest.simplex], self.start[self.after[nearest.simplex]]
         size = np.maximum(np.linalg.norm(finish - start, axis=1), np.finfo(float).tiny)
@@ -64,7 +64,7 @@ class FlatOpenings:
 
 @derived
 def flat_openings_of(sheet: Sheet) -> FlatOpenings:
-    """Return the enclosed openings of a sheet, each in its own plane, laid side by side without overlap."""
+    """Return the enclosed openings of a sheet, side by side in a plane."""
     walls, void, (count, label) = sheet.walls, sheet.void_part, sheet.void_part.surface.pieces
     opening = np.empty(sheet.surface.m, dtype=np.int64)
     opening[void.cells] = label
@@ -87,12 +87,12 @@ def flat_openings_of(sheet: Sheet) -> FlatOpenings:
 
 
 def nearest_in_plane(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
-    """Return the places nearest to points (k, 2) on `simplices`: edges (m, 2) or vertices (m, 1) of V (n, 2)."""
+    """Return the places nearest to points (k, 2). simplices : edges (m, 2) or vertices (m, 1) of V (n, 2)."""
     return nearest_places(np.pad(points, ((0, 0), (0, 1))), np.pad(V, ((0, 0), (0, 1))), simplices)
 
 
 def offset_shape(shape: "manifold3d.CrossSection", by: float) -> "manifold3d.CrossSection":
-    """Grow a shape by a length, or shrink it by a negative length."""
+    """Grow a shape by a length; shrink it if the length is negative."""
     import manifold3d
 
     return shape.offset(by, manifold3d.JoinType.Round, circular_segments=48).simplify(SMOOTH * abs(by))
@@ -105,7 +105,7 @@ def _mean_planes(normal: Floats, label: Ints, count: int) -> Floats:
 
 
 LONG, BULKY = 4.0, 0.7
-"""A dead end is long if its length > LONG x disc radius, and its area > BULKY x its length x width of its entrance."""
+"""Limits of a long dead end: length / disc radius, and area / (length x width)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,20 +119,19 @@ class NarrowPart:
     runs: tuple[Floats, ...]
 
     def narrowest(self) -> Floats:
-        """Return the two nearest points (2, 2) on different stretches of wall (`runs`)."""
+        """Return the two nearest points (2, 2) on different `runs`."""
         pairs = [_nearest_points(a, b) for a, b in combinations(self.runs, 2)]
         return min(pairs, key=lambda points: float(np.linalg.norm(points[1] - points[0])))
 
 
 def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
-    """Yield parts of openings that are too narrow for a disc of `radius` metres: necks, long dead ends, whole openings.
-    The `runs` of a dead end are the walls beside its entrance. Pointed tips, and rings of equal width, are left out."""
+    """Yield parts of openings that are too narrow for a disc of `radius` metres."""
     if not len(flat.wall):
         return
     parts = (flat.shape - offset_shape(flat.room(radius), (1 + 4 * SMOOTH) * radius)).decompose()
     loops = [
         part.to_polygons() for part in parts if part.area() > 1e-3 * radius**2
-    ]  # parts with a smaller area are rounding errors
+    ]  # smaller parts are rounding errors
     outlines = [np.asarray(loop[0]) for loop in loops if len(loop) == 1]
     if not outlines:
         return
@@ -159,10 +158,9 @@ def _outlines_to_check(points: Floats, on_wall: Bools, start: Ints, least_length
 
 
 def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
-    """Return stretches of the outline along walls. A gap of at most `wide` metres does not divide a stretch."""
     count = len(outline)
     begin = np.flatnonzero(~on_wall & np.roll(on_wall, 1))
-    end = np.flatnonzero(on_wall & ~np.roll(on_wall, 1))  # the outline returns to a wall
+    end = np.flatnonzero(on_wall & ~np.roll(on_wall, 1))
     if not len(begin):
         return ()
     end = end[np.searchsorted(end, begin) % len(end)]
@@ -174,7 +172,6 @@ def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
 
 
 def _is_alley(run: Floats, radius: float) -> bool:
-    """Return whether a dead end of an opening is long and not pointed (see `LONG`). run : (r, 2) wall around it."""
     mouth, middle = float(np.linalg.norm(run[-1] - run[0])), (run[0] + run[-1]) / 2
     length = float(np.linalg.norm(run - middle, axis=1).max())
     x, y = (run - middle).T
@@ -183,9 +180,8 @@ def _is_alley(run: Floats, radius: float) -> bool:
 
 
 def _mouth_sides(run: Floats, radius: float) -> tuple[Floats, Floats]:
-    """Return the walls (s, 2) on both sides of a dead end's entrance. run : (r, 2) wall around this dead end."""
     place = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
-    low, high = 1.2 * radius, 3.2 * radius  # a side lies between these distances (m) from an end of `run`
+    low, high = 1.2 * radius, 3.2 * radius  # distances of a side from an end of `run`, m
     sides = []
     for begin, end in ((low, high), (place[-1] - high, place[-1] - low)):
         stations = np.concatenate([[begin], place[(place > begin) & (place < end)], [end]])

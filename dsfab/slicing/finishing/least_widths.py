@@ -1,4 +1,4 @@
-"""Minimum widths for a workshop: strips widen narrow members; bridges or fillings close narrow necks of openings."""
+"""Minimum widths of members and openings for a workshop."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,9 +21,9 @@ NOWHERE = np.empty((0, 2, 3))
 
 
 def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, widest: bool = False) -> Floats:
-    """Return pairs of points (k, 2, 3) on both walls of openings narrower than `least` metres, narrowest pair first.
-    apart  : least distance between the middles of two pairs, metres.    tips : True to include openings' pointed ends.
-    widest : True to sort the pairs from widest to narrowest."""
+    """Return pairs of points (k, 2, 3) on the walls of openings narrower than `least` metres, narrowest first.
+    apart  : least distance between two pairs, metres.    tips : True to include openings' pointed ends.
+    widest : True for widest first."""
     if not cells.has_openings:
         return NOWHERE
     void = cells.void_part
@@ -32,8 +32,9 @@ def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, wi
 
 
 def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
-    """Return pairs of points (k, 2, 3) on both sides of members narrower than `least` m and `LOCAL` x median width.
-    apart : least distance between the middles of two pairs, metres."""
+    """Return pairs of points (k, 2, 3) on the sides of members narrower than `least` metres.
+    The members are also narrower than `LOCAL` x median width.
+    apart : least distance between two pairs, metres."""
     if not cells.has_openings:
         return NOWHERE
     material = cells.material_part
@@ -42,7 +43,7 @@ def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
 
 
 def usual_width(cells: Sheet) -> float:
-    """Return the median width of members along the walls of openings, metres; infinite without openings."""
+    """Return the median width of members, metres; infinite without openings."""
     if not cells.has_openings:
         return float("inf")
     return _median_width(_crossings_from_openings(cells.material_part, shares=(MIDDLE,)))
@@ -57,8 +58,8 @@ def _crossings_from_openings(material: SheetPart, **options: Any) -> Crossings:
 
 
 def members_under(cells: Sheet, least: float, apart: float) -> Floats:
-    """Return pairs of points (k, 2, 3) on both sides of members narrower than `least` metres.
-    A side may be an edge of the surface. The middles of two pairs are at least `apart` metres apart."""
+    """Return pairs of points (k, 2, 3) on the sides of members narrower than `least` metres.
+    apart : least distance between two pairs, metres."""
     if not cells.has_openings:
         return NOWHERE
     across = _crossings_from_openings(cells.material_part, reach=least)
@@ -85,17 +86,14 @@ REACH = 0.25  # A bridge extends beyond each wall of the opening by this fractio
 
 @dataclass(frozen=True, eq=False)
 class Neck:
-    """A place where an opening is too narrow: points (2, 3) on both of its walls, and the numbers of both walls."""
+    """A narrow place of an opening: points (2, 3) on two walls, and numbers of the walls."""
 
     ends: Floats
     walls: tuple[int, int]
 
 
 def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
-    """Add bridges where openings are narrower than `width` metres; return also the number of bridges.
-
-    An opening that is narrow everywhere becomes material. So does a small opening that a bridge cuts off. Pointed ends
-    of openings, and openings at the edge of the surface, stay."""
+    """Add bridges where openings are narrower than `width` metres; return also the number of bridges."""
     count = 0
     for _ in range(4):  # repeat, because the opening may remain narrow beside a bridge
         if not cells.has_openings:
@@ -112,8 +110,8 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
 
 
 def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tuple[Sheet, int]:
-    """Add bridges, `width` or `width` / 2 metres wide, where openings of `rounded` are narrower than `least` metres.
-    Return also the number of bridges.    rounded : sheet to measure, such as `cells` with round corners."""
+    """Add bridges where openings of `rounded` are narrower than `least` metres; return also the number of bridges.
+    rounded : sheet to measure.    width : largest width of bridges, metres."""
     for slim in (1.0 * width, 0.5 * width):  # a narrower bridge may fit where a broad one does not
         better, count = bridged_at(cells, narrow_gaps(rounded, least, 2 * slim), slim)
         if count:
@@ -122,8 +120,7 @@ def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tu
 
 
 def bridged_at(cells: Sheet, places: Floats, width: float, snap: float = OPENINGS_SNAP) -> tuple[Sheet, int]:
-    """Build bridges of `width` metres between the walls nearest to pairs of points (k, 2, 3); return also their count.
-    Bridges that would touch an earlier bridge are left out.    snap : see `with_strips`."""
+    """Add bridges of `width` metres at pairs of points (k, 2, 3); return also the number of bridges."""
     if not len(places):
         return cells, 0
     wall, ends = cells.walls.nearest(places.reshape(-1, 3))
@@ -133,7 +130,6 @@ def bridged_at(cells: Sheet, places: Floats, width: float, snap: float = OPENING
 
 
 def _necks_and_lost_openings(cells: Sheet, width: float) -> tuple[list[Neck], Bools]:
-    """Return places where openings are narrower than `width` metres, and a mask (o,) of openings narrow everywhere."""
     flat, walls, openings = flat_openings_of(cells), cells.walls, openings_of(cells)
     assert openings is not None
     necks, lost = [], np.zeros(openings.count, dtype=bool)
@@ -151,7 +147,6 @@ def _necks_and_lost_openings(cells: Sheet, width: float) -> tuple[list[Neck], Bo
 
 
 def _bridges(cells: Sheet, necks: list[Neck], width: float) -> list[Strip]:
-    """Return a strip between both walls of each neck, if the strip reaches the second wall."""
     bridges = []
     for neck in necks:
         half = np.array([float(np.linalg.norm(neck.ends[1] - neck.ends[0])) / 2 + REACH * width, width / 2])
@@ -163,7 +158,7 @@ def _bridges(cells: Sheet, necks: list[Neck], width: float) -> list[Strip]:
 
 def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, int]:
     """Add strips beside members narrower than `least` metres; return also the number of widened places.
-    Widths are measured in the sheet `rounded`. One call adds only strips that do not touch each other."""
+    rounded : sheet to measure."""
     if not len(narrow := narrow_members(rounded, least, 0.8 * least)):
         return cells, 0
     half = np.array([1.04 * least / 2, least / 2])
@@ -178,7 +173,6 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
 
 
 def _way_around(walls: Walls, wall: Ints) -> Floats:
-    """Return distances (k,), m, along the outline between two walls (k, 2); inf if they are on different outlines."""
     chain, place = walls.chain[wall], walls.place[wall]
     direct = np.abs(place[:, 1] - place[:, 0])
     around = np.where(walls.closed[chain[:, 0]], np.minimum(direct, walls.total[chain[:, 0]] - direct), direct)
@@ -191,8 +185,7 @@ SNAP = 0.05  # Vertices at most this far from a strip's side move onto the side;
 
 
 class LeastWidths(NamedTuple):
-    """The cells after all changes, and numbers of filled openings, of bridges, and of strips that widen members.
-    merged, necks : numbers of slits filled, and of bridges built, after members were widened."""
+    """The cells after all changes, and numbers of changes."""
 
     cells: Sheet
     filled: int
@@ -206,9 +199,8 @@ def with_least_widths(
     cells: Sheet, gap: float, member: float, merge: Merging = "none", neck: float = 0.0
 ) -> LeastWidths:
     """Add material where openings are narrower than `gap` metres, or members narrower than `member` metres.
-    A limit of 0 has no effect. Members wider than `LOCAL` x `usual_width`, or between surface edges, are not widened.
-    merge : which slits to fill after widening, because wider members make openings narrower.
-    neck  : after widening, openings narrower than `neck` metres get bridges."""
+    A limit of 0 has no effect.
+    merge : which slits to fill after widening.    neck : least width of openings after widening, metres."""
     cells, filled = _without_specks(cells, gap)
     member = min(member, LOCAL * usual_width(cells)) if member else 0.0
     bridged, widened = 0, 0
@@ -228,7 +220,6 @@ def with_least_widths(
 
 
 def _until_stable(change: Callable[[Sheet], tuple[Sheet, int]], cells: Sheet, rounds: int) -> tuple[Sheet, int]:
-    """Repeat a change of the cells until it has no effect, at most `rounds` times; return also the sum of changes."""
     total = 0
     for _ in range(rounds):
         cells, count = change(cells)
@@ -258,12 +249,11 @@ def _with_bridged_gaps(cells: Sheet, gap: float) -> tuple[Sheet, int]:
 
 
 def _with_side_strips(cells: Sheet, member: float) -> tuple[Sheet, int]:
-    """Add strips beside members narrower than `member`, except at edges of the surface; return also the strip count."""
     if not len(places := members_under(cells, member, 1.5 * member)):
         return cells, 0
     half = np.array([1.1 * member / 2, 1.5 * member])  # factor 1.1 : margin for walls that are not parallel
     wall, ends = cells.walls.nearest(places.reshape(-1, 3))
-    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # mask of ends that lie on walls
+    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member
     strips = []
     for place, sides, on_wall in zip(places, wall.reshape(-1, 2), inner.reshape(-1, 2), strict=True):
         strips += _strips_at(cells, sides[on_wall].tolist(), place, half)

@@ -1,4 +1,4 @@
-"""Remove loose ends of stripes, join them at nodes, or keep them where openings are filled with material."""
+"""Remove loose ends of stripes, or join them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,9 +17,9 @@ from dsfab.surface.fields import CornerField
 @dataclass(frozen=True, eq=False)
 class Tidy:
     """Rules by which finishing removes stripes. A field makes a family of stripes, or a kept region.
-    striped : for each field, True if it makes stripes. Material of other fields stays.
-    astray  : for each field, (m,) mask of faces in which its stripes have the wrong direction, or None.
-    anchor  : (n,) mask of vertices at which stripes may end: supports and loads.
+    striped : for each field, True for a family of stripes.
+    astray  : for each field, (m,) mask of faces in which stripes have the wrong direction, or None.
+    anchor  : (n,) mask of vertices at which stripes may end.
     closed  : for each field, (n,) values or None. An opening with a positive mean value becomes material."""
 
     striped: tuple[bool, ...]
@@ -31,8 +31,7 @@ class Tidy:
         lock(self, "anchor", np.bool_, (None,))
 
     def divided_again(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
-        """Return a mask (c,) of the polygons in stripes of field k that touch a face in `blank` or `astray[k]`.
-        Finishing may remove these stripes, so the cuts along later fields divide these polygons, too.
+        """Return a mask (c,) of the polygons that later cuts must divide, too.
         blank : (m,) faces without values of field k, and the faces beside them."""
         own_polygons = (mesh.family == k) | (mesh.also == k)
         if not self.striped[k] or not own_polygons.any():
@@ -46,13 +45,12 @@ class Tidy:
         return np.asarray(own_polygons & np.isin(part, part[touched]))
 
 
-CLOSED = -2  # Value of `PolygonMesh.also` for polygons of filled openings. Stripes may end at these polygons.
+CLOSED = -2  # Value of `PolygonMesh.also` for polygons of filled openings.
 
 
 def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> tuple[PolygonMesh, int]:
     """Fill openings where the mean value of a field is positive; return also the number of filled openings.
-    closed : for each field, (n,) values at the uncut vertices, or None. The first field with a positive mean counts.
-             Openings with nearly equal means are all filled, or all stay open."""
+    closed : for each field, (n,) values at the uncut vertices, or None."""
     close_values = {k: x for k, x in enumerate(closed) if x is not None}
     if not close_values or not mesh.void.any():
         return mesh, 0
@@ -75,7 +73,7 @@ CROSSING, KEPT, NODE = -1, -2, -3  # Kinds of polygons. Other polygons have the 
 
 
 def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
-    """Remove parts of stripes with the wrong direction, then dead ends; return also the number of removed parts."""
+    """Remove stripes with the wrong direction, then dead ends; return also the number of removed parts."""
     part, gone, stays = _parts(mesh, tidy, np.zeros_like(mesh.void))
     gone |= ~stays & _astray(mesh, tidy, part, len(gone))
     loose, islands = _loose_polygons(mesh, tidy.anchor, part, gone, stays)
@@ -84,23 +82,20 @@ def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]
 
 
 def dependent_polygons(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Bools:
-    """Return a mask (c,) of the polygons `nodes` (c,), and of stripes that become dead ends without these nodes."""
+    """Return a mask (c,) of `nodes` (c,), and of stripes that become dead ends without these nodes."""
     part, gone, stays = _parts(mesh, tidy, nodes)
     gone[part[nodes]] = True
     return _loose_polygons(mesh, tidy.anchor, part, gone, stays)[0] & ~mesh.void
 
 
 def between_crossings(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Ints:
-    """Return the number (c,) of the stripe part in which each polygon lies; -1 at crossings and outside stripes.
-    Stripes are divided at crossings and at polygons in `nodes` (c,). Each connected piece of `nodes` is a part, too."""
+    """Return the number (c,) of the stripe part in which each polygon lies; -1 at crossings and outside stripes."""
     part, _, stays = _parts(mesh, tidy, nodes)
     single_stripe = ~mesh.void & ~stays[part] & ((mesh.also == VOID) | nodes)
     return np.where(single_stripe, part, -1)
 
 
 def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bools]:
-    """Return the part (c,) to which each polygon belongs. Parts end at crossings of stripes and at `nodes` (c,).
-    Return also two masks (p,) of parts: void parts, and material that is not made of stripes."""
     striped, material = np.array(tidy.striped), ~mesh.void
     kind = np.where(mesh.void | striped[mesh.family], mesh.family, KEPT)
     kind[mesh.also != VOID] = CROSSING
@@ -115,9 +110,6 @@ def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bo
 
 
 def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, stays: Bools) -> tuple[Bools, Bools]:
-    """Return masks (c,) of polygons: (1) in `gone` parts and dead ends; (2) in islands.
-    Islands are parts that the removal of dead ends cuts off from anchors, surface edges and the parts `stays`.
-    When no dead ends are left, parts with a single neighbour join this neighbour, and the search repeats."""
     before = gone
     while True:
         touching = Contacts.from_parts(mesh, part, anchor)
@@ -132,7 +124,6 @@ def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, s
 
 
 def _astray(mesh: PolygonMesh, tidy: Tidy, part: Ints, count: int) -> Bools:
-    """Return a mask (p,) of parts with over 30 % of their area in stripes of a wrong direction (`Tidy.astray`)."""
     area, strays = mesh.cells.areas(mesh.X)[0], np.zeros(len(part), dtype=bool)
     for k, astray in enumerate(tidy.astray):
         if astray is not None:
@@ -141,8 +132,7 @@ def _astray(mesh: PolygonMesh, tidy: Tidy, part: Ints, count: int) -> Bools:
 
 
 def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[Field], levels: Sequence[Floats]) -> tuple[PolygonMesh, int]:
-    """Fill void polygons where stripes meet in faces without field values; return also the number of filled polygons.
-    fields, levels : as in `cut`. Only a `CornerField` has faces without values."""
+    """Fill void polygons where stripes meet; return also the number of filled polygons."""
     corner_fields = {k: field for k, field in enumerate(fields) if isinstance(field, CornerField) and len(levels[k])}
     blank = {k: field.blank[mesh.parent] & mesh.void for k, field in corner_fields.items()}
     open_ = np.any(list(blank.values()), axis=0) if blank else np.zeros(len(mesh.parent), dtype=bool)
@@ -164,20 +154,17 @@ def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[Field], levels: Sequen
 
 
 def nodes_of(mesh: PolygonMesh) -> Bools:
-    """Return a mask (c,) of nodes: material that joins ends of stripes in faces where their field has no values."""
+    """Return a mask (c,) of material that joins ends of stripes in faces without field values."""
     return np.asarray((mesh.also == mesh.family) & ~mesh.void)
 
 
 def _old_nodes(mesh: PolygonMesh, corner_fields: dict[int, CornerField]) -> Bools:
-    """Return a mask (c,) of nodes that are whole uncut faces: material of field k where field k has no values."""
     alone = np.bincount(mesh.parent, minlength=len(mesh.F))[mesh.parent] == 1
     blank = [(mesh.family == k) & field.blank[mesh.parent] for k, field in corner_fields.items()]
     return np.asarray(alone & np.any(blank, axis=0))
 
 
 def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: Floats) -> tuple[Ints, Ints]:
-    """Return polygons (q,) in `blank` (c,) at which middle lines of stripes of field k end, and each end's vertex (q,).
-    An end between two vertices gets a unique negative number. An end at a vertex may be listed for two polygons."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, following, corner = mesh.cells.owner, mesh.cells.following, mesh.cells.corner
     inner, outer = np.concatenate([slot_a, slot_b]), np.concatenate([slot_b, slot_a])
@@ -186,7 +173,7 @@ def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: F
     slots = np.stack([outer, following[outer]])
     z = np.stack([_middle(mesh, field, outer, slot) for slot in slots])
     level = nearest_levels(z.ravel(), levels).reshape(z.shape)
-    on_level = np.abs(z - level) < 1e-6  # True if a stripe's middle line ends at the vertex; 1e-6 is in periods
+    on_level = np.abs(z - level) < 1e-6
     low, high = np.sort(np.where(on_level, level, z), axis=0)
     between = np.searchsorted(levels, high, "left") - np.searchsorted(levels, low, "right")
     inside = np.repeat(owner[inner], np.maximum(between, 0))
@@ -226,8 +213,6 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
 
 
 def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:
-    """Cut off the corners of a convex polygon X (s, 3) where consecutive sides have no neighbour.
-    Return indices of vertices: for the rest of the polygon, then for each corner.    has_neighbour : (s,) by side."""
     count, every = len(X), np.arange(len(X))
     least = 1e-3 * _area(X)  # smaller corners are not cut off
     marked = has_neighbour | np.roll(has_neighbour, 1)

@@ -1,4 +1,4 @@
-"""Quality of the triangles of a sheet. Flips and collapses of edges improve it."""
+"""Quality of the triangles of a sheet, and its improvement."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -45,13 +45,13 @@ def least_angles(P: Floats, normals: Floats) -> Floats:
 
 
 GAIN = 1.01
-"""Minimum factor by which a step must increase the smallest angle; a smaller gain may be a rounding error."""
+"""Minimum factor on the smallest angle in a step."""
 
 
 @dataclass(frozen=True, eq=False)
 class CellMesh:
-    """A cut sheet during its improvement, and the surface `uncut` that it was cut from.
-    strayed        : (n',) upper limit of the distance by which edges of stripes at each vertex have moved, metres.
+    """A cut sheet during its improvement, and the surface `uncut` before the cut.
+    strayed        : (n',) upper limit of the moves of stripe edges at each vertex so far, metres.
     smallest_angle : (m',) the smallest angle of each cell, degrees.
     least_area     : minimum area of a cell, square metres."""
 
@@ -63,19 +63,19 @@ class CellMesh:
 
     @classmethod
     def from_sheet(cls, sheet: Sheet, uncut: Surface) -> Self:
-        """Return the mesh of all cells of `sheet`, material and void. The sheet was cut from the surface `uncut`."""
+        """Return the mesh of all cells of `sheet`. uncut : surface before the cut."""
         least_area = CELL_AREA * float(np.sum(np.ptp(sheet.surface.V, axis=0) ** 2))
         angle = _cell_angles(sheet.surface.V[sheet.surface.F], uncut.normals[sheet.parent], least_area)
         return cls(replace(sheet, sides_on=sheet.lines_of_edges), uncut, np.zeros(sheet.surface.n), angle, least_area)
 
     @property
     def surface(self) -> Surface:
-        """The surface of all cells. A collapsed vertex keeps its number, but no cell uses this vertex."""
+        """The surface of all cells; some vertices may be unused."""
         return self.sheet.surface
 
     @cached_property
     def support(self) -> Ints:
-        """(n', 3) corners of the uncut face (or edge, or vertex) on which each vertex lies; -1 in unused columns."""
+        """(n', 3) corners of the uncut face, edge or vertex on which each vertex lies; -1 in unused columns."""
         weights = self.sheet.weights
         return np.where(np.arange(3) < np.diff(weights.indptr)[:, None], weight_entries(weights)[0], -1)
 
@@ -84,7 +84,7 @@ class CellMesh:
         return self.key(*self.surface.edges.ends.T)
 
     def key(self, a: Ints, b: Ints) -> Ints:
-        """Return a number (k,) for the edge between vertices a (k,) and b (k,), in either direction."""
+        """Return a number (k,) for the edge between vertices a (k,) and b (k,), in either order."""
         return np.minimum(a, b) * len(self.surface.V) + np.maximum(a, b)
 
     def edge(self, a: Ints, b: Ints) -> Ints:
@@ -95,7 +95,7 @@ class CellMesh:
 
     @cached_property
     def lines(self) -> Bools:
-        """(e,) mask of edges on the boundary of the surface, or between cells of different families."""
+        """(e,) mask of edges on the surface's boundary, or between cells of different families."""
         result = np.ones(len(self.keys), dtype=bool)
         two = self.surface.edges.count == 2
         f, g = (self.surface.edges.pairs // 3).T
@@ -112,7 +112,7 @@ class CellMesh:
 
     @cached_property
     def line_ends(self) -> Ints:
-        """(n',) sum of the numbers of each vertex's neighbours along `lines`. With two neighbours u, w: u = sum - w."""
+        """(n',) sum of the numbers of each vertex's neighbours along `lines`."""
         total = np.zeros(len(self.surface.V), dtype=np.int64)
         a, b = self.surface.edges.ends[self.lines].T
         np.add.at(total, a, b)
@@ -120,7 +120,7 @@ class CellMesh:
         return total
 
     def angles(self, F: Ints, parent: Ints) -> Floats:
-        """Return the smallest angle (k,) of triangles in uncut faces, degrees: negative if reversed, 0 without area."""
+        """Return the smallest angle (k,) of triangles, degrees: negative if reversed, 0 without area."""
         return _cell_angles(self.surface.V[F], self.uncut.normals[parent], self.least_area)
 
     @cached_property
@@ -138,8 +138,7 @@ class CellMesh:
         return row, faces[begin + np.arange(len(row))]
 
     def with_cells(self, F: Ints, sides_on: Ints, keep: Bools, strayed: Floats) -> "CellMesh":
-        """Return the mesh with only those triangles of F (m', 3) that `keep` (m',) marks.
-        sides_on : (m', 3) see `Sheet`.    strayed : (n',) see `CellMesh`."""
+        """Return the mesh with only those triangles of F (m', 3) that `keep` (m',) marks. sides_on : (m', 3)."""
         parent, angle = self.sheet.parent, self.smallest_angle.copy()
         changed = (F != self.surface.F).any(axis=1) & keep
         angle[changed] = self.angles(F[changed], parent[changed])
@@ -149,15 +148,13 @@ class CellMesh:
 
 
 def _cell_angles(P: Floats, normals: Floats, least_area: float) -> Floats:
-    """Return the smallest angle (k,) of triangles P (k, 3, 3), degrees: negative if reversed, 0 without area."""
     twice = np.einsum("ki,ki->k", np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]), normals)
     return np.where(np.abs(twice) <= 2 * least_area, 0.0, least_angles(P, normals))
 
 
 def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
-    """Return a mask (k,) of mesh changes (flips or collapses) that share no face with a change of lower rank.
-    rank : (k,) number of each change in order of preference.    row, face : change row[i] affects face[i].
-    m    : number of faces of the mesh."""
+    """Return a mask (k,) of mesh changes that share no face with a change of lower rank.
+    rank : (k,) order of preference.    row, face : change row[i] affects face[i].    m : number of faces."""
     lowest_rank = np.full(m, len(rank))
     np.minimum.at(lowest_rank, face, rank[row])
     free = np.ones(len(rank), dtype=bool)
@@ -166,7 +163,7 @@ def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
 
 
 class CollapseMoves(NamedTuple):
-    """Moves of vertices v (k,) onto neighbours w (k,). strayed : (k,) metres that stripe edges have moved in total."""
+    """Moves of vertices v (k,) onto neighbours w (k,). strayed : (k,) moves of stripe edges so far, metres."""
 
     v: Ints
     w: Ints
@@ -178,8 +175,7 @@ class CollapseMoves(NamedTuple):
 
 
 class Change(NamedTuple):
-    """A mesh after a round of changes (collapses or flips), and their number. The next round searches `zone` only.
-    zone : (n',) mask of vertices at a cell that the round changed, or may change in the next round."""
+    """A mesh after some changes, and the number of changes. zone : (n',) vertices for the next round."""
 
     mesh: CellMesh
     number: int
@@ -188,8 +184,7 @@ class Change(NamedTuple):
 
 def collapse_edges(cut: CellMesh, tolerance: float, zone: Bools) -> Change:
     """Collapse edges where this increases the smallest angle around a vertex.
-    tolerance : largest move of stripe edges, of edges between two families and of the surface's boundary, metres.
-    zone      : (n',) mask of vertices; at least one end of each collapsed edge is marked."""
+    tolerance : largest move of stripe edges and of the surface's boundary, metres.    zone : (n',) mask of vertices."""
     moves = _within_faces(cut, _along_lines(cut, _candidates(cut, zone), tolerance))
     moves, gain = _improving_moves(cut, moves)
     zone = np.zeros(len(zone), dtype=bool)
@@ -217,9 +212,6 @@ def collapse_edges(cut: CellMesh, tolerance: float, zone: Bools) -> Change:
 
 
 def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
-    """Return the line of the cut on each side of cells (`Sheet.sides_on`) after vertices v moved onto neighbours w.
-    In `cells` with corners v, w, x, the sides v-x and w-x now coincide, so these cells disappear. The cell beyond side
-    v-x gets the line on w-x, or the line on v-x if w-x has none."""
     row, F = np.arange(len(cells)), sheet.surface.F[cells]
     place = (onto[F] != F).argmax(axis=1)
     begins_at_w = F[row, (place + 1) % 3] == onto[F[row, place]]
@@ -231,8 +223,6 @@ def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
 
 
 def _candidates(cut: CellMesh, zone: Bools) -> CollapseMoves:
-    """Return moves of new vertices along edges that touch `zone` (n',).
-    The edges belong to material triangles with an angle under 25 degrees."""
     poor = (cut.smallest_angle < 25) & cut.sheet.material
     edge = distinct(cut.surface.edges.of[poor])
     edge = edge[zone[cut.surface.edges.ends[edge]].any(axis=1)]
@@ -242,7 +232,6 @@ def _candidates(cut: CellMesh, zone: Bools) -> CollapseMoves:
 
 
 def _within_faces(cut: CellMesh, moves: CollapseMoves) -> CollapseMoves:
-    """Select the moves after which every triangle still lies in its uncut face."""
     row, face = cut.star_cells(moves.v)
     corner, support = cut.uncut.F[cut.sheet.parent[face]], cut.support[moves.w[row]]
     outside = ((support >= 0) & (support[:, :, None] != corner[:, None]).all(axis=2)).any(axis=1)
@@ -250,9 +239,6 @@ def _within_faces(cut: CellMesh, moves: CollapseMoves) -> CollapseMoves:
 
 
 def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> CollapseMoves:
-    """Select moves v -> w that keep `CellMesh.lines` connected, and that move lines by at most `tolerance` metres.
-    A vertex on a line may move along the line, or to a vertex without lines. Boundary vertices stay on the boundary.
-    An edge between material and void may collapse even where exactly three lines meet at each of its ends."""
     v, w, _ = moves
     count = np.bincount(cut.surface.edges.ends[cut.lines].ravel(), minlength=len(cut.surface.V))
     rim = on_boundary(cut.surface.edges, len(cut.surface.V))
@@ -261,9 +247,9 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
     step = np.linalg.norm(cut.surface.V[v] - cut.surface.V[w], axis=1)
     slides = along & (count[v] == 2)
     total = cut.line_ends
-    u = np.where(slides, total[v] - w, v)  # the two neighbours of v on its line are w and u
+    u = np.where(slides, total[v] - w, v)
     distance = np.where(slides, distances_from_segments(cut.surface.V[v], cut.surface.V[u], cut.surface.V[w]), step)
-    distance[distance <= 1e-12 * np.abs(cut.surface.V).max()] = 0  # a rounding error
+    distance[distance <= 1e-12 * np.abs(cut.surface.V).max()] = 0
     strayed = np.where(count[v] > 0, np.maximum.reduce([cut.strayed[v], cut.strayed[w], cut.strayed[u]]) + distance, 0)
     joints = (count[v] == 3) & (count[w] == 3) & cut.outline[edge] & ~rim[v] & ~rim[w]
     connected = np.where(along, (count[v] == 2) | (count[w] == 2) | joints, count[w] == 0)
@@ -273,8 +259,7 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
 
 
 def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves, Floats]:
-    """Select moves that increase the smallest angle of material around v but make no slim void cells. Return also the
-    increase of the angle by each move, degrees."""
+    """Select moves that increase the smallest angle; return also the increases, degrees."""
     row, face = cut.star_cells(moves.v)
     F, material, parent = cut.surface.F[face], cut.sheet.material[face], cut.sheet.parent[face]
     v, w = moves.v[row], moves.w[row]
@@ -292,8 +277,7 @@ def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves
 
 
 def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F: Ints) -> Bools:
-    """Return a mask of moves v -> w that keep the mesh a surface [Dey et al. 1999], and never merge two lines into one.
-    Common neighbours of v and w must lie opposite to edge v-w. row, F : move, and corners, of cells around v."""
+    """Return a mask of moves v -> w that keep the mesh a surface [Dey et al. 1999]."""
     star_vertices = np.repeat(row, 3), F.ravel()
     is_neighbour = (star_vertices[1] != moves.v[star_vertices[0]]) & (star_vertices[1] != moves.w[star_vertices[0]])
     pair = distinct(star_vertices[0][is_neighbour] * len(cut.surface.V) + star_vertices[1][is_neighbour])
@@ -314,7 +298,7 @@ def flip_edges(cut: CellMesh, zone: Bools) -> Change:
      \|/          \ /
       d            d
 
-    zone : (n',) mask of vertices. It marks all corners of at least one of the two cells."""
+    zone : (n',) mask of vertices with all corners of at least one of the two cells."""
     h, g = cut.surface.edges.pairs.T
     f, e = h // 3, g // 3
     parent, family = cut.sheet.parent, cut.sheet.family
@@ -347,8 +331,8 @@ def flip_edges(cut: CellMesh, zone: Bools) -> Change:
 @dataclass(frozen=True, eq=False)
 class ImprovedSheet:
     """A sheet after the improvement of its cells.
-    sheet         : all cells, material and void.      flips, collapses : numbers of flipped and of collapsed edges.
-    before, after : shape of the material's cells before and after the improvement.
+    sheet         : all cells, material and void.      flips, collapses : numbers of changed edges.
+    before, after : shape of the material's cells.
     strayed       : largest distance by which the edge of a stripe moved, metres."""
 
     sheet: Sheet
@@ -360,7 +344,7 @@ class ImprovedSheet:
 
     @property
     def summary(self) -> str:
-        """Return a sentence about the changed edges, and about the cells' shape before and after the improvement."""
+        """Return a sentence about the improvement."""
         a, b = self.before, self.after
         return (
             f"{self.flips} edges flipped and {self.collapses} collapsed: smallest angle {a.worst_angle:.2g} -> "
@@ -372,12 +356,10 @@ class ImprovedSheet:
 def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> ImprovedSheet:
     """Flip and collapse edges to increase the smallest angle of a sheet's material.
     sheet     : all cells cut from the surface `uncut`, material and void.
-    tolerance : largest move of stripe edges, of edges between two families and of the surface's boundary, metres. With
-                0 the material covers the same points as before.
-    Cells stay in their uncut faces; vertices stay or disappear. Interpolated fields stay exact; the topology stays."""
+    tolerance : largest move of stripe edges and of the surface's boundary, metres."""
     cut, zone = CellMesh.from_sheet(sheet, uncut), np.ones(sheet.surface.n, dtype=bool)
     flips = collapses = 0
-    for _ in range(40):  # usually the loop ends after fewer than ten rounds
+    for _ in range(40):
         cut, fewer, collapse_zone = collapse_edges(cut, tolerance, zone)
         cut, turned, flip_zone = flip_edges(cut, zone | collapse_zone)
         flips, collapses, zone = flips + turned, collapses + fewer, collapse_zone | flip_zone

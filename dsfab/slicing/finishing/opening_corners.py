@@ -1,4 +1,4 @@
-"""Corners of openings, arcs that touch two walls, and the largest radius that fits each corner."""
+"""Corners of openings, and the arcs that round these corners."""
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -9,16 +9,16 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 from dsfab.slicing.cutting.walls import SHARPEST, Stretches, Walls, next_in_chains
 
 CHORD = float(np.radians(34))
-"""Largest angle of the arc over a chord, radians. The arc is up to 1 - cos(17 degrees) = 1/23 radius from the chord."""
+"""Largest angle of the arc over a chord, radians."""
 
 
 @dataclass(frozen=True, eq=False)
 class Arcs:
-    """Round arcs (k,) at corners of openings, each in a plane: from wall a before the corner to wall b after it.
+    """Arcs (k,) at corners of openings, each in a plane, from wall a to the next wall b.
     Arcs run counter-clockwise around `centre` (k, 2).
     foot_a, foot_b : (k, 2) points of contact with the walls.
-    way_a, way_b   : (k,) distance from the corner to these feet along the walls, metres.
-    touching       : (k,) mask of the arcs that touch both walls."""
+    way_a, way_b   : (k,) distance from the corner to these points along the walls, metres.
+    touching       : (k,) True if an arc touches the two walls."""
 
     centre: Floats
     radius: Floats
@@ -36,7 +36,7 @@ class Arcs:
 
     @property
     def angle(self) -> Floats:
-        """(k,) angle at the centre of each arc, from `foot_a` to `foot_b`, radians."""
+        """(k,) angle of each arc, radians."""
         x, y = (self.foot_b - self.centre).T
         return np.asarray((np.arctan2(y, x) - self.begin) % (2 * np.pi))
 
@@ -45,17 +45,16 @@ class Arcs:
         return Arcs(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def rays(self) -> tuple[Floats, Floats]:
-        """Return two lines for each arc, from its centre through its ends `foot_a` and `foot_b`.
-        Lines have unit normals (k, 2, 2), which point out of the arc's sector, and distances (k, 2) from the origin."""
+        """Return two lines for each arc, from the centre through the ends.
+        Lines have unit normals (k, 2, 2), out of the arc's sector, and distances (k, 2) from the origin."""
         a, b = (unit_vectors(foot - self.centre) for foot in (self.foot_a, self.foot_b))
         normal = np.stack([np.stack([a[:, 1], -a[:, 0]], axis=1), np.stack([-b[:, 1], b[:, 0]], axis=1)], axis=1)
         return normal, np.einsum("kci,ki->kc", normal, self.centre)
 
     def chords(self) -> tuple[Floats, Floats]:
-        """Return outward unit normals (k, c, 2) of each arc's equal chords, and distances (k, c) from the origin.
-        If an arc has fewer than c chords, the other normals are 0 and the other distances are 1.
-        So every point lies on their inner side."""
-        number = np.arange(6)  # six chords are enough for half a circle
+        """Return outward unit normals (k, c, 2) and distances (k, c) of each arc's equal chords.
+        For missing chords, normals are 0 and distances are 1."""
+        number = np.arange(6)  # enough for half a circle
         count = np.maximum(np.ceil(self.angle / CHORD), 1)
         step = self.angle / count
         middle = self.begin[:, None] + (number + 0.5) * step[:, None]
@@ -67,15 +66,14 @@ class Arcs:
 
 
 def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | None = None) -> Arcs:
-    """Return arcs of radii (k,) that touch polylines a (k, p, 2) and b (k, q, 2), which begin at a common corner.
-    The void is on the right of a and on the left of b. Each arc is improved step by step, similar to Newton's method:
-    its next circle touches the tangents at the nearest points of both polylines.
-    first_centre : (k, 2) first guess; default: the circles that touch the walls beside the corners."""
+    """Return arcs of radii (k,) that touch polylines a (k, p, 2) and b (k, q, 2) from a common corner.
+    The void is on the right of a and on the left of b.
+    first_centre : (k, 2) first guess."""
     if first_centre is None:
         centre, valid = _first_centres(a, b, radius)
     else:
         centre, valid = first_centre, np.ones(len(first_centre), dtype=bool)
-    for _ in range(12):  # nearly straight walls need two or three steps
+    for _ in range(12):
         foot_a, foot_b = _nearest(a, centre)[0], _nearest(b, centre)[0]
         centre, regular = circle_centres(
             foot_a, unit_vectors(centre - foot_a), foot_b, unit_vectors(centre - foot_b), radius
@@ -90,7 +88,6 @@ def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | No
 
 
 def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]:
-    """Return centres (k, 2) of circles that touch the first segments of polylines a and b, and a mask: True in void."""
     u, v = (unit_vectors(line[:, 1] - line[:, 0]) for line in (a, b))
     left_normal, right_normal = np.stack([u[:, 1], -u[:, 0]], axis=1), np.stack([-v[:, 1], v[:, 0]], axis=1)
     centre, in_void = circle_centres(a[:, 0], left_normal, b[:, 0], right_normal, radius)
@@ -99,10 +96,10 @@ def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]
 
 
 def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -> tuple[Floats, Bools]:
-    """Return centres (k, 2) of circles of `radius` that touch two lines, and a mask (k,) of lines that intersect.
+    """Return centres (k, 2) of circles that touch two lines, and a mask (k,) of lines that intersect.
     p, q : (k, 2) a point on each line.    m, n : (k, 2) unit normals of the lines, towards the centre."""
     det = m[:, 0] * n[:, 1] - m[:, 1] * n[:, 0]
-    regular = np.abs(det) > 0.02  # at smaller values, the lines are nearly parallel
+    regular = np.abs(det) > 0.02  # smaller if nearly parallel
     det = np.where(regular, det, 1.0)
     offset_a, offset_b = np.einsum("ki,ki->k", m, p) + radius, np.einsum("ki,ki->k", n, q) + radius
     x, y = offset_a * n[:, 1] - offset_b * m[:, 1], offset_b * m[:, 0] - offset_a * n[:, 0]
@@ -110,7 +107,6 @@ def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -
 
 
 def _nearest(line: Floats, point: Floats) -> tuple[Floats, Floats]:
-    """Return the nearest points (k, 2) on polylines (k, p, 2), and their arc lengths (k,), metres. point : (k, 2)."""
     start, along = line[:, :-1], np.diff(line, axis=1)
     size = np.einsum("kpi,kpi->kp", along, along)
     t = np.einsum("kpi,kpi->kp", point[:, None] - start, along) / np.where(size > 0, size, 1.0)
@@ -122,12 +118,12 @@ def _nearest(line: Floats, point: Floats) -> tuple[Floats, Floats]:
     return foot[row, pick], before + (np.clip(t, 0, 1) * length)[row, pick]
 
 
-SMALLER = 0.7  # If an arc does not fit, its next radius is at least this fraction of the last radius.
+SMALLER = 0.7  # Least factor from a radius to the next smaller radius.
 
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """Corners (k,) along walls, in the order of the walls. The ends of arcs are corners, too, with a turn of 0.
+    """Corners (k,) along walls, in the order of the walls.
     first : (k,) the wall that begins at a corner.    turn : (k,) change of direction to the left, radians.
     place : (k,) distance from the start of the chain of walls, metres."""
 
@@ -138,7 +134,7 @@ class Corners:
 
     @classmethod
     def from_walls(cls, walls: Walls) -> "Corners":
-        """Return the places where the walls change direction to the left by more than `SHARPEST`."""
+        """Return the places where walls turn to the left by more than `SHARPEST`."""
         rows = np.flatnonzero(walls.turns > SHARPEST)
         return cls(walls, rows, walls.turns[rows], walls.place[rows])
 
@@ -147,13 +143,13 @@ class Corners:
         return replace(self, first=self.first[chosen], turn=self.turn[chosen], place=self.place[chosen])
 
     def stretches(self, arcs: Arcs) -> Stretches:
-        """Return for each corner the stretch of wall between the points where the corner's arc touches the walls."""
+        """Return for each corner the stretch of wall that the corner's arc replaces."""
         chain = self.walls.chain[self.first]
         return Stretches.from_chains(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
 
     def with_arc_feet(self, tips: "Corners", arcs: Arcs) -> "Corners":
-        """Return the corners with the ends of arcs (p,) in place of the corners that these arcs cut off.
-        tips : (p,) the corners of the arcs. An end of an arc has `turn` 0."""
+        """Return the corners with the ends of arcs (p,) in place of the corners `tips` (p,).
+        An end of an arc has `turn` 0."""
         walls, chain = self.walls, self.walls.chain[tips.first]
         free = ~tips.stretches(arcs).covers(walls.chain[self.first], self.place)
         feet = np.concatenate([tips.place - arcs.way_a, tips.place + arcs.way_b]) % np.tile(walls.total[chain], 2)
@@ -165,7 +161,7 @@ class Corners:
 
     @cached_property
     def next_corner(self) -> Ints:
-        """(k,) the next corner along the chain, -1 at the end of an open chain; a single corner follows itself."""
+        """(k,) the next corner along the chain, -1 at the end of an open chain."""
         chain = self.walls.chain[self.first]
         follow = next_in_chains(chain)
         follow[(follow <= np.arange(len(chain))) & ~self.walls.closed[chain]] = -1
@@ -181,7 +177,7 @@ class Corners:
 
     @cached_property
     def wall_lengths(self) -> tuple[Floats, Floats]:
-        """Distances (k,), (k,) along walls from each corner to the previous and next corner, or chain end, metres."""
+        """Distances (k,), (k,) along walls to the previous and next corner, or chain end, metres."""
         walls, follow, before = self.walls, self.next_corner, self.previous_corner
         chain = walls.chain[self.first]
         total, place = walls.total[chain], self.place
@@ -192,26 +188,24 @@ class Corners:
 
     @cached_property
     def tangents(self) -> Floats:
-        """(k,) distance from a corner between straight walls to the ends of the corner's arc, divided by its radius.
-        A `turn` over 170 degrees counts as 170 degrees."""
+        """(k,) distance from a corner between straight walls to the ends of an arc / radius."""
         return np.asarray(np.tan(np.minimum(self.turn, np.radians(170)) / 2))
 
     @cached_property
     def rooms(self) -> tuple[Floats, Floats]:
-        """Lengths (k,), (k,) of wall, metres, that the arc at each corner may use before and after the corner.
-        Two neighbouring corners share the wall between them in the ratio of their `tangents`."""
+        """Lengths (k,), (k,) of wall, metres, that an arc may use before and after the corner."""
         t, (ahead, behind) = self.tangents, self.wall_lengths
 
         def share(neighbour: Ints) -> Floats:
             beyond: Floats = np.where(neighbour >= 0, t[neighbour], 0.0)
             return np.divide(t, t + beyond, out=np.zeros_like(t), where=t > 0)
 
-        room = 0.98  # under 1, so that arcs at both ends of a wall stay apart
+        room = 0.98  # space between arcs
         return room * ahead * share(self.previous_corner), room * behind * share(self.next_corner)
 
     @cached_property
     def frames(self) -> Floats:
-        """(k, 2, 3) axes of the plane of each corner's arc: two unit vectors perpendicular to `Walls.void_normals`."""
+        """(k, 2, 3) two unit vectors in the plane of each corner's arc."""
         normal = self.walls.void_normals[self.walls.start[self.first]]
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         along = self.walls.surface.V[self.walls.end[self.first]] - self.origin
@@ -221,32 +215,31 @@ class Corners:
 
     @cached_property
     def origin(self) -> Floats:
-        """(k, 3) vertex at each corner, where the wall `first` starts, metres. It is the origin of `frames`."""
+        """(k, 3) vertex at each corner, metres: origin of `frames`."""
         return np.asarray(self.walls.surface.V[self.walls.start[self.first]])
 
     def circles(self, rows: Ints, arcs: Arcs) -> Floats:
-        """Return the circles (p, 7) of arcs at the corners `rows` (p,) in space: centre, unit axis, radius, metres."""
+        """Return the circles (p, 7) of arcs at corners `rows` (p,): centre, unit axis, radius, metres."""
         frames = self.frames[rows]
         centre = self.origin[rows] + np.einsum("pj,pji->pi", arcs.centre, frames)
         return np.hstack([centre, np.cross(frames[:, 0], frames[:, 1]), arcs.radius[:, None]])
 
     def arcs(self, rows: Ints, radius: Floats) -> tuple[Arcs, Floats]:
-        """Return arcs of radii (p,), metres, at corners `rows` (p,), and factors (p,) for the radii of a next attempt.
-        A factor is 1 if the arc fits, `SMALLER` if it does not touch both walls, `SMALLER` to 1 if it is too long."""
+        """Return arcs of radii (p,), metres, at corners `rows` (p,), and factors (p,) for a next attempt.
+        A factor is 1 if the arc fits, otherwise smaller."""
         reach = 2 * radius * self.tangents[rows] + radius
         ahead, behind = (np.minimum(length[rows], reach) for length in self.wall_lengths)
         arcs = tangent_arcs(self.wall_line(rows, ahead, back=True), self.wall_line(rows, behind, back=False), radius)
         ways = np.array([arcs.way_a, arcs.way_b])
         rooms = np.array(self.rooms)[:, rows]
         least = np.divide(rooms, ways, out=np.full_like(ways, np.inf), where=ways > 0).min(axis=0)
-        fits = 0.995  # margin of 0.5 % for rounding errors; the lengths in `rooms` already have a margin of 2 %
+        fits = 0.995  # margin for rounding errors
         factor = np.where(least >= fits, 1.0, np.maximum(fits * least, SMALLER))
         return arcs, np.where(arcs.touching, factor, SMALLER)
 
     def wall_line(self, rows: Ints, reach: Floats, back: bool) -> Floats:
-        """Return polylines (p, q, 2) along the walls from the corners `rows` (p,), in coordinates of `frames`.
-        back : True to follow the walls backwards.
-        A polyline covers `reach` (p,) metres, but at most 256 walls. Shorter polylines repeat their last point."""
+        """Return polylines (p, q, 2) along the walls from corners `rows` (p,), in coordinates of `frames`.
+        reach : (p,) length, metres.    back : True to follow the walls backwards."""
         walls, V, count = self.walls, self.walls.surface.V, 8
         begin, vertex = self.first[rows], walls.start if back else walls.end
         while True:
@@ -262,8 +255,8 @@ class Corners:
         return np.asarray(np.einsum("pqi,pji->pqj", points, self.frames[rows]))
 
     def between_feet(self, rows: Ints, arcs: Arcs, vertex: Ints) -> Bools:
-        """Return a mask (p,): True if a vertex (p,) lies on the walls between the ends of the arc at its corner.
-        A vertex up to 2 % of the radius beyond an end counts, too. rows : (p,) the corner for each vertex."""
+        """Return a mask (p,) of vertices (p,) on the walls between the ends of an arc.
+        rows : (p,) the corner for each vertex."""
         walls = self.walls
         wall = np.full(walls.surface.n, -1)
         wall[walls.start] = np.arange(len(walls.start))
@@ -275,7 +268,7 @@ class Corners:
         return np.asarray((wall_of_vertex >= 0) & same_chain & (distance <= arcs.way_a + arcs.way_b + 2 * margin))
 
     def largest(self, radius: float) -> Floats:
-        """Return the largest radius (k,) of an arc at each corner, metres: `radius`, or less where walls are short."""
+        """Return the largest radius (k,) of an arc at each corner, at most `radius`, metres."""
         room_before, room_behind = self.rooms
         room, t = np.minimum(room_before, room_behind), self.tangents
         return np.asarray(np.minimum(radius, np.divide(room, t, out=np.zeros_like(t), where=t > 0)))

@@ -1,4 +1,4 @@
-"""Openings of a cut sheet: small openings and slits become material, and strips of material bridge openings."""
+"""Openings of a cut sheet: small openings and slits become material."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,22 +16,20 @@ from dsfab.slicing.cutting.split import Snapping, clean_split
 from dsfab.slicing.measures.widths import MIDDLE, Crossings, crossings
 
 Merging = Literal["none", "slits", "crowded"]
-"""Slits that finishing fills, so that two members become one: none, all, or only slits where members are crowded."""
+"""Slits that finishing fills: none, all, or only slits where members are crowded."""
 
 NARROWER = 0.9
-"""Largest width of a slit, as a fraction of the width of the members beside it.
-The limit is under 1, so that small errors do not turn openings as wide as the members into slits."""
+"""Largest width of a slit, as a fraction of the width of the members beside it."""
 CRUMB, SEVERAL = 0.35, 8
 """A crumb is an opening smaller than CRUMB times the median opening, in a sheet with at least SEVERAL openings."""
 ALIKE = 0.03
-"""Openings with a smaller relative difference in size count as equal, because the mesh may cause such a difference."""
+"""Openings with a smaller relative difference in size count as equal."""
 
 
 @dataclass(frozen=True, eq=False)
 class Openings:
-    """Enclosed openings of a sheet, and openings at its edge.
-    void  : void cells (f,) of these openings.    material : all material cells.
-    label : (f,) the opening of each void cell.    count : number of openings."""
+    """Openings of a sheet, enclosed or at its edge.
+    void : void cells (f,) of these openings.    label : (f,) the opening of each void cell."""
 
     void: SheetPart
     material: SheetPart
@@ -58,11 +56,8 @@ class Openings:
 
     @cached_property
     def narrowness(self) -> Floats:
-        """(o,) width of each opening / width of the narrower member beside it.
-        The width is a median along walls that have an opposite wall. If under 5 % of the walls have an opposite wall,
-        the width is the side of a square of equal area. From 5 to 25 %, a weighted harmonic mean joins the two ratios.
-        The width is at least 2 area / perimeter. The ratio is infinite without members, and for openings at the edge
-        of the surface with few opposite walls."""
+        """(o,) median width of each opening / width of the narrower member beside it.
+        Infinite without members."""
         across, wall, member = self._crossings, np.flatnonzero(self.void.walls), self._member_widths
         label, has_ratio = self.label[across.face], ~np.isnan(self._width_ratio)
         between = weighted_medians(self._width_ratio, across.weight, label, self.count)
@@ -76,7 +71,7 @@ class Openings:
         opposite_share = np.clip((opposite / np.where(total > 0, total, 1.0) - 0.05) / (0.25 - 0.05), 0, 1)
         opposite_share = np.where(enclosed, opposite_share, opposite_share == 1)
         result = _harmonic(between, square, opposite_share)
-        around[~enclosed] = 1.0  # not used below; avoids a division by 0
+        around[~enclosed] = 1.0
         return np.where(enclosed, np.maximum(result, self.hydraulic_diameters / (2 * around)), result)
 
     @cached_property
@@ -86,15 +81,14 @@ class Openings:
 
     @cached_property
     def crowded_slits(self) -> Bools:
-        """(o,) mask of slits whose `narrowness` (width relative to the member beside the slit) is under a limit.
-        In patterns with narrow openings, the limit is under `NARROWER` (see `CROWDING`), so that some slits stay."""
+        """(o,) mask of the slits where members are crowded."""
         area = np.where(np.isfinite(self.narrowness), np.bincount(self.label, self.void.surface.areas, self.count), 0.0)
         usual = float(weighted_medians(self.narrowness, area, np.zeros(self.count, dtype=np.int64), 1)[0])
         least = NARROWER * min(1.0, max(0.0, (1 + usual) / CROWDING - 1))
         return self.slits & (self.narrowness < split_value(self.narrowness, least, ALIKE))
 
     def slits_between(self, family: Bools) -> tuple[int, float]:
-        """Return how many slits lie mostly beside a family, and the share of its walls at narrow parts of slits.
+        """Return how many slits lie mostly beside a family, and the share of the family's walls at slits.
         family : (m',) mask of the family's cells."""
         own_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         own_edges[self.void.cut_surface.edges.of[family]] = True
@@ -112,7 +106,7 @@ class Openings:
 
     @cached_property
     def _width_ratio(self) -> Floats:
-        """(k,) opening width / width of the narrower member, on each line across an opening; NaN without members."""
+        """(k,) opening width / member width, on each line across an opening; NaN without members."""
         member = self._member_widths[self.void.parent_edges[self._crossings.walls]]
         return np.asarray(self._crossings.width / np.fmin(*member.T))
 
@@ -124,7 +118,7 @@ class Openings:
 
     @cached_property
     def _member_widths(self) -> Floats:
-        """Member width at each wall; NaN at other edges. Widths over 2.5 medians (at crossings) become the median."""
+        """Member width at each wall; NaN at other edges."""
         wall_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         wall_edges[self.void.parent_edges[self.void.walls]] = True
         surface, sheet_edges = self.material.surface, self.material.parent_edges
@@ -145,7 +139,7 @@ def openings_of(sheet: Sheet) -> Openings | None:
 
 
 def with_filled(sheet: Sheet, chosen: Bools) -> Sheet:
-    """Fill the openings (o,) that `chosen` marks; each gets the largest family number of the material at its edge."""
+    """Fill the openings (o,) that `chosen` marks."""
     openings = openings_of(sheet)
     if openings is None or not chosen.any():
         return sheet
@@ -162,34 +156,30 @@ def with_filled(sheet: Sheet, chosen: Bools) -> Sheet:
 
 
 def _harmonic(x: Floats, y: Floats, share: Floats) -> Floats:
-    """Return the weighted harmonic mean (o,) of x and y. x, y : (o,), may be infinite.    share : (o,) weight of x."""
+    """Return the weighted harmonic mean (o,) of x and y. share : (o,) weight of x."""
     tiny = np.finfo(float).tiny
     inverse = share / np.maximum(x, tiny) + (1 - share) / np.maximum(y, tiny)
     return np.asarray(np.divide(1, inverse, out=np.full(len(x), np.inf), where=inverse > 0))
 
 
 def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[Sheet, int]:
-    """Fill each opening that is smaller than `size` metres with material; return also the number of filled openings.
-    alike : True to treat nearly equal openings alike near the limit `size`: to fill all of them, or none.
-    The size of an opening is its median width along the walls. It is never under 2 nor over 4 area / perimeter. The
-    lower limit is for triangular openings, whose widths can be measured only near their corners."""
+    """Fill each opening that is smaller than `size` metres; return also the number of filled openings.
+    alike : True to fill all or none of a group of nearly equal openings."""
     openings = openings_of(cells)
     if openings is None or not (may_be_small := openings.hydraulic_diameters < 3 * size).any():
         return cells, 0
-    candidates = openings.subset(may_be_small)  # measures only openings that may be small; this saves 90 % of the time
+    candidates = openings.subset(may_be_small)
     across = crossings(candidates.void.surface, candidates.void.walls)
     width = weighted_medians(across.width, across.weight, candidates.label[across.face], candidates.count)
     diameters = candidates.hydraulic_diameters
-    smaller = np.clip(width, diameters / 2, diameters)  # 4 area / perimeter of a long slit is twice its width
+    smaller = np.clip(width, diameters / 2, diameters)
     small = may_be_small.copy()
     small[may_be_small] = smaller < split_value(smaller, size, ALIKE * size if alike else 0.0)
     return with_filled(cells, small), int(small.sum())
 
 
 def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
-    """Make every crumb material: an opening far smaller than most openings; return also their number.
-    Only enclosed openings count. Their size is 4 area / perimeter. An opening 2.5 times as wide as the members beside
-    it stays, because it would become a plate. Of nearly equal openings, all or none become material."""
+    """Fill every crumb, an opening far smaller than most openings; return also their number."""
     openings = openings_of(cells)
     if openings is None or np.isfinite(diameters := openings.hydraulic_diameters).sum() < SEVERAL:
         return cells, 0
@@ -202,9 +192,8 @@ def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
 
 
 def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
-    """Fill every slit (narrow opening), so that the members beside it join; return also the number of filled slits.
-    merge : "crowded" to fill only `Openings.crowded_slits`.
-    The function repeats, because filling makes members broader, and other openings then become slits."""
+    """Fill every slit (narrow opening) with material; return also the number of filled slits.
+    merge : "crowded" to fill only `Openings.crowded_slits`."""
     filled = 0
     while (openings := openings_of(cells)) is not None:
         slits = openings.crowded_slits if merge == "crowded" else openings.slits
@@ -215,12 +204,12 @@ def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
 
 
 SIDES = np.array([-1.0, 1.0])
-SNAP = 2e-3  # A vertex this near to a cut moves onto the cut; in radii of the fillet or half widths of the strip.
+SNAP = 2e-3  # largest move of a vertex onto a cut, in radii of the fillet or half widths of the strip
 
 
 @dataclass(frozen=True, eq=False)
 class Strip:
-    """A rectangular strip of material across void cells (c,). It begins in the first of these cells.
+    """A rectangular strip of material across void cells (c,).
     middle : (3,) metres.    axes : (2, 3) unit vectors along and across.    half : (2,) half length and half width."""
 
     cells: Ints
@@ -231,7 +220,7 @@ class Strip:
 
     @classmethod
     def from_wall(cls, sheet: Sheet, wall: int, ends: Floats, half: Floats) -> "Strip | None":
-        """Return a strip from `wall` across an opening, along the line between `ends` (2, 3); None for equal ends."""
+        """Return a strip across an opening, along the line between `ends` (2, 3); None for equal ends."""
         surface, first_cell = sheet.surface, int(sheet.walls.void_cells[wall])
         direction = ends[1] - ends[0]
         gap = float(np.linalg.norm(direction))
@@ -255,21 +244,20 @@ class Strip:
         return replace(strip, cells=np.array(seen))
 
     def local_coordinates(self, X: Floats) -> Floats:
-        """Return coordinates (2, k) of points X (k, 3) along and across the strip. Inside, both are -1 to 1."""
+        """Return coordinates (2, k) of points X (k, 3) along and across the strip; inside, -1 to 1."""
         return np.asarray(self.axes @ (X - self.middle).T / self.half[:, None])
 
 
 def with_strips(cells: Sheet, strips: list[Strip], width: float, snap: float = SNAP) -> tuple[Sheet, int]:
-    """Fill strips, and small openings that the strips cut off, with material; return also the number of strips.
-    A strip that shares a vertex with an earlier strip is left out.
-    width : metres; openings with 4 area / perimeter under 1.6 widths are small.    snap : see `SNAP`."""
+    """Fill strips, and small openings that the strips cut off; return also the number of strips.
+    width : metres; openings with 4 area / perimeter under 1.6 widths are small."""
     if not (strips := [strips[k] for k in disjoint_groups(cells, [strip.cells for strip in strips])]):
         return cells, 0
     return _without_pockets(_fill_strips(cells, strips, snap), cells.surface.n, width), len(strips)
 
 
 def disjoint_groups(cells: Sheet, groups: Sequence[Ints]) -> list[int]:
-    """Return the numbers of those groups (c,) of cells that have no vertex in common with an earlier group."""
+    """Return the numbers of those groups (c,) that have no vertex in common with an earlier group."""
     taken, chosen = np.zeros(cells.surface.n, dtype=bool), []
     for k, group in enumerate(groups):
         vertices = cells.surface.F[group]
@@ -304,7 +292,7 @@ def _fill_strips(cells: Sheet, strips: list[Strip], snap: float) -> Sheet:
 
 
 def _without_pockets(cells: Sheet, before: int, width: float) -> Sheet:
-    """Fill small openings beside strips. before : vertex count before the strips; later vertices belong to strips."""
+    """Fill small openings beside strips. before : vertex count before the strips."""
     openings = openings_of(cells)
     if openings is None:
         return cells

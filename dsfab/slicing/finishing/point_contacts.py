@@ -1,4 +1,4 @@
-"""Pinches: vertices where material meets in a single point. They are joined or split, because a solid cannot have them.
+"""Pinches: vertices where material meets in a single point. Pinches are joined or split.
 
 material . void         join: a disc around the pinch      split: the disc becomes void
 . . . .  x . . . .            becomes material
@@ -20,24 +20,20 @@ from dsfab.surface.topology import edge_table
 
 Rule = Literal["join", "split"]
 
-DISC_ROUNDS = 3  # Maximum number of rounds that put discs around point contacts. A disc can create a new contact.
-CORNER_ROUNDS = 2  # Maximum number of rounds that change only corners of cells. They create no new point contact.
+DISC_ROUNDS = 3  # Maximum number of rounds that put discs around point contacts.
+CORNER_ROUNDS = 2  # Maximum number of rounds that change only corners of cells.
 
 
 class PinchResult(NamedTuple):
-    """A sheet whose material has no point contacts, and the number of repairs at vertices; 0 for an unchanged sheet."""
+    """A sheet whose material has no point contacts, and the number of repairs at vertices."""
 
     sheet: Sheet
     pinches: int
 
 
 def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchResult:
-    """Fill ("join") or cut out ("split") discs of `radius` metres around pinches, which are point contacts of material.
-    If pinches remain after three rounds, only the corners of cells at pinches change: along each edge from a pinch, up
-    to min(radius, 0.4 x edge length). New material takes the family of the first material cell at its pinch.
-
-    Raises PatternError without material, for an impossible `radius` or `rule`, and for pinches that remain. "join"
-    fails where the surface itself has a point contact."""
+    """Fill ("join") or cut out ("split") discs of `radius` metres around point contacts of material.
+    Raises PatternError."""
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the radius {radius} for repairs at point contacts must be a positive length in metres")
     if rule not in ("join", "split"):
@@ -61,7 +57,7 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
 def _resolve_once(sheet: Sheet, pinches: Ints, radius: float, rule: Rule, corners: bool) -> tuple[Sheet, int]:
     count = 0
     for turn, group in enumerate(_groups_without_edges(pinches, _links(sheet, pinches))):
-        if turn:  # discs around earlier groups may have removed point contacts of this group
+        if turn:
             group = np.intersect1d(group, pinched_vertices(sheet))
         if len(group):
             V = sheet.surface.V
@@ -78,7 +74,7 @@ def _require_material(sheet: Sheet) -> None:
 
 
 def pinched_vertices(sheet: Sheet) -> Ints:
-    """Return the vertices (k,) of a sheet at which two or more parts of the material meet without a common edge."""
+    """Return the vertices (k,) of a sheet where parts of the material meet without a common edge."""
     if not sheet.material.any():
         return np.empty(0, dtype=np.int64)
     pinched = sheet.subset().surface.pinches
@@ -99,7 +95,7 @@ def _links(sheet: Sheet, vertices: Ints) -> Ints:
 
 
 def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
-    """Divide point contacts `pinches` into groups, without edges inside a group. ends : (k, 2) edges between them."""
+    """Divide point contacts into groups without edges inside a group. ends : (k, 2) edges between them."""
     groups = []
     while len(pinches):
         later = np.unique(ends[np.isin(ends, pinches).all(axis=1), 1])
@@ -109,7 +105,7 @@ def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
 
 
 def _corner_distance(sheet: Sheet, pinches: Ints, radius: float) -> Floats:
-    """Return a field (n',): 0 at pinches, and `radius` on their edges at the distance min(radius, 0.4 edge length)."""
+    """Return a field (n',): 0 at pinches, and `radius` at min(radius, 0.4 edge length) on their edges."""
     V, ends = sheet.surface.V, sheet.surface.edges.ends
     x = np.full(len(V), radius / 0.4)
     for p, q in (ends.T, ends[:, ::-1].T):
@@ -137,7 +133,7 @@ def _with_discs(sheet: Sheet, pinches: Ints, distance: Floats, radius: float, ru
 
 
 def _connected_to_pinches(mesh: PolygonMesh, inside: Bools, pinches: Ints) -> Bools:
-    """Return a mask (c,) of polygons in `inside` that are connected to a pinch (point contact of material)."""
+    """Return a mask (c,) of polygons in `inside` that are connected to a point contact."""
     part, owner = mesh.part_labels(inside), mesh.cells.owner
     return inside & np.isin(part, part[owner[inside[owner] & np.isin(mesh.cells.corner, pinches)]])
 

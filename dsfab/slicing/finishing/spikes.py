@@ -1,7 +1,7 @@
 r"""`without_spikes`: cut off teeth of a member that stick out into an opening.
 
 opening          The outline has a sharp tip between two re-entrant corners a and b.
-   .             Such a tooth remains beside a removed stub, or where a stripe meets a rim at a sharp angle.
+   .
 __/ \____        The part beyond the chord a-b becomes void.
  a  b  member"""
 
@@ -18,13 +18,13 @@ from dsfab.slicing.cutting.walls import SHARPEST, Walls
 from dsfab.slicing.finishing.openings import disjoint_groups
 
 SHARP = float(np.radians(60))
-"""Minimum turn of the outline at the tip of a tooth (spike), radians. Bends and crossings of members turn less."""
+"""Minimum turn of the outline at the tip of a tooth (spike), radians."""
 LONG, THIN, FAR = 1.5, 0.5, 4.0
-"""Longest outline of a tooth (spike), in member widths: `LONG`, but `FAR` if its base is under `THIN` widths."""
+"""Longest outline of a tooth (spike), in member widths: `LONG`, but `FAR` for a base under `THIN` widths."""
 
 
 class Spike(NamedTuple):
-    """A tooth (spike): material that sticks out of a member. The chord joins the two re-entrant corners at its base.
+    """A tooth (spike): material that sticks out of a member. The chord is the base of the tooth.
     outline : (k,) vertices.    cells : (c,) cells at least partly beyond the chord.    origin : (3,) first corner.
     outward : (3,) unit normal of the chord, out of the member.    snap : metres; smaller heights count as 0."""
 
@@ -35,16 +35,15 @@ class Spike(NamedTuple):
     snap: float
 
     def heights(self, X: Floats) -> Floats:
-        """Return heights (k,) of points X (k, 3) over the tooth's base, metres. Heights within +-`snap` become 0."""
+        """Return heights (k,) of points X (k, 3) over the tooth's base, metres."""
         height = (X - self.origin) @ self.outward
         return np.asarray(np.where(np.abs(height) < self.snap, 0.0, height))
 
 
 def without_spikes(cells: Sheet) -> tuple[Sheet, int]:
-    """Cut teeth (spikes) off the material of a sheet without point contacts; return also the number of teeth.
-    A tooth stays if another wall or surface edge lies beyond its base, because a cut could divide the material."""
+    """Cut teeth (spikes) off the material of a sheet; return also the number of teeth."""
     count = 0
-    for _ in range(4):  # repeat, because a round cuts only spikes that do not touch each other
+    for _ in range(4):  # a round cuts only spikes that do not touch
         all_spikes = _spikes(cells) if cells.has_openings else []
         spikes = [all_spikes[k] for k in disjoint_groups(cells, [spike.cells for spike in all_spikes])]
         if not spikes:
@@ -70,7 +69,7 @@ def _spikes(cells: Sheet) -> list[Spike]:
 
 
 def _member_width(cells: Sheet) -> float:
-    """Return the mean width of members, metres: 2 area of the material / length of its outline."""
+    """Return the mean width of members, metres."""
     surface, material = cells.surface, cells.material
     edge = np.zeros(len(surface.edges.ends), dtype=bool)
     edge[surface.edges.of[material]] = True
@@ -79,13 +78,11 @@ def _member_width(cells: Sheet) -> float:
 
 
 def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
-    """Return the re-entrant corners within `longest` metres of the start of wall `tip`, as (number of walls, metres).
-    A wall is an edge between material and an opening. step : -1 for corners before the tip, 1 for corners behind it."""
     corners, length, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
         (previous_wall, wall), exists = walls.walls_ahead(np.array([tip, tip]), step * np.array([k - 1, k]))
         length += float(walls.length[wall if step < 0 else previous_wall])
-        if not exists[1] or length > longest:  # the chain of walls ends, or the wall is too far away
+        if not exists[1] or length > longest:
             break
         if walls.turns[wall] > SHARPEST:
             corners.append((k, length))
@@ -93,8 +90,7 @@ def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[t
 
 
 def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
-    """Return the tooth (spike) whose outline is the walls `stretch` (k,); None if the shape is no tooth, or must stay.
-    width : mean width of members, metres."""
+    """Return the tooth whose outline is the walls `stretch` (k,), or None."""
     V, walls = cells.surface.V, cells.walls
     outline, member_cells = np.append(walls.start[stretch], walls.end[stretch[-1]]), walls.material_cells[stretch]
     X, step = V[outline], walls.length[stretch]
@@ -104,7 +100,7 @@ def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
         return None
     spike = Spike(outline, member_cells, X[0], outward / np.linalg.norm(outward), 2e-3 * length)
     height = spike.heights(X)
-    lowest = max(0.04 * width, 0.25 * length)  # minimum height of a tooth; lower shapes are bends, or tiny
+    lowest = max(0.04 * width, 0.25 * length)  # minimum height of a tooth
     if height.min() < 0 or height.max() < lowest:
         return None
     reached = _cells_beyond_chord(cells, spike)
@@ -112,7 +108,6 @@ def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
 
 
 def _cells_beyond_chord(cells: Sheet, spike: Spike) -> Ints | None:
-    """Return cells (c,) at least partly beyond a tooth's base; None if another wall or surface edge lies beyond it."""
     surface, material, twins = cells.surface, cells.material, cells.surface.edges.twins
     outline_vertices, seen, waiting = set(spike.outline.tolist()), set[int](), set(spike.cells.tolist())
     while waiting:

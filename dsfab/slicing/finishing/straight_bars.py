@@ -1,4 +1,4 @@
-"""Replace uneven bars at nodes and near singular points by fair bars, which are straight or evenly bent."""
+"""Replace uneven bars at nodes and near singular points by straight or evenly bent bars."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,9 +19,9 @@ from dsfab.surface.fields import CornerField
 
 @dataclass(frozen=True, eq=False)
 class FairBar:
-    """The new shape of a bar: straight or evenly bent between its two contacts with other members.
+    """The new shape of a bar: straight or evenly bent.
     cells : (c,) the polygons of the old bar.    ends : (2, 3) the middles of its contacts, metres.
-    across, normal : (3,) unit vectors, in the surface and normal to it.    half : (2,) half width at each end, metres.
+    across, normal : (3,) unit vectors.    half : (2,) half widths, metres.
     bow   : (2,) a, b: at the fraction t of the length, the middle line is t (1 - t) (a + b t) metres to the left."""
 
     cells: Bools
@@ -33,8 +33,7 @@ class FairBar:
 
     @classmethod
     def straight(cls, mesh: PolygonMesh, cells: Bools) -> Self | None:
-        """Return a straight bar that replaces polygons (c,). It is as wide as the narrower of their two contacts.
-        Return None if the polygons do not have two contacts with other members, or if a contact is oblique."""
+        """Return a straight bar that replaces polygons (c,), or None without two contacts at right angles to it."""
         contacts = _contacts(mesh, cells)
         if len(contacts) != 2:
             return None
@@ -43,21 +42,20 @@ class FairBar:
         normal = np.cross(spoke, ahead).sum(axis=0)
         normal /= np.linalg.norm(normal)
         axis = ends[1] - ends[0]
-        tiny = np.finfo(float).tiny  # avoids NaN for a bar that ends where it begins
+        tiny = np.finfo(float).tiny
         across = np.cross(normal, axis / max(float(np.linalg.norm(axis)), tiny))
         across /= max(float(np.linalg.norm(across)), tiny)
         widths, lengths = np.abs(step @ across), np.linalg.norm(step, axis=1)
-        if (widths < 0.4 * lengths).any():  # an end of the bar is oblique to its axis
+        if (widths < 0.4 * lengths).any():
             return None
         return cls(cells, ends, across, normal, (float(widths.min()) / 2,) * 2)
 
     def with_bow(self, mesh: PolygonMesh) -> Self | None:
-        """Return the bar with a curved middle line and half widths that fit the old outline by least squares.
-        Return None if the slope of the middle line reaches 1, or if the new bar has no width at an end."""
+        """Return the bar with a curved middle line, or None if no such bar fits."""
         start, end = _walls(mesh, self.cells)
         t, y = self._places((start + end) / 2)
         ahead = (end - start) @ np.cross(self.across, self.normal)
-        side = np.where(ahead > 0, -1, 1)  # -1: right of the axis; there, the old bar's walls run in the axis direction
+        side = np.where(ahead > 0, -1, 1)  # -1: right of the axis
         between_ends, weight = (t > 0) & (t < 1), np.sqrt(np.abs(ahead))
         basis = np.stack([t * (1 - t), t**2 * (1 - t), side * (1 - t), side * t], axis=1)
         equations = (basis * weight[:, None])[between_ends], (y * weight)[between_ends]
@@ -72,7 +70,7 @@ class FairBar:
         return sum(self.half)
 
     def heights(self, X: Floats) -> Floats:
-        """Return distances (2, k) of points X (k, 3) from both sides of the bar, inside positive, metres."""
+        """Return distances (2, k) of points X (k, 3) from the sides of the bar, inside positive, metres."""
         t, y = self._places(X)
         t = np.clip(t, 0, 1)
         middle, slope = self._bow_at(t)
@@ -80,19 +78,19 @@ class FairBar:
         return np.array([half + y - middle, half - y + middle]) / np.hypot(1, slope)
 
     def near_length(self, X: Floats) -> Bools:
-        """Return a mask (k,) of points X (k, 3) at most one bar width beyond the ends, measured along the bar."""
+        """Return a mask (k,) of points X (k, 3) at most one bar width beyond the ends."""
         beyond = self.width / self.length
         t, _ = self._places(X)
         return np.asarray((t > -beyond) & (t < 1 + beyond))
 
     def deviation(self, mesh: PolygonMesh) -> float:
-        """Return the largest distance of the old bar's corners from the new bar, in widths of the new bar."""
+        """Return the largest distance of the old bar's corners from the new bar, in bar widths."""
         corners = np.unique(mesh.cells.corner[self.cells[mesh.cells.owner]])
         return float(-self.heights(mesh.X[corners]).min()) / self.width
 
     @property
     def length(self) -> float:
-        """Distance between the two ends of the bar, metres."""
+        """Distance between the ends of the bar, metres."""
         return float(np.linalg.norm(self.ends[1] - self.ends[0]))
 
     def _places(self, X: Floats) -> tuple[Floats, Floats]:
@@ -101,21 +99,18 @@ class FairBar:
         return away @ (self.ends[1] - self.ends[0]) / self.length**2, away @ self.across
 
     def _bow_at(self, t: Floats) -> tuple[Floats, Floats]:
-        """Return the bow (k,) of the middle line at positions t (k,), metres to the left, and its slope."""
         (a, b), parabola = self.bow, t * (1 - t)
         return parabola * (a + b * t), ((1 - 2 * t) * (a + b * t) + parabola * b) / self.length
 
 
 def _walls(mesh: PolygonMesh, bar: Bools) -> tuple[Floats, Floats]:
-    """Return start and end (k, 3), metres, of the sides between a bar and void, counter-clockwise."""
     in_bar, beyond = bar[mesh.cells.owner], mesh.polygon_across
     wall = np.flatnonzero(in_bar & (beyond >= 0) & mesh.void[beyond])
     return mesh.X[mesh.cells.corner[wall]], mesh.X[mesh.cells.next_values(mesh.cells.corner)[wall]]
 
 
 def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
-    """Return start and end (k, 2, 3), metres, counter-clockwise around a bar, of its contacts with other material.
-    The result is empty if the bar reaches a surface boundary, or if a contact is a ring or meets another contact."""
+    """Return start and end (k, 2, 3), metres, of a bar's contacts; empty if unsuitable."""
     cells, in_bar, beyond = mesh.cells, bar[mesh.cells.owner], mesh.polygon_across
     contact_slots = np.flatnonzero(in_bar & (beyond >= 0) & ~mesh.void[beyond] & ~bar[beyond])
     if (in_bar & (beyond < 0)).any() or not len(contact_slots):
@@ -127,25 +122,24 @@ def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
     for k in range(count):
         a, b = start[place == k], end[place == k]
         begins, finishes = np.setdiff1d(a, b), np.setdiff1d(b, a)
-        if len(begins) != 1 or len(finishes) != 1:  # the contact is a closed ring, or two contacts touch each other
+        if len(begins) != 1 or len(finishes) != 1:
             return np.empty((0, 2, 3))
         contacts.append(mesh.X[[begins[0], finishes[0]]])
     return np.array(contacts)
 
 
-ASKEW = 0.25  # A straight new bar replaces an old bar only if the `deviation` of the new bar is larger than this.
-UNEVEN = 0.12  # An evenly bent bar replaces an old bar only if the `deviation` of the new bar is larger than this.
-FAR = 1.5  # A new bar replaces an old bar only if the `deviation` of the new bar is smaller than this.
-SNAP = 0.02  # A vertex this near to a bar's side moves onto the side; as a fraction of the bar's width.
+ASKEW = 0.25  # A straight new bar replaces an old bar only above this `deviation`.
+UNEVEN = 0.12  # An evenly bent bar replaces an old bar only above this `deviation`.
+FAR = 1.5  # A new bar replaces an old bar only below this `deviation`.
+SNAP = 0.02  # Distance from which a vertex moves onto a bar's side, divided by the bar's width.
 LARGER = 2.5  # A bar is replaced only if its area changes by less than this factor.
 
 
 def with_straight_bars(
     mesh: PolygonMesh, surface: Surface, fields: Sequence[Field], tidy: Tidy
 ) -> tuple[PolygonMesh, int]:
-    """Straighten bars through nodes, and bend bars near singular points evenly; return also the number of changed bars.
-    Node : material that joins ends of stripes.    Singular point : a point around which stripes have no direction.
-    surface, fields : as in `cut`."""
+    """Straighten bars through nodes, and bend bars near singular points evenly. Return also the number of new bars.
+    Node : material that joins ends of stripes."""
     nodes = nodes_of(mesh) | ((mesh.also == CLOSED) & ~mesh.void)
     near_singular, count = _near_singular(mesh, surface, fields), 0
     if not (nodes | near_singular).any() or not mesh.void.any():
@@ -162,15 +156,12 @@ def with_straight_bars(
 
 
 def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field]) -> Bools:
-    """Return a mask (c,) of material near singular points: beside faces where the material's field has no values."""
     blank = [x.blank if isinstance(x, CornerField) else np.zeros(surface.m, dtype=bool) for x in fields]
     near_blank = np.array([adjacent_faces(surface, faces) for faces in blank])
     return np.asarray(near_blank[mesh.family, mesh.parent] & ~mesh.void)
 
 
 def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy) -> list[FairBar]:
-    """Return the new bars. They replace nodes with stripes (and crossings) there, or stripes near singular points.
-    No two new bars replace the same polygon. `ASKEW`, `UNEVEN` and `FAR` limit the `deviation` of a new bar."""
     bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
     for lumps, seeds in ((with_crossings(mesh, nodes), nodes), (nodes, nodes), (none, near_singular)):
         label = mesh.part_labels(_with_touching_stretches(mesh, lumps | seeds, between_crossings(mesh, tidy, lumps)))
@@ -196,8 +187,7 @@ def _with_touching_stretches(mesh: PolygonMesh, seeds: Bools, part: Ints) -> Boo
 
 
 def _with_fair_bar(mesh: PolygonMesh, bar: Bools, fair_bar: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
-    """Replace the polygons `bar` by `fair_bar`; return the mesh, and the old number of each polygon.
-    The mesh is None if the new area is at least `LARGER` times the old area, or the old area `LARGER` times the new."""
+    """Return the mesh with `fair_bar`, or None, and the old number of each polygon."""
     opening = mesh.part_labels(mesh.void | bar)
     inside, source = np.isin(opening, opening[bar]) & (opening >= 0), np.arange(len(bar))
     line = mesh.lines.count + np.arange(2)

@@ -1,7 +1,4 @@
-"""Remove stubs: the ends of stripes between their last crossings and a node.
-
-Stripes that end at a singular point of the stress meet in a node (see `with_meeting_ends`). Their stubs form a bar with
-a lump at the node:
+"""Remove stubs: the ends of stripes between their last crossings and a node (place where ends meet).
 
     ---+--+--+---           ---+--+--+---
        |  |  |                 |     |              o : the node.    + : the last crossings of its stubs.
@@ -24,19 +21,18 @@ from dsfab.slicing.finishing.loose_ends import Tidy, dependent_polygons, nodes_o
 from dsfab.surface import link_components
 
 LARGE = 1.6
-"""Largest size / median size of openings where a stub (stripe end) was removed. Usually 5 % of openings are larger."""
+"""Largest size / median size of openings where a stub (stripe end) was removed."""
 EYELET, LARGER = 0.5, 2.5
-"""An eyelet is an opening under EYELET times the size of a neighbouring opening. Where a stub beside an eyelet is
-removed, the remaining opening may have a size up to LARGER times the median."""
-GOOD = 1.1  # Stubs (ends of stripes) stay if all openings beside them have a larger size.
-SMALL = 0.6  # Stubs (ends of stripes) stay if the opening without them would have a smaller size.
+"""Largest size of an eyelet (small opening) / neighbour's size; largest size of the opening without an eyelet."""
+GOOD = 1.1  # Stubs (ends of stripes) stay if all openings beside the stub are larger.
+SMALL = 0.6  # Stubs (ends of stripes) stay if the opening without the stub would be smaller.
 TURN = float(np.radians(110))
-"""Maximum change of direction of the outline, radians, where a stub (end of a stripe) was removed."""
+"""Largest change of direction of the outline, radians, where a stub was removed."""
 
 
 def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
-    """Remove nodes (places where ends of stripes meet) and these ends, if an opening of suitable size remains.
-    Return also the number of removed pieces. The other material stays connected.    tidy : rules for dead ends."""
+    """Remove nodes (places where ends of stripes meet) and these ends, if a suitable opening remains.
+    Return also the number of removed pieces.    tidy : rules for dead ends."""
     nodes, count = nodes_of(mesh), 0
     for include_crossings in (False, True):
         lumps = with_crossings(mesh, nodes & ~mesh.void) if include_crossings else nodes & ~mesh.void
@@ -51,19 +47,14 @@ def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
 
 
 def with_crossings(mesh: PolygonMesh, nodes: Bools) -> Bools:
-    """Return a mask (c,) of the polygons marked in `nodes` (c,), and of stripe crossings connected to them."""
+    """Return a mask (c,) of the polygons in `nodes` (c,), and of stripe crossings connected to them."""
     crossing = mesh.part_labels(~mesh.void & ((mesh.also != VOID) | nodes))
     return np.asarray(np.isin(crossing, crossing[nodes]) & (crossing >= 0))
 
 
 @dataclass(frozen=True, eq=False)
 class _Bars:
-    """Removable bars (b,), connected pieces of material between openings (o,).
-    label   : (c,) the bar of each polygon, or -1.
-    area    : (b,) square metres.    wall : (b,) length of contact with other material and surface edges, metres.
-    pair    : (k, 2) a bar, and an opening beside this bar.    shared : (k,) length of their common outline, metres.
-    opening : (o, 2) area, square metres, and perimeter, metres, of each opening.
-    cut     : (b,) True if material stays connected without the bar, and no stripe ends where the bar was."""
+    """Removable bars (b,), connected pieces of material between openings (o,)."""
 
     label: Ints
     area: Floats
@@ -111,8 +102,8 @@ class _Bars:
         return np.bincount(self.pair[:, 0], minlength=len(self.area))
 
     def sizes_without(self, group: Ints, count: int) -> Floats:
-        """Return the size (count,) of the opening that remains if all bars of a group are removed.
-        group : (b,) the group of each bar. Bars of group -1 stay."""
+        """Return the size (count,) of the opening that remains without the bars of each group.
+        group : (b,) the group of each bar, or -1."""
         bar, opening = self.pair.T
         removed = group[bar] >= 0
         touched = np.unique(np.stack([group[bar[removed]], opening[removed]], axis=1), axis=0)
@@ -132,7 +123,7 @@ class _Bars:
 
     @cached_property
     def extremes(self) -> tuple[Floats, Floats]:
-        """Sizes (b,), (b,) of the smallest and of the largest opening beside each bar; inf and 0 without openings."""
+        """Sizes (b,), (b,) of the smallest and largest opening beside each bar; inf and 0 without openings."""
         smallest, largest = np.full(len(self.area), np.inf), np.zeros(len(self.area))
         bar, opening = self.pair.T
         np.minimum.at(smallest, bar, self.sizes[opening])
@@ -141,15 +132,14 @@ class _Bars:
 
     @cached_property
     def lumps(self) -> Bools:
-        """(b,) mask of bars that touch only one opening. Without the bar, this opening would have a larger size."""
+        """(b,) mask of bars that touch a single opening."""
         return np.asarray(
             (self.opening_count == 1) & (self.sizes_without_each > np.maximum(1.02 * self.extremes[1], SMALL))
         )
 
     @cached_property
     def eyelets(self) -> Bools:
-        """(b,) mask of bars between several openings that would form one opening of suitable size without the bar.
-        Bars that touch the same opening are all marked, or all not marked."""
+        """(b,) mask of bars between openings that would form an opening of suitable size."""
         smallest, limits = self.extremes
         ratio = np.divide(smallest, limits, out=np.full_like(smallest, np.inf), where=limits > 0)
         largest = np.where(_below_limits(ratio, EYELET), LARGER, LARGE)
@@ -162,7 +152,7 @@ class _Bars:
         group, count = self._groups(fits)
         limits = np.full(count, LARGE)
         np.maximum.at(limits, group[fits], largest[fits])
-        # bars without a group have index -1, so they read the last value, False
+        # index -1 reads the last value, False
         accepted = np.append(_below_limits(self.sizes_without(group, count), limits), False)
         return np.asarray(accepted[group])
 
@@ -175,7 +165,6 @@ class _Bars:
 
 
 def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyond: Ints) -> Bools:
-    """Return a mask (b,) of bars that touch at most one connected part of the other material."""
     rest = mesh.part_labels(~mesh.void & (label < 0))
     touching = np.stack([label[mesh.cells.owner[contact_sides]], rest[beyond[contact_sides]]], axis=1)
     bar = np.unique(touching, axis=0)[:, 0]
@@ -183,8 +172,6 @@ def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyon
 
 
 def _turns(mesh: PolygonMesh, label: Ints, side: Ints) -> Floats:
-    """Return the largest change of direction (b,), radians, of the outline that remains without each bar.
-    side : numbers of the sides at which bars touch other material."""
     cells, count = mesh.cells, len(mesh.X)
     bar, ends = label[cells.owner[side]], np.stack([cells.corner[side], cells.next_values(cells.corner)[side]], axis=1)
     place = link_components(len(side), *adjacent_sides(bar, ends, count))[1]
@@ -209,7 +196,6 @@ def _angles(mesh: PolygonMesh) -> Floats:
 
 
 def _below_limits(x: Floats, limit_of_each: float | Floats) -> Bools:
-    """Return a mask (k,) of values x (k,) below their limits. Rounding errors do not separate nearly equal values."""
     limits = np.broadcast_to(limit_of_each, x.shape)
     result = np.zeros(len(x), dtype=bool)
     for threshold in np.unique(limits):

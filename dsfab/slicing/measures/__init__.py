@@ -1,1 +1,1 @@
-"""Measures of a cut sheet and of its pattern: widths, lines, and quality of the pattern."""
+"""Measures of a cut sheet: widths, lines, and quality of the pattern."""

@@ -1,4 +1,4 @@
-"""Stripes as functions on a surface: two phases at its vertices (`Chart`), and the middle lines of stripes."""
+"""Stripes as phases on a surface, and the middle lines of stripes."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,10 +22,10 @@ from dsfab.surface.topology import EdgeTable, edge_table
 class Chart:
     """Phases of two families of stripes on a surface. A phase is a whole number on the middle of each stripe.
 
-    surface : n' vertices, m' faces, cut open between faces whose phases do not match.
-    parent  : (m',) face of the original (uncut) surface.    weights : (n', n) barycentric weights on its n vertices.
+    surface : n' vertices, m' faces, cut open where phases do not match.
+    parent  : (m',) face of the uncut surface.    weights : (n', n) barycentric weights on the uncut vertices.
     z       : (n', 2) phases of the major and the minor family.
-    scale   : (n', 2) fraction of a family's stripes that exist: 1/2 if every second is left out; 0 without a phase."""
+    scale   : (n', 2) fraction of a family's stripes that exist; 0 without a phase."""
 
     surface: Surface
     parent: Ints
@@ -37,13 +37,13 @@ class Chart:
         lock_floats(self, z=(self.surface.n, 2), scale=(self.surface.n, 2))
 
     def carry(self, x: Floats) -> Floats:
-        """Return values (n', ...) at this chart's vertices, interpolated from x (n, ...) at the uncut vertices."""
+        """Return values (n', ...) on this chart, from x (n, ...) on the uncut surface."""
         return np.asarray(self.weights @ x)
 
 
 def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None = None) -> Chart:
-    """Return the phases of the stripes that remain after `halve_lines` removed every second stripe in some places.
-    phases : phases of both families before stripes were removed, default `halved.phases`."""
+    """Return the phases of the stripes that `halve_lines` left.
+    phases : phases of the two families before, default `halved.phases`."""
     mesh, phases = halved.mesh, phases or halved.phases
     surface, cell, _ = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     slot = _corner_slots(mesh, surface.F, cell)
@@ -60,11 +60,10 @@ def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None
 
 
 def equal_row_groups(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
-    """Group rows that have the same key (k,) and the same numbers `rows` (k, r).
-    Return the index (g,) of the first row of each group, and the group (k,) of each row."""
+    """Return the first row (g,) of each group of rows with equal keys (k,) and numbers (k, r), and each row's group."""
     order, begins, group_of = equal_key_groups(key)
     lead = order[begins][group_of]
-    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # rows that differ from the first row with their key
+    different = np.flatnonzero((rows != rows[lead]).any(axis=1))
     lead = lead.copy()
     if len(different):
         table = np.column_stack([key[different], rows[different]])
@@ -86,17 +85,17 @@ def _corner_slots(mesh: PolygonMesh, F: Ints, cell: Ints) -> Ints:
 
 ON = 1e-6  # Largest difference between a whole number and the phase on a middle line.
 POINTS = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6
-"""(4, 3) sample points of a face: about the centroids of four equal triangles in the face."""
+"""(4, 3) sample points of a face, barycentric."""
 
 
 @dataclass(frozen=True, eq=False)
 class StripeChart:
-    """Stripes of two families (major, minor) on a surface, and other material such as rims and discs.
+    """Stripes of two families (major, minor) on a surface, and other material.
 
-    surface : n vertices, m faces. A surface that is cut open has several vertices at the same place.
-    z       : (n, 2) phases of both families, whole numbers at the middles of stripes.
-    d       : (n, 2) half widths. A place lies in a stripe if its phase is within d of a whole number.
-    known   : (m, 2) True for faces with a phase. Other faces have no stripes.
+    surface : n vertices, m faces.
+    z       : (n, 2) phases of the two families, whole numbers at the middles of stripes.
+    d       : (n, 2) half widths: in a stripe, the phase is within d of a whole number.
+    known   : (m, 2) True for faces with a phase.
     kept    : (n,) positive in material other than stripes."""
 
     surface: Surface
@@ -113,7 +112,7 @@ class StripeChart:
 
     @classmethod
     def from_chart(cls, chart: Chart, d: Floats, kept_values: Floats) -> Self:
-        """Return stripes with the phases of a chart. d, kept_values : values at the n vertices of the uncut surface.
+        """Return stripes with the phases of a chart.
         d : (n, 2) half width / distance between stripes.    kept_values : (n,) positive in other material."""
         has_phase = np.asarray((chart.scale[chart.surface.F] > 0).all(axis=1))
         nearest_whole = np.rint(chart.z)
@@ -122,7 +121,7 @@ class StripeChart:
 
     @cached_property
     def place(self) -> Ints:
-        """(n,) number of each vertex's position. Vertices with equal coordinates have the same number."""
+        """(n,) number of each vertex's position."""
         order = np.lexsort(self.surface.V.T)
         apart = (np.diff(self.surface.V[order], axis=0) != 0).any(axis=1)
         place = np.empty(self.surface.n, dtype=np.int64)
@@ -131,15 +130,15 @@ class StripeChart:
 
     @cached_property
     def table(self) -> EdgeTable:
-        """Edges of the surface. Vertices with the same `place` count as equal, so both sides of a cut share an edge."""
+        """Edges of the surface; the sides of a cut share an edge."""
         return edge_table(self.place[self.surface.F])
 
     def corners(self, x: Floats) -> Floats:
-        """Return values (3, m) at the corners of the faces, from values x (n,) at the vertices."""
+        """Return values (3, m) at the corners of faces, from values x (n,) at the vertices."""
         return np.asarray(x[self._corner])
 
     def steep(self, k: int) -> Bools:
-        """Return a mask (m,) of faces where family k has a phase that is not constant."""
+        """Return a mask (m,) of faces where the phase of family k is not constant."""
         return self.known[:, k] & (self.slope[k] * self.surface.size > 1e-9)
 
     @cached_property
@@ -148,30 +147,31 @@ class StripeChart:
 
     @cached_property
     def gradients(self) -> tuple[Floats, Floats]:
-        """Gradients (m, 3) of the major and of the minor phase on the faces, per metre."""
+        """Gradients (m, 3) of the major and the minor phase, per metre."""
         hats = np.ascontiguousarray(hat_gradients(self.surface).transpose(1, 0, 2))
         major, minor = (sum(g * z[:, None] for g, z in zip(hats, self.corners(x), strict=True)) for x in self.z.T)
         return np.asarray(major), np.asarray(minor)
 
     @cached_property
     def slope(self) -> tuple[Floats, Floats]:
-        """Stripes per metre (m,) on the faces, for the major and for the minor family; never 0."""
+        """Stripes per metre (m,) for the major and the minor family; never 0."""
         major, minor = (np.maximum(lengths(g), np.finfo(float).tiny) for g in self.gradients)
         return major, minor
 
     def inside(self, k: int, face: Ints, coordinates: Floats) -> Bools:
-        """Return a mask (q,) of points in stripes of family k; coordinates : (q, 3) barycentric in faces (q,)."""
+        """Return a mask (q,) of points in stripes of family k.
+        coordinates : (q, 3) barycentric in faces (q,)."""
         corner = self.surface.F[face]
         z, d = (np.einsum("qc,qc->q", x[corner, k], coordinates) for x in (self.z, self.d))
         return np.asarray((np.abs(z - np.rint(z)) <= d + ON * (d > 0)) & self.known[face, k])
 
     def is_kept(self, face: Ints, coordinates: Floats) -> Bools:
-        """Return a mask (q,) of points that lie in material other than stripes."""
+        """Return a mask (q,) of points in material other than stripes."""
         return np.asarray(np.einsum("qc,qc->q", self.kept[self.surface.F[face]], coordinates) > 0)
 
     @cached_property
     def void(self) -> Floats:
-        """(m,) fraction of each face without material, estimated at four points."""
+        """(m,) estimated fraction of each face without material."""
         solid = self._kept_points.copy()
         for k in (0, 1):
             z, d = (POINTS @ self.corners(x[:, k]) for x in (self.z, self.d))
@@ -179,14 +179,14 @@ class StripeChart:
         return np.asarray(1 - solid.mean(axis=0))
 
     def member_widths(self, k: int) -> tuple[Floats, Floats]:
-        """Return the width (m,), metres, of family k's members on each face, and their area (m,) on the face, m2."""
+        """Return the width (m,), metres, of family k's members in each face, and the area (m,), m2."""
         z, d = (POINTS @ self.corners(x[:, k]) for x in (self.z, self.d))
         share = ((np.abs(z - np.rint(z)) < d) & self.known[:, k]).mean(axis=0)
         return 2 * d.mean(axis=0) / self.slope[k], self.surface.areas * share
 
     @cached_property
     def free(self) -> Floats:
-        """(m,) fraction of each face outside `kept` (material other than stripes), estimated at four points."""
+        """(m,) estimated fraction of each face outside `kept`."""
         return np.asarray(1 - self._kept_points.mean(axis=0))
 
     @cached_property
@@ -196,11 +196,11 @@ class StripeChart:
 
 @dataclass(frozen=True, eq=False)
 class StripeMiddles:
-    """Middle lines of the members of family k. Edges of faces divide the lines into s pieces that meet at j nodes.
+    """Middle lines of the members of family k, as s pieces that meet at j nodes.
 
-    face : (s,) face of each piece.    at : (s, 2, 3) barycentric coordinates of its ends in this face.
+    face : (s,) face of each piece.    at : (s, 2, 3) barycentric coordinates of the piece's ends.
     node : (s, 2) nodes at the ends of each piece.    edge : (j,) True for nodes on the boundary of the surface.
-    copy : (s,) True for a piece on an edge of two faces if an earlier face already has this piece."""
+    copy : (s,) True for a piece that an earlier face already has."""
 
     drawn: StripeChart
     k: int
@@ -212,13 +212,13 @@ class StripeMiddles:
 
     @cached_property
     def points(self) -> Floats:
-        """(s, 2, 3) both ends of each piece, metres."""
+        """(s, 2, 3) ends of each piece, metres."""
         surface = self.drawn.surface
         return np.asarray(np.einsum("sec,scx->sex", self.at, surface.V[surface.F[self.face]]))
 
     @cached_property
     def length(self) -> Floats:
-        """(s,) length of each piece, metres. A piece on an edge of two faces counts half in each face."""
+        """(s,) length of each piece, metres; half for a piece on an edge of two faces."""
         metres = np.linalg.norm(self.points[:, 1] - self.points[:, 0], axis=1)
         key = self.node.min(axis=1) * len(self.edge) + self.node.max(axis=1)
         group = equal_key_groups(key)[2]
@@ -230,14 +230,15 @@ class StripeMiddles:
         return np.bincount(self.node[~self.copy].ravel(), minlength=len(self.edge))
 
     def at_nodes(self, marked: Bools) -> Bools:
-        """Return a mask (j,) of the nodes at marked ends. marked : (s, 2) mask of the pieces' ends."""
+        """Return a mask (j,) of the nodes at marked ends.
+        marked : (s, 2) mask of the pieces' ends."""
         result = np.zeros(len(self.edge), dtype=bool)
         result[self.node[marked]] = True
         return result
 
     @cached_property
     def ends_in_material(self) -> Bools:
-        """(s, 2) mask of the pieces' ends in a member of the other family, or in material other than stripes."""
+        """(s, 2) mask of the pieces' ends in crossing members or kept material."""
         face, coordinates = np.repeat(self.face, 2), self.at.reshape(-1, 3)
         inside = self.drawn.inside(1 - self.k, face, coordinates) | self.drawn.is_kept(face, coordinates)
         return np.asarray(inside.reshape(-1, 2))
@@ -251,8 +252,7 @@ class StripeMiddles:
 
 
 class _Pieces(NamedTuple):
-    """Pieces (s,) of stripes' middle lines: face, number of the line (its phase), and slots (s, 2) of both ends.
-    Slots are places on the face's outline: 0 to 2 for its corners; 3 + c for a point between corners c and c + 1."""
+    """Pieces (s,) of middle lines: face, line number, and places (s, 2) on the face's outline."""
 
     face: Ints
     line: Ints
@@ -260,7 +260,7 @@ class _Pieces(NamedTuple):
 
 
 def stripe_middles(chart: StripeChart, k: int) -> StripeMiddles:
-    """Return the middle lines of the members of family k; none where half widths are 0."""
+    """Return the middle lines of the members of family k."""
     F = chart.surface.F
     pieces = _pieces(chart, k)
     z = chart.z[F[pieces.face], k] - pieces.line[:, None]

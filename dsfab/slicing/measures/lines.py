@@ -1,4 +1,4 @@
-"""Lines of a cut sheet: edges of each family's members, corners of the outline, and middle lines of members."""
+"""Lines of a cut sheet: edges and middle lines of members, and corners of the outline."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from dsfab.surface.topology import EdgeTable, edge_table, half_edges
 class Labels(NamedTuple):
     """Outline edges (k,) of a material sheet.
     half_edge, start, end : the half-edge, and its first and its last vertex.
-    curve  : number of the line with this edge, in `Sheet.lines`; but -1 - k for every edge of a stripe of field k.
+    curve  : number of the line with this edge, in `Sheet.lines`; -1 - k for the edge of a stripe of field k.
     family : number of the field whose material the edge bounds; `VOID` (-1) on the boundary of the uncut surface."""
 
     half_edge: Ints
@@ -33,7 +33,7 @@ class Labels(NamedTuple):
 
 
 def outline_labels(sheet: Sheet) -> Labels:
-    """Return the outline edges of a material sheet, each with the line that made the edge, and its family."""
+    """Return the outline edges of a material sheet."""
     h = sheet.surface.edges.outline
     a, b = (ends[h] for ends in half_edges(sheet.surface.F))
     line = sheet.sides_on.ravel()[h]
@@ -42,8 +42,7 @@ def outline_labels(sheet: Sheet) -> Labels:
 
 
 def outline_corners(sheet: Sheet) -> Floats:
-    """Return the vertices (k, 3), metres, where two curves of a material sheet's outline meet, with or without a bend.
-    A fillet is a single curve, so only its two ends are such vertices."""
+    """Return the vertices (k, 3), metres, where two curves of a material sheet's outline meet."""
     _, a, b, *names = outline_labels(sheet)
     curve = np.unique(np.stack(names), axis=1, return_inverse=True)[1].ravel()
     low, high = np.full(sheet.surface.n, np.iinfo(np.int64).max), np.full(sheet.surface.n, np.iinfo(np.int64).min)
@@ -53,13 +52,13 @@ def outline_corners(sheet: Sheet) -> Floats:
     return np.asarray(sheet.surface.V[low < high])
 
 
-LEAST = 1e-7  # Shorter parts of a segment are dropped, shorter gaps are closed. A fraction of the segment's length.
+LEAST = 1e-7  # Shortest part of a segment, and shortest gap / length of the segment.
 
 
 class Spans(NamedTuple):
     """Parts (p,) of segments that lie on a sheet.
-    segment : (p,) segment of each part.    begin, end : (p,) positions of the part's ends on the segment, 0 to 1.
-    of_pair, cell : (q,) a part, and a cell of the sheet that this part crosses."""
+    segment : (p,) segment of each part.    begin, end : (p,) positions of the part's ends, 0 to 1.
+    of_pair, cell : (q,) a part, and a cell that this part crosses."""
 
     segment: Ints
     begin: Floats
@@ -70,12 +69,12 @@ class Spans(NamedTuple):
 
 def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sheet: Sheet, F: Ints) -> Spans:
     """Return the parts of segments that lie on the cells of a sheet.
-    A view is a segment, described in a face of the chart. A segment on an edge may have two views, one in each face.
-    face        : (v,) the chart's face of each view.    segment : (v,) number of the segment.
-    view_ends   : (v, 2, 3) both ends of the segment in barycentric coordinates of this face.
-    F           : (m, 3) faces of the uncut surface."""
+    A view is a segment, described in a face of the chart.
+    face      : (v,) the chart's face of each view.    segment : (v,) number of the segment.
+    view_ends : (v, 2, 3) ends of the segment in barycentric coordinates of this face.
+    F         : (m, 3) faces of the uncut surface."""
     corners = _parent_coordinates(chart.weights, chart.surface.F[face], chart.parent[face], F)
-    ends = view_ends @ corners  # barycentric, on the uncut faces
+    ends = view_ends @ corners
     order = sorted_order(sheet.parent)
     parents = sheet.parent[order]
     begin, end = (np.searchsorted(parents, chart.parent[face], side=side) for side in ("left", "right"))
@@ -96,7 +95,6 @@ def _parent_coordinates(weights: csr_array, F: Ints, parent: Ints, uncut: Ints) 
 
 
 def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
-    """Return start and end (0 to 1) of the part of each segment in its triangle; end < start for a segment outside."""
     low, high = np.zeros(len(ends)), np.ones(len(ends))
     side = np.roll(corners, -1, axis=1) - corners
     area = side[:, 0, 0] * side[:, 1, 1] - side[:, 0, 1] * side[:, 1, 0]
@@ -115,7 +113,7 @@ def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
 def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans:
     order = np.lexsort([begin, segment])
     segment, begin, end, cell = segment[order], begin[order], end[order], cell[order]
-    upto = np.maximum.accumulate(2.0 * segment + end)  # on a common axis, segment s lies from 2 s to 2 s + 1
+    upto = np.maximum.accumulate(2.0 * segment + end)  # segment s lies from 2 s to 2 s + 1 on a common axis
     begins_span = np.ones(len(segment), dtype=bool)
     begins_span[1:] = 2.0 * segment[1:] + begin[1:] > upto[:-1] + LEAST
     first_rows = np.flatnonzero(begins_span)
@@ -126,7 +124,7 @@ def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans
 
 
 class Middle(NamedTuple):
-    """A middle line of a member: points (k, 3), metres, and its number (if it changes, the one on the longest part)."""
+    """A middle line of a member: points (k, 3), metres, and the line's number."""
 
     number: int
     points: Floats
@@ -134,10 +132,10 @@ class Middle(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Chords:
-    """Segments of middle lines. A view is a segment, described in a face; a segment on an edge has two views.
+    """Segments of middle lines. A view is a segment, described in a face.
     link   : (l, 2) nodes at the ends of the segments.    point : (nodes, 3) positions of the nodes, metres.
-    of     : (v,) the segment of a view.      face  : (v,) the chart's face of a view.
-    number : (v,) number of the middle line among all lines of its family, before any line was removed.
+    of     : (v,) the segment of a view.    face : (v,) the chart's face of a view.
+    number : (v,) number of the middle line in the family.
     at     : (v, 2, 3) ends of the segment in barycentric coordinates of the face."""
 
     link: Ints
@@ -149,10 +147,10 @@ class Chords:
 
     @classmethod
     def from_chart(cls, chart: Chart, family: int, half_width: Floats) -> "Chords":
-        """Return a family's segments in faces that have a phase and a positive `half_width` (n,) at all corners.
+        """Return a family's segments in faces with a phase and a positive `half_width` (n,).
 
              |                  Line k has a segment in a face if k lies between the phases at the face's corners.
-        ---o-+-o---  k          A side of a face is a segment, too, if both of its corners have the phase k.
+        ---o-+-o---  k
              |"""
         y, scale = (x[:, family][chart.surface.F] for x in (chart.z, chart.scale))
         wide = chart.carry(half_width)[chart.surface.F].min(axis=1) > 0
@@ -184,9 +182,7 @@ class Chords:
 
 
 def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
-    """Return the nodes (v, 2) at the ends of segments in faces, and the positions of all nodes, metres.
-    An end lies at `corner` (0 to 2) if `at_corner`, else at `share` (0 to 1) of the side that begins there."""
-    V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # joins both sides of each cut
+    V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)
     F = vertex.ravel()[chart.surface.F]
     edges: EdgeTable = edge_table(F)
     start, side = F[face, corner], edges.of[face, corner]
@@ -204,10 +200,10 @@ def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share:
 
 
 def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, F: Ints, passing: Ints) -> list[Middle]:
-    """Return the middle lines of one family's members, only where the sheet has material.
-    half_width : (n,) half width of members / distance between their middle lines; 0 means no member.
+    """Return the middle lines of a family's members, where the sheet has material.
+    half_width : (n,) half width of members / distance between middle lines; 0 means no member.
     sheet      : the material.    F : (m, 3) faces of the uncut surface.
-    passing    : field numbers of the other family. A line that lies only in these fields is left out."""
+    passing    : field numbers of the other family."""
     chords = Chords.from_chart(chart, family, half_width)
     spans = clip_segments(chart, chords.face, chords.at, chords.of, sheet, F)
     through = np.isin(sheet.family[spans.cell], passing, invert=True)
@@ -240,32 +236,31 @@ def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
 
 
 def dominant_number(number: Ints, weight: Floats) -> int:
-    """Return the number with the largest sum of weights, among numbers (k,) with weights (k,)."""
+    """Return the number with the largest sum of weights (k,), among numbers (k,)."""
     values, group = np.unique(number, return_inverse=True)
     return int(values[np.argmax(np.bincount(group.ravel(), weight))])
 
 
-BOUNDARY = "boundary"  # The family name of edges on the boundary of the uncut surface.
-STRIPES = ("major", "minor")  # The families of a chart, in order.
+BOUNDARY = "boundary"  # Family of edges on the boundary of the uncut surface.
+STRIPES = ("major", "minor")  # Families of a chart.
 
 
 class CornerLines(NamedTuple):
-    """A field of evenly spaced stripes, given at the corners of faces, and the levels (k,) of their middle lines."""
+    """Evenly spaced stripes, given at the corners of faces, and the levels (k,) of middle lines."""
 
     field: CornerField
     levels: Floats
 
 
 Phase = Floats | CornerLines | None
-"""Phase of a family: (n,) at the uncut vertices, a whole number on middle lines; or `CornerLines`; None: no stripes."""
+"""Phase of a family: (n,) at the uncut vertices, or `CornerLines`; None: no stripes."""
 
 
 def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[StructureLine]:
     """Divide the outline of a material sheet into lines, at each change of family or stripe.
-    names  : names of the fields of the cut. The `family` of a cell is an index into `names`.
-    phases : phase z of each field. An edge belongs to the stripe whose number k is nearest to z in the edge's cell. A
-             line gets the number k of the edges with the largest total length.
-    Together the lines are the boundary of the sheet, each edge once, with the material on the left."""
+    names  : names of the fields of the cut, by `family`.
+    phases : phase of each field, a whole number on middle lines.
+    The material is on the left of the lines."""
     labels = outline_labels(sheet)
     stripes = _Stripes(sheet, uncut, phases, labels)
     of_half_edge = {int(a): i for i, a in enumerate(labels.half_edge)}
@@ -303,7 +298,7 @@ class _Stripes:
         return np.asarray(np.rint(nearest_levels(z, phase.levels)), dtype=np.int64)
 
     def changes(self, edges: Ints, loop: Ints) -> Bools:
-        """Return a mask (k,) of edges in a loop that differ from the previous edge in stripe, family or curve."""
+        """Return a mask (k,) of edges in a loop that differ from the previous edge."""
         before = np.roll(edges, 1)
         number = self.number[before].astype(np.float64)
         for k, phase in enumerate(self.phases):
@@ -311,7 +306,7 @@ class _Stripes:
                 same_field = np.flatnonzero((self.family[edges] == k) & (self.family[before] == k))
                 f, g = self.parent[edges[same_field]], self.parent[before[same_field]]
                 rows = self.weights[loop[same_field]]
-                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a vertex of both uncut faces f and g
+                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a vertex of uncut faces f and g
                 place, place_before = (f, corner_places(self.F[f], base)), (g, corner_places(self.F[g], base))
                 sign = phase.field.sign[place] * phase.field.sign[place_before]
                 shift = phase.field.shift[place] - sign * phase.field.shift[place_before]
@@ -321,8 +316,8 @@ class _Stripes:
 
 
 def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> list[StructureLine]:
-    """Return the middle lines z = k of one family's members on the sheet, for all whole numbers k.
-    phase, half_width : z and d (n,) at the n uncut vertices. A member lies where |z - k| < d; d = 0: no member."""
+    """Return the middle lines z = k of a family's members on the sheet, for whole numbers k.
+    phase, half_width : z and d (n,) at the n uncut vertices. A member lies where |z - k| < d."""
     z = sheet.carry(phase)
     levels = np.arange(np.floor(z.min()), np.ceil(z.max()) + 1)
     member = sheet.carry(np.minimum(half_width, 1.0))[sheet.surface.F].min(axis=1) > 0
@@ -333,9 +328,9 @@ def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> 
 def chart_lines(
     sheet: Sheet, uncut: Surface, names: Sequence[str], name: str, chart: Chart, half_width: Floats
 ) -> list[StructureLine]:
-    """Return middle lines of one family's evenly spaced members, each up to the middle of the member that it meets.
-    names      : names of all fields of the cut.    name : "major" or "minor", the family to return.
-    half_width : (n,) at the uncut vertices: half width of a member / distance between neighbouring members."""
+    """Return middle lines of a family's evenly spaced members.
+    names      : names of all fields of the cut.    name : "major" or "minor".
+    half_width : (n,) half width of a member / distance between neighbouring members, at the uncut vertices."""
     family = STRIPES.index(name)
     passing = np.array([k for k, field_name in enumerate(names) if field_name == STRIPES[1 - family]], dtype=np.int64)
     lines = member_middles(chart, family, half_width, sheet, uncut.F, passing)
@@ -354,7 +349,6 @@ def _structure_lines(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[
 
 
 def _loops(surface: Surface) -> list[tuple[Ints, list[int]]]:
-    """Return the vertices and half-edges of each boundary loop, in order. Two-sided surfaces lie on the loop's left."""
     half_edge, (start, end) = surface.edges.outline, half_edges(surface.F)
     by_ends = {(int(end[h]), int(start[h])): int(h) for h in half_edge}
     by_ends |= {(int(start[h]), int(end[h])): int(h) for h in half_edge}

@@ -1,7 +1,6 @@
-"""Overlay: a finished sheet that is divided along the edges of all stripes, also where one stripe covers another.
+"""Overlay: a finished sheet that is divided along the edges of all stripes.
 
-A cut makes the stripes of one field after another. Later stripes do not cut earlier stripes, so a crossing of two
-members is a part of the first member only. The overlay also divides the cells along the edges of later stripes:
+A cut makes the stripes of one field after another. The overlay also divides crossings:
 
      |     |              |     |
 -----+     +-----    -----+-----+-----     The cell * of the crossing is now a part of both members.
@@ -30,13 +29,12 @@ from dsfab.surface import CornerField, Surface, link_components
 
 @dataclass(frozen=True, eq=False)
 class DrawnBand:
-    """Stripes of one field of a cut. The field has two values at each place. In a stripe, a level is between them.
-    family : name. Fields of the same family do not cross each other.
+    """Stripes of a field of a cut. In a stripe, a level is between the two values of the field.
+    family : name. Fields of the same family do not cross.
     field  : the two values at corners of the uncut surface, or (n', 2) at the vertices of the material sheet.
-    levels : (k,) ascending, one for each stripe.
-    centre : mean of both values on a stripe's middle line, minus the stripe's level.
-    hides  : where stripes cross, False: fields of every other family may cover these stripes. True: only earlier fields
-             with `hides` = True may cover these stripes."""
+    levels : (k,) ascending, for each stripe.
+    centre : mean of the two values on a stripe's middle line, minus the stripe's level.
+    hides  : True if, at crossings, only earlier fields with `hides` = True may cover these stripes."""
 
     family: str
     field: CornerField | Floats
@@ -47,15 +45,13 @@ class DrawnBand:
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """A material sheet, also divided along edges of stripes that other stripes cover, and the stripes of each cell.
-    sheet  : m cells, all of them material. `family` is the field that made each cell.
-    source : (m,) cell of the sheet before this division, which contains the cell.
-    part   : (m, f) for each of f fields, the number of the stripe that contains the cell; -1 for none.
-    of     : (count,) number of the field of each stripe.
-    level  : (count,) level of each stripe (see `DrawnBand`), on the largest part of its area if the level changes.
+    """A material sheet, also divided along covered edges of stripes, and the stripes of each cell.
+    sheet  : m cells, all material. `family` is the field that made each cell.
+    source : (m,) cell of the sheet before this division.
+    part   : (m, f) for each of f fields, the stripe that contains the cell; -1 for none.
+    of     : (count,) field of each stripe.    level : (count,) level of each stripe.
     own    : (m,) True if the cell lies in a stripe of the field that made the cell.
-    offset : (m, 3, f) field at the corners, minus its value on the stripe's middle line; never 0. At a common edge, the
-             offsets of two cells are equal or opposite."""
+    offset : (m, 3, f) field at the corners, minus the value on the stripe's middle line; never 0."""
 
     sheet: Sheet
     source: Ints
@@ -80,10 +76,9 @@ class Overlay:
 
 
 def stripe_overlay(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], snap: float = 0.05) -> Overlay:
-    """Divide a material sheet, which was cut from the surface `uncut`, along the edges of all stripes.
+    """Divide a material sheet, cut from the surface `uncut`, along the edges of all stripes.
     bands : stripes of each field of the cut, in order.
-    snap  : snap fraction (see `cut`) for edges of stripes that other stripes cover.
-    Stripes that finishing removed from the sheet are left out."""
+    snap  : snap fraction for covered edges of stripes."""
     base = sheet.surface
     fields = [_on_sheet(sheet, uncut, band.field) for band in bands]
     mesh = PolygonMesh.from_surface(base).with_lines_of(sheet)
@@ -114,7 +109,6 @@ def _on_sheet(sheet: Sheet, uncut: Surface, field: CornerField | Floats) -> Corn
 
 
 def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
-    """Return a mask (m,) of cells in which stripes of `bands[k]` may be covered. family : (m,) field of each cell."""
     covers = np.array([band.family != bands[k].family and (band.hides or not bands[k].hides) for band in bands])
     covers &= ~np.array([bands[k].hides]) | (np.arange(len(bands)) < k)
     return np.asarray(covers[family])
@@ -122,12 +116,7 @@ def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
 
 @dataclass(frozen=True, eq=False)
 class _BandOnCells:
-    """Stripes of a field on triangles. The field has two values at each point (see `DrawnBand`).
-    z : (m, 3) mean of the two values at the corners, minus `DrawnBand.centre`.
-    d : (m,) half the difference of the two values, at the centroid.
-    number : (m,) level nearest to the mean value at the centroid.    off : (m,) difference of mean value and level.
-    sign, shift : (m, 3) The value at a triangle's corner is sign x (value stored at the vertex) + shift.
-    blank : (m,) mask of triangles without values."""
+    """Stripes of a field on triangles."""
 
     F: Ints
     z: Floats
@@ -151,12 +140,12 @@ class _BandOnCells:
         return cls(F, z - band.centre, half, number, distance, sign, shift, blank)
 
     def inside(self, slack: Floats) -> Bools:
-        """Return a mask (m,) of triangles whose centroid lies in a stripe. slack : (m,) added to half widths."""
+        """Return a mask (m,) of triangles whose centroid lies in a stripe. slack : (m,) added half width."""
         return np.asarray((self.off < self.d + slack) & ~self.blank & np.isfinite(self.number))
 
     def links(self, pairs: Ints) -> Bools:
-        """Return a mask (p,) of the pairs of adjacent triangles that lie at the same level (`number`).
-        pairs : (p, 2) half-edges of both triangles at their common edge."""
+        """Return a mask (p,) of the pairs of adjacent triangles at the same level.
+        pairs : (p, 2) half-edges of the common edge."""
         h, g = pairs.T
         flat = self.F.ravel()
         g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # corner of g's cell at the first vertex of h
@@ -165,9 +154,8 @@ class _BandOnCells:
         return np.asarray(np.abs(self.number[h // 3] - (sign * self.number[g // 3] + shift)) < SAME_PHASE)
 
     def offsets(self, in_stripe: Bools) -> Floats:
-        """Return offsets (m, 3): mean field value (`z`) at the corners, minus the triangle's level (`number`).
-        Triangles outside `in_stripe` (m,) get NaN. An offset of 0 becomes a tiny number, with the same sign in all
-        triangles at the vertex."""
+        """Return offsets (m, 3): mean field value at the corners, minus the triangle's level; never 0.
+        Triangles outside `in_stripe` (m,) get NaN."""
         offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
         zero = np.abs(offset) < SAME_PHASE
         offset[zero] = 0.0
@@ -188,7 +176,7 @@ def _labelled_overlay(sheet: Sheet, source: Ints, stripes: list[_BandOnCells], b
     reach = [_value_ranges(stripe_values.z, source) for stripe_values in stripes]
     for k, stripe_values in enumerate(stripes):
         own_cells = sheet.family == k
-        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # the cut may have moved edges outwards
+        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])
     taken = {band.family: np.zeros(m, dtype=bool) for band in bands}
     for k, band in enumerate(bands):
         taken[band.family] |= in_own_band & (sheet.family == k)

@@ -1,4 +1,4 @@
-"""Quality of a pattern: spacing, dead ends, bays between crossings, and the strips of material that leave a node."""
+"""Quality of a pattern."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -25,11 +25,10 @@ from dsfab.surface.topology import link_components
 
 @dataclass(frozen=True, eq=False)
 class Bays:
-    """Middle lines of a family's members, divided into bays: from one crossing with the other family to the next.
-    Edges of faces divide the bays further, into b parts.
-    piece  : (b,) piece of `middles` that contains each part.    at : (b, 3) barycentric coordinates of its midpoint.
-    length : (b,) length of each part, metres.    bay : (b,) number of each part's bay.    count : number of bays.
-    angle  : (c,) angle between members at crossings, degrees. Crossings in material other than stripes are left out."""
+    """Middle lines of a family's members, divided into b parts. A bay lies between two crossings.
+    piece  : (b,) piece of `middles` that contains each part.    at : (b, 3) barycentric coordinates of the midpoint.
+    length : (b,) metres.    bay : (b,) number of each part's bay.    count : number of bays.
+    angle  : (c,) angle between members at crossings, degrees."""
 
     middles: StripeMiddles
     piece: Ints
@@ -41,14 +40,14 @@ class Bays:
 
     @cached_property
     def free(self) -> Floats:
-        """(b,) length of each part, metres; 0 for parts in stripes of the other family or in other material."""
+        """(b,) length of each part, metres; 0 for parts in other members or material."""
         chart, face = self.middles.drawn, self.middles.face[self.piece]
         met = chart.inside(1 - self.middles.k, face, self.at) | chart.is_kept(face, self.at)
         return np.where(met, 0.0, self.length)
 
     @cached_property
     def narrow(self) -> Bools:
-        """(b,) mask of parts where the opening to the next member is narrower than the member."""
+        """(b,) mask of parts where the next opening is narrower than the member."""
         chart = self.middles.drawn
         corner = chart.surface.F[self.middles.face[self.piece]]
         d = np.einsum("bc,bc->b", chart.d[corner, self.middles.k], self.at)
@@ -56,14 +55,14 @@ class Bays:
 
     @property
     def slits(self) -> int:
-        """Number of slits: bays along which the opening beside the member is mostly narrower than the member."""
+        """Number of bays beside a narrow opening."""
         free = np.bincount(self.bay, self.free, self.count)
         slit = np.bincount(self.bay, self.free * self.narrow, self.count)
         return int((slit > free / 2).sum())
 
     @property
     def slit_share(self) -> float:
-        """Fraction of the members' length, without crossings, beside openings narrower than the members."""
+        """Fraction of the members' length beside openings narrower than the members."""
         total = float(self.free.sum())
         return float(self.free @ self.narrow) / total if total > 0 else 0.0
 
@@ -83,7 +82,7 @@ def bays(middles: StripeMiddles) -> Bays:
     inner = np.where(has_stripes, np.maximum(np.ceil(high).astype(np.int64) - first_whole, 0), 0)
     piece = np.repeat(np.arange(len(face)), inner + 1)
     start = np.cumsum(inner + 1) - inner - 1
-    number = np.arange(len(piece)) - start[piece]  # number of each part in its piece, by ascending z
+    number = np.arange(len(piece)) - start[piece]
     z0 = np.where(number == 0, low[piece], first_whole[piece] + number - 1)
     z1 = np.where(number == inner[piece], high[piece], first_whole[piece] + number)
     span = (high - low)[piece]
@@ -133,14 +132,12 @@ class DeadEnds(NamedTuple):
 
 
 def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confidence: Floats) -> DeadEnds:
-    """Return the dead ends of a family's members: ends that meet nothing, and places where members turn back.
-    middles    : middle lines of the members.
-    along      : (m, 3) unit direction of the stress on the faces; its sign has no meaning.
-    deviation  : (m,) angle between members and this direction, degrees.
-    confidence : (m,) how clear the direction is, 0 (equal principal stresses) to 1."""
+    """Return the dead ends of a family's members.
+    along      : (m, 3) unit direction of the stress; the sign has no meaning.
+    deviation  : (m,) angle between members and this direction, degrees.    confidence : (m,) from 0 to 1."""
     met = middles.at_nodes(middles.ends_in_material)
     loose = (middles.degree == 1) & ~middles.edge & ~met
-    clear = confidence[middles.face] > 0.25  # means: principal stresses differ by over 10 % of their RMS
+    clear = confidence[middles.face] > 0.25
     turns_back = _turning_nodes(middles, along[middles.face], clear)
     deviates = clear & (deviation[middles.face] > OFF)
     count, label = link_components(len(turns_back), middles.node[deviates, 0], middles.node[deviates, 1])
@@ -151,7 +148,6 @@ def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confiden
 
 
 def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools:
-    """Mark nodes (j,) where members turn back. along : (s, 3) stress directions.    clear : (s,) True if clear."""
     pieces = np.flatnonzero(~middles.copy)
     step = middles.points[pieces, 1] - middles.points[pieces, 0]
     ahead = np.where(np.einsum("px,px->p", step, along[pieces]) < 0, -1, 1)  # -1: opposite to `along`
@@ -161,7 +157,7 @@ def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools
     pair = np.flatnonzero((np.diff(node[order]) == 0) & (middles.degree[node[order][1:]] == 2))
     end_a, end_b = order[pair], order[pair + 1]
     normals_a, normals_b = (middles.drawn.surface.normals[middles.face[piece[end]]] for end in (end_a, end_b))
-    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])  # direction b, turned into face a
+    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])
     alike = np.where(np.einsum("px,px->p", along[piece[end_a]], straight) < 0, -1, 1)
     result = np.zeros(len(middles.edge), dtype=bool)
     result[node[end_a]] = (side[end_a] * side[end_b] * alike > 0) & clear[piece[end_a]] & clear[piece[end_b]]
@@ -169,22 +165,21 @@ def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools
 
 
 class Arms(NamedTuple):
-    """Arms: strips of a sheet's material that leave a ball around a point of the sheet.
+    """Arms: strips of material that leave a ball around a point of the sheet.
 
     direction : (a, 3) unit vectors from the point to the strips.    normal : (a, 3) mean unit normals of the strips.
-    width     : (a,) widths of the strips, metres. A strip around the whole ball counts as two arms with values 0."""
+    width     : (a,) metres."""
 
     direction: Floats
     normal: Floats
     width: Floats
 
     def is_tip(self, width: float) -> bool:
-        """Return True if a member of `width` metres ends here: no strip leaves, or a single strip under 3 x `width`."""
+        """Return True if a member of `width` metres ends here."""
         return len(self.width) == 0 or (len(self.width) == 1 and float(self.width[0]) < 3 * width)
 
     def is_hairpin(self, width: float) -> bool:
-        """Return True if a member of `width` metres ends here, or turns back: two strips less than 90 degrees apart.
-        The angle is measured after the surface is unfolded into a plane."""
+        """Return True if a member of `width` metres ends here, or turns back."""
         if len(self.width) != 2 or not self.direction.any():
             return self.is_tip(width)
         unfolded = transported_vectors(self.normal[:1], self.normal[1:], self.direction[1:])[0]
@@ -192,8 +187,7 @@ class Arms(NamedTuple):
 
 
 def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
-    """Return the arms: strips of material that leave a ball of `radius` metres at a place (3,).
-    Large faces near the ball are divided first. A ball without vertices has no arms."""
+    """Return the strips of material that leave a ball of `radius` metres at a place (3,)."""
     sheet = _faces_near(sheet, place, radius)
     distance = np.linalg.norm(sheet.V - place, axis=1)
     inside = distance < radius
@@ -205,7 +199,7 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
     core = inside & (label == label[distance.argmin()])
     faces = np.flatnonzero(core[sheet.F].any(axis=1) & ~core[sheet.F].all(axis=1))
     crossed = core[ends].sum(axis=1) == 1
-    rows, sides = np.nonzero(crossed[face_edges[faces]])  # two edges per face
+    rows, sides = np.nonzero(crossed[face_edges[faces]])
     edge = face_edges[faces][rows, sides]
     order = np.argsort(edge, kind="stable")
     shared = np.flatnonzero(np.diff(edge[order]) == 0)
@@ -241,7 +235,7 @@ def _ball_crossings(sheet: Surface, distance: Floats, edge: Ints, radius: float)
     return np.asarray(sheet.V[a] + share * (sheet.V[b] - sheet.V[a]))
 
 
-SHARES = (0.05, 0.5, 0.95)  # Quantiles of spacings and openings, weighted by area.
+SHARES = (0.05, 0.5, 0.95)  # Quantiles of spacings and openings.
 Quantiles = tuple[float, float, float]
 
 
@@ -249,13 +243,12 @@ Quantiles = tuple[float, float, float]
 class FamilyQuality:
     """Quality of one family of members.
 
-    spacing    : distance between middle lines of neighbours, metres: 5 %, 50 %, 95 % quantiles over the striped area.
-    opening    : clear distance between neighbours, metres: the same quantiles of the open area.
-    deviation  : mean angle between members and stress, degrees, with more weight where stress is large and clear.
-    off        : fraction of this weight where the angle is over 30 degrees.
-    dead_ends  : places where members end in nothing or turn back.
-    slits      : number of slits (`Bays.slits`): openings narrower than the members beside them.
-    slit_share : fraction of the members' length beside openings narrower than the members.
+    spacing    : distance between middle lines of neighbours, metres: 5 %, 50 %, 95 % quantiles.
+    opening    : clear distance between neighbours, metres: the same quantiles.
+    deviation  : weighted mean angle between members and stress, degrees.
+    off        : fraction of the weight where the angle is over 30 degrees.
+    slits      : number of openings narrower than the members beside them.
+    slit_share : fraction of the members' length beside slits.
     drawn      : False if the family has no members; then all numbers are 0."""
 
     spacing: Quantiles
@@ -269,14 +262,14 @@ class FamilyQuality:
 
     @property
     def evenness(self) -> float:
-        """95 % quantile of the spacing divided by the 5 % quantile: 1 for equal spacings."""
+        """95 % quantile of the spacing divided by the 5 % quantile."""
         if not self.drawn:
             return 1.0
         return self.spacing[2] / self.spacing[0] if self.spacing[0] > 0 else float("inf")
 
     @property
     def dead(self) -> int:
-        """Number of dead ends of this family's members."""
+        """Number of dead ends of members."""
         return len(self.dead_ends.loose) + len(self.dead_ends.turns)
 
 
@@ -285,10 +278,8 @@ class PatternQuality:
     """Quality of both families together.
 
     crossing_angle : the smallest angle between two members that cross, degrees; 90 without crossings.
-    symmetry_error : fraction of the surface where the pattern is not symmetric, for the worst symmetry of the design;
-                     None without symmetries.
-    turned         : angle, degrees, by which the user rotated the stress directions that members should follow.
-    titles         : names of both families in words."""
+    symmetry_error : fraction of the surface where the pattern is not symmetric; None without symmetries.
+    turned         : angle, degrees, by which the user rotated the stress directions."""
 
     major: FamilyQuality
     minor: FamilyQuality
@@ -299,7 +290,7 @@ class PatternQuality:
 
     @property
     def families(self) -> tuple[tuple[str, FamilyQuality], tuple[str, FamilyQuality]]:
-        """Names and qualities of both families."""
+        """Names and qualities of the families."""
         return ("major", self.major), ("minor", self.minor)
 
     @property
@@ -309,22 +300,22 @@ class PatternQuality:
 
     @property
     def dead_ends(self) -> int:
-        """Number of dead ends of members, in both families."""
+        """Number of dead ends of members."""
         return self.major.dead + self.minor.dead
 
     @property
     def slits(self) -> int:
-        """Number of slits (openings narrower than the members beside them), in both families."""
+        """Number of openings narrower than the members beside them."""
         return self.major.slits + self.minor.slits
 
     @property
     def deviation(self) -> float:
-        """Mean angle between members and stress, degrees, for the family with the larger angle."""
+        """Mean angle between members and stress, degrees, for the worse family."""
         return max(self.major.deviation, self.minor.deviation)
 
     @property
     def summary(self) -> str:
-        """Return a line of text about dead ends, slits, angles and symmetry."""
+        """A line of text about dead ends, slits, angles and symmetry."""
         crossing = f", crossing at {self.crossing_angle:.0f} or more" if self.major.drawn and self.minor.drawn else ""
         turned = f" turned by {self.turned:g}" if self.turned else ""
         crooked = f"members {self.deviation:.1f} degrees off the stress direction{turned}{crossing}"
@@ -340,10 +331,10 @@ def pattern_quality(
     symmetry_error: float | None = None,
     guided: Bools | None = None,
 ) -> PatternQuality:
-    """Measure the quality of the pattern of stripes in `chart`.
+    """Measure the quality of a pattern of stripes.
     stress     : (m, 2) principal stresses along the major and the minor members.
     direction  : (m, 2, 3) unit directions of these stresses.    confidence : (m,) how clear they are, 0 to 1.
-    guided     : (m,) mask of faces where members follow a guide, and thus may turn back. Default: none."""
+    guided     : (m,) mask of faces where members follow a guide. Default: none."""
     turning = confidence if guided is None else np.where(guided, 0.0, confidence)
     families = [_family(chart, k, stress[:, k], direction, confidence, turning) for k in (0, 1)]
     angles = np.concatenate([cut.angle for _, cut in families])

@@ -1,4 +1,4 @@
-"""Smallest widths of members, gaps and edges of a cut sheet, measured along straight lines across them."""
+"""Smallest widths of members, gaps and edges of a cut sheet."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from dsfab.surface import Surface, next_half_edge, pieces
 
 class FarEnds(NamedTuple):
     """Ends of k straight lines across a sheet, on the sheet's boundary.
-    edge   : half-edge on the boundary, -1 for lines without a known end.    place : metres along this half-edge.
+    edge   : half-edge on the boundary, -1 if unknown.    place : metres along this half-edge.
     slope  : cosine between line and half-edge.    length : length of the line, metres."""
 
     edge: Ints
@@ -27,8 +27,7 @@ class FarEnds(NamedTuple):
 
 
 class _Lines(NamedTuple):
-    """Lines that enter a triangle. edge : half-edge that they cross.    s : metres from its start to the line.
-    x, y : the line's direction, along and across `edge`.    way : length of the line so far, metres."""
+    """Lines that enter a triangle."""
 
     number: Ints
     edge: Ints
@@ -42,9 +41,8 @@ class _Lines(NamedTuple):
 
 
 def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
-    """Follow straight lines across a sheet from boundary half-edges `start` (k,) to the opposite boundary.
-    Each line begins perpendicular to its half-edge, `place` (k,) metres from the half-edge's start.
-    reach : metres; the end of a longer line may not be found."""
+    """Return the ends of straight lines across a sheet from boundary half-edges `start` (k,).
+    place : (k,) metres from the half-edge's start.    reach : metres; longer lines may have no end."""
     frames, twin, start_vertex = _frames(surface), surface.edges.twins, surface.F.ravel()
     against = start_vertex != start_vertex[twin]  # True for opposite directions
     count = len(start)
@@ -84,7 +82,6 @@ def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
 
 
 def _frames(surface: Surface) -> Floats:
-    """Return (3 m, 7), in axes along and across each half-edge: length, third corner, directions of next two edges."""
     V, F = surface.V, surface.F
     along, apex = (V[np.roll(F, -k, axis=1)].reshape(-1, 3) - V[F].reshape(-1, 3) for k in (1, 2))
     size = np.linalg.norm(along, axis=1)
@@ -96,20 +93,20 @@ def _frames(surface: Surface) -> Floats:
 
 MIDDLE = 0.5
 AT = (1e-3, MIDDLE, 1 - 1e-3)
-"""Positions on a wall (a boundary edge), 0 to 1, at which lines across the sheet start to measure widths."""
+"""Positions on a wall (a boundary edge), 0 to 1, of width lines."""
 OPPOSED = float(np.sin(np.radians(20)))
-"""Two walls at an angle over 20 degrees are not opposite: they form a corner, so their distance is not a width."""
+"""Sine of the largest angle (20 degrees) between opposite walls."""
 TAPER = float(np.radians(1.5))  # Smallest angle between two walls that form a tip, radians.
 
 
 @dataclass(frozen=True, eq=False)
 class Crossings:
-    """Widths of a sheet along lines from a wall (boundary edge) to the opposite wall. Tips usually have no lines.
+    """Widths of a sheet along lines between opposite walls (boundary edges).
 
     width  : (k,) shortest distance from a line's start to the opposite wall, metres.
     place  : (k, 3) the start, metres.    face : (k,) the triangle at the start.
-    weight : (k,) length of the wall at the start, metres, if the line starts in the wall's middle; else 0.
-    walls  : (k, 2) numbers of the two boundary edges at the line's ends."""
+    weight : (k,) length of the wall at the start, metres; 0 for lines that do not start in its middle.
+    walls  : (k, 2) numbers of the boundary edges at the line's ends."""
 
     width: Floats
     place: Floats
@@ -120,8 +117,6 @@ class Crossings:
 
 @dataclass(frozen=True, eq=False)
 class _EdgePoints:
-    """Points on half-edges (k,): (1 - t) times the first vertex + t times the last vertex."""
-
     edge: Ints
     t: Floats
 
@@ -137,10 +132,8 @@ def crossings(
     tips: bool = False,
     reach: float = np.inf,
 ) -> Crossings:
-    """Measure the width of a sheet along lines that start at its walls.
-
-    surface : an edge-manifold sheet.
-    walls   : (e,) mask of boundary edges that count as walls. Lines that end at other edges are left out.
+    """Return the widths of a sheet along lines from wall to wall.
+    walls   : (e,) mask of boundary edges that count as walls.
     start   : (e,) mask of walls at which lines start; default all.    shares : positions of starts on a wall, 0 to 1.
     tips    : True to count lines in tips, where walls converge.    reach : metres; longer lines may be left out."""
     starting = walls if start is None else walls & start
@@ -163,7 +156,6 @@ def crossings(
 
 
 def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
-    """Return the point of the edge at each line's end that is nearest to the line's start, and the distance, metres."""
     size = np.linalg.norm(_edge_vectors(surface, ends.edge), axis=1)
     foot = ends.place - ends.length * ends.slope
     nearest = np.clip(foot, 0, size)
@@ -172,8 +164,6 @@ def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
 
 
 def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floats, slope: Floats) -> Bools:
-    """Return a mask (k,) of lines whose two walls converge to a tip. start, finish : ends of the lines.
-    If the walls form an angle a, the outline of the tip beyond a line of length w measures about w / tan(a / 2)."""
     loop, middle, ahead, total = _loop_positions(surface)
 
     def position(spot: _EdgePoints) -> Floats:
@@ -186,13 +176,11 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
     wedge = width / np.tan(np.maximum(angle, TAPER) / 2)
     ends = start.edge, next_half_edge(start.edge), finish.edge, next_half_edge(finish.edge)
     corner = np.stack([surface.F.ravel()[h] for h in ends])
-    neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))  # start and end edge share a corner
+    neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))
     return np.asarray(neighbours | ((angle >= TAPER) & (wall_length >= 0.4 * wedge) & (wall_length <= 1.7 * wedge)))
 
 
 def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
-    """Return the boundary loop of each half-edge or -1, the position (metres) of its middle along the loop, and a mask
-    of the half-edges in the direction of the loop. Return also the length (metres) of each loop."""
     edge = np.flatnonzero(surface.edges.boundary)
     h = surface.edges.order[surface.edges.start[:-1][edge]]
     label, chain, loops = _loop_chains(surface.edges.ends[edge])
@@ -234,7 +222,8 @@ ROUNDING = 1e-6  # A width still meets a limit if it is smaller by at most this 
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """The smallest member, gap or edge: size and place (3,), metres, name in words, and mesh size there, metres."""
+    """The smallest member, gap or edge.
+    size : metres.    place : (3,), metres.    what : name in words.    mesh : mesh size there, metres."""
 
     size: float
     place: Floats
@@ -248,11 +237,8 @@ class Feature:
 @dataclass(frozen=True, eq=False)
 class Features:
     """Smallest sizes of a sheet's members and gaps, metres; None without members or gaps.
-
-    member : the narrowest member, also between two openings that nearly meet.
-    gap    : the narrowest opening.
     edge   : the shortest edge of a triangle.
-    widths : (k,) widths of members along their walls.    weight : (k,) length of wall that has each width, metres."""
+    widths : (k,) widths of members along the walls.    weight : (k,) length of wall with each width, metres."""
 
     member: Feature | None
     gap: Feature | None
@@ -261,13 +247,13 @@ class Features:
     weight: Floats
 
     def quantiles(self, shares: Sequence[float]) -> Floats:
-        """Return quantiles (q,) of the members' widths, metres, weighted by wall length. shares : (q,), 0 to 1."""
+        """Return quantiles (q,) of the members' widths, metres.
+        shares : (q,), 0 to 1."""
         return weighted_quantiles(self.widths, self.weight, shares) if self.weight.sum() else np.empty(0)
 
     def histogram(self, limit: float = 0.0) -> tuple[Floats, Floats]:
         """Return limits (b + 1,) of bins of member widths, metres, and the fraction (b,) of wall length in each bin.
-        limit : a width, metres, at which a bin ends; 0 for none. Widths over 3 times the median, and the widest 1 %,
-        count in the last bin. The first limit is 0. Both results may be empty."""
+        limit : a width, metres, at which a bin ends; 0 for none."""
         if not self.weight.sum():
             return np.empty(0), np.empty(0)
         usual, widest = self.quantiles([0.5, 0.99]).tolist()
@@ -277,12 +263,11 @@ class Features:
 
 
 def below_limit(sizes: float | Floats, limit: float) -> Bools:
-    """Return a mask (k,) of sizes (k,) under a limit, metres, with a tolerance of `ROUNDING`."""
+    """Return a mask (k,) of sizes (k,) under a limit, metres."""
     return np.asarray(np.asarray(sizes) < limit * (1 - ROUNDING))
 
 
 def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) -> Floats:
-    """Return the limits of about `count` equal bins from 0 to `end`; a bin ends at `limit`, if it is below `end`."""
     if not 0 < limit < end:
         return np.linspace(0, end, count + 1)
     step = limit / max(1, round(limit / end * count))
@@ -292,13 +277,9 @@ def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) ->
 
 
 def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = False) -> Features:
-    """Measure the smallest sizes of a cut sheet.
-    cells : all cells, material and void.    built : (m',) mask of the structure's cells.    names : names of fields.
-    tips  : True to measure gaps also in the tips of openings, where walls converge.
-
-    Widths and gaps are lengths of straight lines from wall to wall. They are exact between straight walls. On walls
-    that bend by an angle a from edge to edge, the relative error of a width is up to 1 - cos a. Two walls at an angle
-    over 20 degrees form a corner, without a width. Pieces and openings without lines have size 4 area / perimeter."""
+    """Return the smallest sizes of a cut sheet.
+    cells : all cells, material and void.    built : (m',) mask of the structure's cells.
+    tips  : True to measure gaps also in the tips of openings."""
     part, mesh = SheetPart.from_cells(cells.surface, built), _mesh_width(cells)
     material, from_material = part.surface, part.cells
     across = crossings(material, material.edges.boundary)
@@ -317,7 +298,7 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
 
 
 def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
-    """Return a mask (m',) of the material cells of `cells`, without the pieces of material that `sheet` leaves out."""
+    """Return a mask (m',) of the material cells of `cells` that are also in `sheet`."""
     material = cells.material
     if material.sum() == sheet.surface.m:
         return np.asarray(material)
@@ -333,7 +314,7 @@ def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
 
 
 def _mesh_width(cells: Sheet) -> Floats:
-    """Return the side (m',) of an equilateral triangle with the area of the uncut face, metres."""
+    """Return the typical edge length (m',) of the uncut face, metres."""
     area = np.bincount(cells.parent, cells.surface.areas)
     return np.asarray(np.sqrt(4 / np.sqrt(3) * area[cells.parent]))
 

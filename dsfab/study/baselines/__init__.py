@@ -29,13 +29,12 @@ BASELINES: Mapping[str, Baseline] = {
     "grid": grid,
     "simp": simp,
 }
-"""Functions that make structures to compare with a design, by name. Mass, loads, supports, kept regions and thickness
-are those of the design. But `thinner` is less thick; `simp` has no rim, and other discs at loads and supports."""
+"""Functions that make structures to compare with a design, by name."""
 DEFAULT = ("isotropic", "thinner")  # default competitors of a comparison
 
 
 def baselines_by_name(names: Iterable[str]) -> dict[str, Baseline]:
-    """Return the entries of `BASELINES` with these names, each once. Raises DsfabError for an unknown name."""
+    """Return the entries of `BASELINES` with these names. Raises DsfabError for an unknown name."""
     for name in (names := list(dict.fromkeys(names))):
         if name not in BASELINES:
             raise DsfabError(

@@ -1,4 +1,4 @@
-"""Competitors with the mass of a design: a thinner sheet, and stripes along other directions."""
+"""Competitors with the mass of a design."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -38,11 +38,10 @@ from dsfab.surface.fields import voronoi_mass
 
 @dataclass(frozen=True, eq=False)
 class ComparisonTask:
-    """Data of a design from which structures of the same mass are made, to compare them with the design.
+    """Data of a design from which structures of the same mass are made.
     preset    : preset with the modes and phases of the design.    area : area of the material, m2.
-    frequency : frequencies of the major and the minor stripes, which are factors on modes. For evenly spaced stripes,
-                the factors that give the same spacing on the first modes.
-    even      : evenly spaced stripes of the design; None for stripes along level lines of modes."""
+    frequency : frequencies of the major and the minor stripes, which are factors on modes.
+    even      : evenly spaced stripes of the design, or None."""
 
     preset: Preset
     surface: Surface
@@ -54,7 +53,7 @@ class ComparisonTask:
 
     @classmethod
     def from_design(cls, design: Design, area: float) -> Self:
-        """Return the data of a design for structures to compare. area : area of the structures' material, m2."""
+        """Return the data of a design for structures of the area `area`, m2."""
         pattern = design.pattern
         preset = pattern.preset_with_choices(design.preset)
         frequency = pattern.frequency
@@ -69,7 +68,7 @@ class ComparisonTask:
 
     @cached_property
     def on_modes(self) -> Preset:
-        """The preset, with stripes along level lines of modes instead of evenly spaced stripes of the same spacing."""
+        """The preset, with stripes along level lines of modes."""
         if self.even is None:
             return self.preset
         pattern, surface = self.preset.pattern, self.surface
@@ -84,7 +83,7 @@ class ComparisonTask:
 
     @property
     def stressed_surface(self) -> StressedSurface:
-        """Surface, statics and diffusion of the design: the input from which a pattern is made."""
+        """Surface, statics and diffusion of the design."""
         return StressedSurface(self.surface, self.statics, self.diffusion)
 
     @property
@@ -94,12 +93,12 @@ class ComparisonTask:
 
     @property
     def loads(self) -> dict[str, LoadCase]:
-        """Loads on the uncut surface, by name, in the load cases and combinations that the pattern follows."""
+        """Loads on the uncut surface that the pattern follows, by name."""
         return self.statics.loads(self.preset.followed_weights)
 
     @property
     def all_loads(self) -> dict[str, LoadCase]:
-        """Loads of every case and combination, on the uncut surface."""
+        """Loads of every case and combination, by name."""
         return {name: case.load for name, case in self.statics.cases.items()}
 
     @cached_property
@@ -109,18 +108,18 @@ class ComparisonTask:
 
     @cached_property
     def permanent(self) -> dict[str, LoadCase]:
-        """Loads whose mass vibrates with the sheet, see `permanent_loads`."""
+        """Loads whose mass vibrates with the sheet."""
         return permanent_loads(self.preset, self.surface, next(iter(self.loads.values())))
 
     def loads_on(self, structure: "Structure", every: bool = False) -> dict[str, LoadCase]:
-        """Return `loads`, or `all_loads` if `every`, on the uncut surface. Self-weight is that of `structure`."""
+        """Return `loads`, or `all_loads` if `every`, with the self-weight of `structure`."""
         share = structure.thickness / self.preset.statics.thickness
         uncut_loads = self.all_loads if every else self.loads
         return {name: load.of_thickness(self.surface, share) for name, load in uncut_loads.items()}
 
     @cached_property
     def kept_layers(self) -> Sequence[Layer]:
-        """Layers of the kept regions (around loads and supports, the rim, and others): material in every pattern."""
+        """Layers of the kept regions: material in every pattern."""
         return kept_regions(self.preset, self.surface, self.statics.load, self.even)
 
     @property
@@ -131,8 +130,8 @@ class ComparisonTask:
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """A design's sheet, or another structure, whose compliance is computed for a comparison.
-    cells  : all cells, material and void.        names : names of the fields of the cut, see `cut`.
+    """A design's sheet, or another structure to compare.
+    cells  : all cells, material and void.        names : names of the fields of the cut.
     sheet  : material without loose pieces.       pieces : number of pieces of `sheet`.      thickness : metres."""
 
     cells: Sheet
@@ -149,7 +148,7 @@ class Structure:
 
     @cached_property
     def material(self) -> Sheet:
-        """Every cell with material, as a sheet, including pieces that reach no support."""
+        """All cells with material, including loose pieces."""
         return self.cells.subset()
 
     @property
@@ -160,28 +159,28 @@ class Structure:
 
 @dataclass(frozen=True, eq=False)
 class Variant:
-    """A structure to be made: its name, such as "modes 1, 2", and the function `make`, which may raise DsfabError."""
+    """A structure to be made. The function `make` may raise DsfabError."""
 
     says: str
     make: Callable[[], Structure]
 
 
-Baseline = Callable[[ComparisonTask], list[Variant]]  # makes variants of a structure; the stiffest variant is compared
+Baseline = Callable[[ComparisonTask], list[Variant]]  # makes variants of a structure
 
 
 def thinner(task: ComparisonTask) -> list[Variant]:
-    """Return the uncut surface with the constant thickness that gives the mass of the design."""
+    """Return the uncut surface with a thickness that gives the mass of the design."""
     return [Variant("", partial(Structure.uncut, task.surface, task.share * task.preset.statics.thickness))]
 
 
 SAME_MASS = 1e-3  # masses count as equal up to this relative difference
 Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
-"""Function of (task, share, tolerance). It returns layers whose material covers `share` of the surface +- tolerance."""
+"""Function of (task, share, tolerance) that returns layers with material on `share` of the surface."""
 
 
 def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
-    """Return a structure whose material has the area `task.area` after loose pieces are removed.
-    drawing : function that makes layers for a share of material. Raises PatternError if no share gives this area."""
+    """Return a structure whose material has the area `task.area`. Raises PatternError.
+    drawing : function that makes layers for a share of material."""
     try:
         return _structure_of_area(task, drawing)
     except PatternError:
@@ -192,7 +191,6 @@ def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
 def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) -> Structure:
     target_share, nearest = task.share, float("inf")
     for _ in range(rounds):
-        # the search for widths may use 30 % of the mass tolerance; the rest is for bridges and removed loose pieces
         layers = drawing(task, target_share, 0.3 * SAME_MASS * task.share)
         structure = sliced_structure(task, layers, improve=False)
         excess = structure.sheet.surface.area / task.area - 1
@@ -206,8 +204,8 @@ def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) 
 
 
 def sliced_structure(task: ComparisonTask, layers: Sequence[Layer], improve: bool = True) -> Structure:
-    """Return the surface cut along the stripes of `layers`, by the preset's options but without loose pieces.
-    improve : False to leave badly shaped triangles as they are, to save time."""
+    """Return the surface cut along the stripes of `layers`, without loose pieces.
+    improve : False to keep badly shaped triangles."""
     names, fields, levels, widths, _ = zip(*layers, strict=True)
     changes = {"loose": "drop", "improve": improve and task.preset.slicing.improve}
     slicing = task.preset.slicing.model_copy(update=changes)
@@ -227,16 +225,14 @@ def area_share(task: ComparisonTask, layers: Sequence[Layer]) -> float:
 def striped_structure(
     task: ComparisonTask, preset: Preset, diffusion: DiffusionResult, even: EvenStripes | None = None
 ) -> Structure:
-    """Return a structure of area `task.area` with stripes along modes of `diffusion`.
-    even : evenly spaced stripes that are used instead."""
+    """Return a structure of area `task.area` with stripes along modes. even : evenly spaced stripes instead."""
     radius = preset.pattern.width.widths(np.sqrt(task.surface.area)).radius
     task = replace(task, diffusion=diffusion)
     return widened_structure(task, preset, drawable_families(preset, task.stressed_surface, radius, even=even))
 
 
 def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[DrawableFamily]) -> Structure:
-    """Return a structure with the given families of stripes, as wide as the area `task.area` requires.
-    preset : rule for the widths, and whether dead ends are removed."""
+    """Return a structure of area `task.area` with the given families of stripes."""
     task, factor = replace(task, preset=preset), 0.0
 
     def drawing(task: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
@@ -257,8 +253,8 @@ PHASES = (0.0, 0.25, 0.5, 0.75)  # phases of stripes that do not follow modes, i
 
 
 class IsotropicStripes(NamedTuple):
-    """Stripes that ignore the stress. preset : preset of the stripes. diffusion : function that returns the modes.
-    pairs : pairs of a major and a minor mode, by number, along whose level lines stripes are tried."""
+    """Stripes that ignore the stress. diffusion : function that returns the modes.
+    pairs : pairs of a major and a minor mode, by number."""
 
     preset: Preset
     pairs: list[tuple[int, int]]
@@ -266,30 +262,28 @@ class IsotropicStripes(NamedTuple):
 
 
 def isotropic_stripes(task: ComparisonTask) -> IsotropicStripes:
-    """Return stripes that ignore the stress, because their modes come from isotropic diffusion.
-    The stripes have a constant width, and material of the area `task.area`."""
+    """Return stripes of constant width that ignore the stress."""
     isotropy = {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": task.share}}
     blind = with_overrides(task.on_modes, isotropy)
     diffusion = cache(lambda: diffusion_step(blind, task.surface, task.statics, Log(None)))
     families = blind.pattern.major, blind.pattern.minor
     alike = families[0].stripes == families[1].stripes and families[0].spacing == families[1].spacing
-    # if the stripes of both families are equal, the pairs of modes (1, 2) and (2, 1) give the same structure
     pairs = [(a, b) for a, b in PAIRS if not alike or a <= b]
     return IsotropicStripes(blind, _distinct_pairs(blind, pairs), diffusion)
 
 
 def isotropic(task: ComparisonTask) -> list[Variant]:
-    """Return a structure of stripes that ignore the stress, for each pair of modes."""
+    """Return structures of stripes that ignore the stress."""
     return isotropic_variants(task, isotropic_stripes(task))
 
 
 def isotropic_variants(task: ComparisonTask, blind: IsotropicStripes) -> list[Variant]:
-    """Return a structure for each pair of modes in `blind.pairs`. blind : stripes that ignore the stress."""
+    """Return a structure for each pair of modes."""
     return _pair_variants(task, blind.preset, blind.diffusion, blind.pairs)
 
 
 def rotated_stripes(task: ComparisonTask) -> list[Variant]:
-    """Return a structure for each pair of modes, with the design's diffusion tensors turned by 45 degrees."""
+    """Return structures with the diffusion tensors turned by 45 degrees."""
 
     @cache
     def diffusion() -> DiffusionResult:
@@ -303,7 +297,7 @@ def rotated_stripes(task: ComparisonTask) -> list[Variant]:
 
 
 def von_mises(task: ComparisonTask) -> list[Variant]:
-    """Return a structure for each phase, with equally wide stripes along level lines of the von Mises stress."""
+    """Return structures with stripes along level lines of the von Mises stress."""
     value = mode_like_field(task.surface, task.statics.answers.stress.largest)
     return [
         Variant(f"phase {phase:g}", partial(_plain_stripes, task, {"von Mises": (value, task.frequency[0])}, phase))
@@ -312,8 +306,7 @@ def von_mises(task: ComparisonTask) -> list[Variant]:
 
 
 def grid(task: ComparisonTask) -> list[Variant]:
-    """Return a structure for each phase, with straight, equally wide stripes along the two directions in which the
-    surface is longest. The frequencies of the stripes are those of the design."""
+    """Return structures with straight stripes along the surface's longest directions."""
     centred = task.surface.V - task.surface.V.mean(axis=0)
     fields = {
         name: (scaled_field(task.surface, centred @ axis), frequency)
@@ -333,20 +326,19 @@ def turned_tensors(surface: Surface, tensors: DiffusionTensors, angle: float) ->
 
 
 def mode_like_field(surface: Surface, face: Floats) -> Floats:
-    """Return values (n,) at the vertices, from values (m,) of the faces, scaled like a mode (`scaled_field`)."""
+    """Return values (n,) at the vertices from values (m,) of the faces, scaled like a mode."""
     return scaled_field(surface, vertex_means(surface, face))
 
 
 def scaled_field(surface: Surface, value: Floats) -> Floats:
-    """Return values (n,) scaled like `dsfab.diffusion.Modes`: their mean is 0, their mean square is 1 / (4 pi)."""
+    """Return values (n,) scaled like a mode: mean 0, mean square 1 / (4 pi)."""
     mass = voronoi_mass(surface)
     value = value - mass @ value / mass.sum()
     return np.asarray(value * np.sqrt(surface.area / (4 * np.pi) / (mass @ value**2)))
 
 
 def principal_axes(task: ComparisonTask) -> Floats:
-    """Return two unit vectors (2, 3), the directions in which the surface is longest.
-    If the surface is equally long in several directions, supports and loads decide."""
+    """Return two unit vectors (2, 3), the directions in which the surface is longest."""
     surface, load = task.surface, task.statics.load
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()

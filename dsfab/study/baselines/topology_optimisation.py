@@ -1,4 +1,4 @@
-"""Topology optimisation (SIMP) of the densities of faces, and a structure cut from them to compare with a design."""
+"""Topology optimisation (SIMP), and a structure cut from the densities to compare with a design."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -18,8 +18,7 @@ from dsfab.surface import LoadCase, Surface
 
 
 def face_filter(surface: Surface, radius: float) -> csr_array:
-    """Return weights (m, m) between faces whose centroids are at most `radius` metres apart [Sigmund 2007].
-    A weight is A_f (radius - distance), where A_f is the area of face f. Each row is scaled to the sum 1."""
+    """Return weights (m, m) between faces whose centroids are at most `radius` metres apart [Sigmund 2007]."""
     i, j = cKDTree(surface.centroids).query_pairs(radius, output_type="ndarray").T
     overlap = radius - np.linalg.norm(surface.centroids[i] - surface.centroids[j], axis=1)
     diagonal = np.arange(surface.m)
@@ -30,23 +29,21 @@ def face_filter(surface: Surface, radius: float) -> csr_array:
 
 
 def filtered_sensitivity(H: csr_array, density: Floats, sensitivity: Floats) -> Floats:
-    """Return filtered sensitivities (m,): sum_f H_ef x_f s_f / max(x_e, 0.001) [Andreassen et al. 2011, eq. 11].
+    """Return filtered sensitivities (m,) [Andreassen et al. 2011, eq. 11].
     H : (m, m) weights of `face_filter`.
-    density : (m,) densities x.
-    sensitivity : (m,) sensitivities s per area of the face [Sigmund 1997]."""
+    density, sensitivity : (m,) densities, and sensitivities per area of the face [Sigmund 1997]."""
     return np.asarray(H @ (density * sensitivity) / np.maximum(density, 1e-3))
 
 
 @dataclass(frozen=True)
 class Simp:
     """Options of SIMP, a method of topology optimisation.
-    radius       : radius of the filter, metres, about the width of a member. 0: see `filter_radius`.
+    radius       : radius of the filter, metres; 0: see `filter_radius`.
     iterations   : largest number of iterations for each penalisation.
     penalisation : final exponent p. Density x gives the stiffness void + x^p (1 - void) [Bendsoe, Sigmund 1999].
-    steps        : number of steps in which p rises from 1 [Petersson and Sigmund 1998]; 0: p is constant.
-    void         : stiffness of an empty face divided by that of a full face.
-    move         : largest change of a density in one iteration.
-    change       : iterations end if no density changes by more than this value.
+    steps        : steps in which p rises from 1 [Petersson and Sigmund 1998]; 0: p is constant.
+    void         : stiffness of an empty face / stiffness of a full face.
+    move, change : largest change of a density in an iteration, and change below which iterations end.
     Raises StaticsError for values out of range."""
 
     radius: float = 0.0
@@ -67,27 +64,27 @@ class Simp:
             )
 
     def filter_radius(self, surface: Surface) -> float:
-        """Return `radius`; for 0, return 3 % of the root of the surface's area (m), at least 1.1 mean edge lengths."""
+        """Return the radius of the filter, metres; if `radius` is 0, from the size of the surface."""
         return self.radius or max(0.03 * float(np.sqrt(surface.area)), 1.1 * surface.mean_edge)
 
     @property
     def penalisations(self) -> Floats:
-        """Values (steps + 1,) of the exponent p, in the order of their use."""
+        """Values (steps + 1,) of the exponent p."""
         return np.linspace(1.0 if self.steps else self.penalisation, self.penalisation, self.steps + 1)
 
     def stiffness(self, density: Floats) -> Floats:
-        """Return the stiffness (m,) of faces, divided by the stiffness of full faces."""
+        """Return the stiffness (m,) of faces / stiffness of full faces."""
         return np.asarray(self.void + (1 - self.void) * density**self.penalisation)
 
     def slope(self, density: Floats) -> Floats:
-        """Return the derivative (m,) of the stiffness of each face with respect to its density."""
+        """Return the derivative (m,) of the stiffness of each face."""
         return np.asarray((1 - self.void) * self.penalisation * density ** (self.penalisation - 1))
 
 
 @dataclass(frozen=True, eq=False)
 class Densities:
     """Result of topology optimisation by SIMP.
-    density : (m,) densities, 0 (void) to 1 (material).    seconds, cpu : wall time and processor time.
+    density : (m,) 0 (void) to 1 (material).    seconds, cpu : wall time and processor time.
     history : (iterations,) compliance (J) before each iteration."""
 
     density: Floats
@@ -105,7 +102,7 @@ class Densities:
         return float(self.history[-1])
 
     def grey(self, surface: Surface) -> float:
-        """Return the share of the area that is neither void nor material: its density is between 0.1 and 0.9."""
+        """Return the share of the area with a density between 0.1 and 0.9."""
         return float(surface.areas @ ((self.density > 0.1) & (self.density < 0.9))) / surface.area
 
 
@@ -117,10 +114,9 @@ def densities(
     weights: Mapping[str, float] | None = None,
     options: Simp | None = None,
 ) -> Densities:
-    """Return the densities of faces, 0 to 1, that give the smallest compliance (topology optimisation by SIMP).
-    The method is that of top88 [Andreassen et al. 2011]. A density scales membrane and bending stiffness equally.
+    """Return the densities of faces, 0 to 1, that give the smallest compliance [Andreassen et al. 2011].
     area    : sum of density times face area, m2.
-    solid   : (m,) mask of faces that stay material.     weights : weight of each load's compliance, default 1.
+    solid   : (m,) mask of faces that stay material.    weights : weight of each load's compliance, default 1.
     Raises StaticsError without supports, or if `area` is below that of the solid faces or above that of the surface."""
     options, surface = options or Simp(), sheet.surface
     solid = np.zeros(surface.m, dtype=bool) if solid is None else solid
@@ -155,20 +151,19 @@ def _start_density(surface: Surface, area: float, solid: Bools) -> float:
 
 
 def simp(task: ComparisonTask) -> list[Variant]:
-    """Return a single variant: the structure of area `task.area` where the densities found by SIMP are largest."""
+    """Return the structure of area `task.area` where the densities of SIMP are largest, in a list."""
     free = free_task(task)
     return [Variant("", lambda: _cut_structure(free, optimised_densities(free)))]
 
 
 def free_task(task: ComparisonTask, options: Simp | None = None) -> ComparisonTask:
-    """Return the task without the preset's rim, and with kept discs of another radius around loads and supports.
-    The radius is that of the filter which SIMP applies to densities (`Simp.filter_radius`)."""
+    """Return the task without the preset's rim, and with new discs around loads and supports."""
     radius = (options or Simp()).filter_radius(task.surface)
     return replace(task, preset=task.preset.with_pattern(keep=radius, rim=0.0))
 
 
 def optimised_densities(task: ComparisonTask, options: Simp | None = None) -> Densities:
-    """Return the result of SIMP for the area, loads and kept regions of `task`. Self-weight is included."""
+    """Return the result of SIMP for a task. Self-weight is included."""
     statics, weights = task.preset.statics, task.preset.followed_weights
     sheet = statics.sheet().model_for(task.surface)
     loads = {name: load.of_thickness(task.surface, task.share) for name, load in task.loads.items()}

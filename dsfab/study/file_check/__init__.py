@@ -1,6 +1,4 @@
-"""Check of an exported file by independent readers.
-
-`check_file` reads and measures a file. With a design, it also compares the surface and the compliance."""
+"""Check of an exported file by independent readers."""
 
 import tempfile
 from collections.abc import Callable
@@ -33,14 +31,14 @@ __all__ = [
 ]  # fmt: skip
 
 Progress = Callable[[str, str], None]
-TOO_THIN, TOO_THICK = 1e-4, 10.0  # if the thinnest wall (m) lies outside of this range, the unit is wrong
-AGREES, DIFFERS = 0.05, 0.15  # differences of compliance: solid and shell agree below 5 %, and differ above 15 %
+TOO_THIN, TOO_THICK = 1e-4, 10.0  # thinnest wall (m) outside of this range: wrong unit
+AGREES, DIFFERS = 0.05, 0.15  # relative differences of compliance
 
 
 @dataclass(frozen=True)
 class Finding:
-    """The verdict of one check. name : `solid`, `unit`, `cut`, `wall`, `gap`, `design` or `compliance`.
-    reason : a sentence, or '' if the numbers explain the verdict."""
+    """The verdict of a check. name : `solid`, `unit`, `cut`, `wall`, `gap`, `design` or `compliance`.
+    reason : a sentence, or ''."""
 
     name: str
     verdict: Status
@@ -50,8 +48,8 @@ class Finding:
 @dataclass(frozen=True, eq=False)
 class FileCheck:
     """Result of the check of a file.
-    clearances : thinnest wall and smallest gap; None if the surface is not closed.       density : kg/m3, 0 if unknown.
-    distance, carrying : distance from the design and compliance; None if not computed, for a reason in `findings`."""
+    clearances : thinnest wall and smallest gap, or None.       density : kg/m3, 0 if unknown.
+    distance, carrying : distance from the design and compliance, or None."""
 
     path: Path
     found: FileContents
@@ -64,7 +62,7 @@ class FileCheck:
 
     @property
     def mass(self) -> float | None:
-        """Mass (kg); None without a density, or for an open mesh."""
+        """Mass (kg); None if unknown."""
         return self.density * self.soundness.volume if self.density and self.soundness.watertight else None
 
     @property
@@ -82,11 +80,10 @@ def check_file(
     max_triangles: int = DEFAULT_TRIANGLES,
 ) -> FileCheck:
     """Read a file and check the solid in the file.
-    design  : the expected design; None to check the file alone.
-    unit    : unit of an STL file's numbers, default millimetres.     density : kg/m3, default that of the design.
-    solid   : True to compare the compliance of a solid model. It takes longest and needs dsfab[solid].
-    max_triangles : largest number of triangles in an STL or 3MF file.
-    Raises SurfaceError or ExportError for a file that cannot be read (see `read_shipped`)."""
+    design : the expected design, or None.
+    unit   : unit of an STL file's numbers, default millimetres.     density : kg/m3, default that of the design.
+    solid  : True to compare the compliance of a solid model, which needs dsfab[solid].
+    Raises SurfaceError or ExportError for a file that cannot be read."""
     if progress:
         progress("read", f"reading {Path(path).name}")
     contents = read_shipped(path, unit, max_triangles, deflection_for(design.preset) if design else 0.0)
@@ -102,8 +99,8 @@ def check_contents(
     progress: Progress | None = None,
 ) -> FileCheck:
     """Check the solid in a file that was already read.
-    contents : contents of the file, read with the deflection `deflection_for(preset)` if a design is given.
-    unit_given : True if the user named the unit of the file's numbers.    Other parameters: see `check_file`."""
+    contents : read with the deflection `deflection_for(preset)` if a design is given.
+    unit_given : True if the user named the unit of the file's numbers."""
     tell = progress or (lambda stage, doing: None)
     tell("judge", f"looking for holes and crossings in {len(contents.F):,} triangles")
     sound = file_soundness(contents, tell)
@@ -126,8 +123,7 @@ def check_contents(
 
 
 def file_soundness(contents: FileContents, tell: Progress) -> Soundness:
-    """Look for holes and crossing triangles in a file's surface. If triangles of a STEP file cross, try finer ones.
-    tell : function that receives the progress."""
+    """Look for holes and crossing triangles in a file's surface.    tell : function that receives the progress."""
     finer = "drawing finer triangles on curved faces, because some triangles cross"
     triangles = StepTriangles(contents.V, contents.F, contents.face, contents.collapsed)
     return curved_soundness(triangles, contents.deflection, contents.shape, lambda: tell("judge", finer))
@@ -165,9 +161,8 @@ def _unit_finding(
 
 
 def _cut_finding(contents: FileContents) -> Finding:
-    """Check that OCCT can cut the solid of a STEP file in half. OCCT may fail even if the solid is sound."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
-        path = Path(folder) / "shape.bin"  # the binary file loads faster than STEP
+        path = Path(folder) / "shape.bin"
         path.write_bytes(contents.shape)
         fault, _ = cut_fault(path, contents.path.read_bytes().count(b"ADVANCED_FACE("))
     why = f"{fault}: for a solid that can be cut in CAD, write step = 'members' or 'faceted'"
@@ -175,7 +170,6 @@ def _cut_finding(contents: FileContents) -> Finding:
 
 
 def _limit_findings(walls_and_gaps: Clearances | None, design: Design, matches_design: bool) -> list[Finding]:
-    """Check the limits of walls and gaps in the design if the file matches the design, else in the file."""
     options, findings = design.preset.fabrication, []
     built = {check.name: check for check in fabrication(design).checks} if matches_design else {}
     for name, limit in (("wall", options.min_wall), ("gap", options.min_gap)):

@@ -1,4 +1,4 @@
-"""Triangles of an exported file, its thinnest walls and smallest gaps, and its distance from the design."""
+"""Walls and gaps of an exported file, and the file's distance from the design."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,26 +19,24 @@ from dsfab.surface.topology import edge_table
 from dsfab.thickening.offset_vectors import SHIFT
 from dsfab.thickening.wall_thickness import INSIDE, OPPOSED, Facets, Rays
 
-SUFFIXES = (".stl", ".3mf", ".step", ".stp")  # suffixes of files that can be checked
-STEP_BEGINS = b"ISO-10303-21"  # text at the beginning of every STEP file
+SUFFIXES = (".stl", ".3mf", ".step", ".stp")  # files that can be checked
+STEP_BEGINS = b"ISO-10303-21"  # start of every STEP file
 BY_CONVENTION = "mm"  # assumed unit of STL files
 CURVED = (
     *(f"{word}_SURFACE".encode() for word in ("B_SPLINE", "UNIFORM", "BEZIER")),
     *(f"{word}_SURFACE".encode() for word in ("CYLINDRICAL", "CONICAL", "SPHERICAL", "TOROIDAL")),
     b"SURFACE_OF_",
 )
-"""Names of curved faces in the text of a STEP file."""
+"""Curved faces in a STEP file."""
 
 
 @dataclass(frozen=True, eq=False)
 class FileContents:
     """Contents of a file.
-    V       : (n, 3) different points, metres.              F : (m, 3) triangles with three different corners.
-    unit    : unit of the file's numbers.                   declared : True if the file names its unit.
-    metres  : length of the unit, metres.                   collapsed : number of left-out triangles with equal corners.
-    reader  : name of the reader.        path : path of the file.
-    deflection : largest distance (m) of triangles from their curved STEP faces; else 0.
-    shape   : STEP shape in OCCT's binary form; else empty.      face : (m,) STEP face of each triangle."""
+    V      : (n, 3) different points, metres.    F : (m, 3) triangles with three different corners.
+    metres : length of the file's unit, metres.    declared : True if the file names the unit.
+    deflection : largest distance (m) of triangles from curved STEP faces; else 0.
+    shape  : STEP shape in OCCT's binary form; else empty.    face : (m,) STEP face of each triangle."""
 
     path: Path
     V: Floats
@@ -66,10 +64,10 @@ class FileContents:
 def read_shipped(
     path: str | Path, unit: str | None = None, max_triangles: int = DEFAULT_TRIANGLES, deflection: float = 0.0
 ) -> FileContents:
-    """Read the solid in an STL, 3MF or STEP file with trimesh, lib3mf or OCCT.
-    unit : unit of the numbers in an STL file, default millimetres.
+    """Read the solid in an STL, 3MF or STEP file.
+    unit : unit of an STL file, default millimetres.
     max_triangles : largest number of triangles in an STL or 3MF file.
-    deflection : largest distance (m) of triangles from their curved STEP faces; 0 is the reader's default.
+    deflection : largest distance (m) of triangles from curved STEP faces; 0 is the reader's default.
     Raises SurfaceError or ExportError for a missing, empty or unreadable file, or for coordinates that are not finite.
     Raises ExportError for `unit` if the file is not STL."""
     path = Path(path)
@@ -124,7 +122,7 @@ def _join_vertices(V: Floats, F: Ints) -> tuple[Floats, Ints, int]:
 
 
 FLAT = 64 * float(np.finfo(np.float32).eps)  # smallest height / mesh size of a triangle with a normal
-PARALLEL = float(np.cos(np.radians(3)))  # cosine of the smallest angle between faces that form a tip or a notch
+PARALLEL = float(np.cos(np.radians(3)))  # cosine of the smallest angle of a tip or a notch
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,18 +138,15 @@ class Clearance:
 
 @dataclass(frozen=True, eq=False)
 class Clearances:
-    """The thinnest wall and the smallest gap of a mesh; None without opposite faces."""
+    """The thinnest wall and the smallest gap of a mesh, or None."""
 
     wall: Clearance | None
     gap: Clearance | None
 
 
 def clearances(V: Floats, F: Ints) -> Clearances:
-    """Return the thinnest wall and the smallest gap of a closed mesh V (n, 3) metres, F (m, 3) oriented outwards.
-    The width of a member also counts as a wall.
-    Rays start on each face: inwards for walls, outwards for gaps. A hit counts if the two faces are parallel within 20
-    degrees. The distance is measured from the start of the ray to the plane of the hit face.
-    Sides of a tip or a notch, coplanar parts that meet in a point, and very thin triangles do not count."""
+    """Return the thinnest wall and the smallest gap of a closed mesh.
+    V : (n, 3) metres.    F : (m, 3) oriented outwards."""
     N, has_normal = _normals(V, F)
     face = np.flatnonzero(has_normal)
     corners = V[F[face]]
@@ -195,16 +190,16 @@ def _neighbours(F: Ints, first_faces: Ints, second_faces: Ints) -> Bools:
 
 
 MIXED_UP = {1e-3: "m", 1e-2: "dm", 1e-1: "cm", 25.4: "mm", 1e3: "mm", 1 / 25.4: "in", 1 / 304.8: "ft"}
-"""Probable true unit of a file's numbers, by the size of the file's solid divided by the size of the design."""
+"""Probable true unit of a file's numbers, by the solid's size / the design's size."""
 
 
 @dataclass(frozen=True, eq=False)
 class Distance:
-    """Distances (m) between the solid in a file and the solid of a design, with their places (3,).
+    """Distances (m) between the solid in a file and the solid of a design, with places (3,).
     skin      : largest distance of the file's top and bottom from their exact place.    skin_mean : mean distance.
-    to_design : largest distance of a point of the file from the design: additional material or a shift.
-    from_design : largest distance of a point of the design from the file: missing parts or a shift.
-    beyond    : largest excess of a distance over its allowed value; at most 0 if all distances are allowed.
+    to_design : largest distance of a point of the file from the design.
+    from_design : largest distance of a point of the design from the file.
+    beyond    : largest excess of a distance over the allowed value; at most 0 if all distances are allowed.
     allowed   : the allowed value at the place of `beyond`.
     scale     : diagonal of the file's bounding box divided by that of the design."""
 
@@ -230,22 +225,21 @@ class Distance:
 
     @property
     def meant_unit(self) -> str | None:
-        """Probable unit of the file's numbers if `scale` shows (to 2 %) that the assumed unit is wrong; else None."""
+        """Probable unit of the file's numbers if the assumed unit is wrong; else None."""
         return next((unit for factor, unit in MIXED_UP.items() if abs(self.scale / factor - 1) < 0.02), None)
 
 
 @dataclass(frozen=True, eq=False)
 class Allowance:
     """Allowed distance between the solid in a file and the solid of a design.
-    flat   : metres, on flat faces.     limits : added to `flat` on curved faces; None without curved faces."""
+    flat   : metres, on flat faces.    limits : added on curved faces; None without curved faces."""
 
     flat: float
     limits: SmoothLimits | None = None
 
     @classmethod
     def from_design(cls, contents: FileContents, design: Design) -> "Allowance":
-        """Return the allowed distance for a file and a design: for STL and 3MF, `OFF_SURFACE` times the thickness.
-        In STEP files, curved faces may deviate from the triangles of the mesh, and flat faces may be simplified."""
+        """Return the allowed distance for a file and a design."""
         flat, step_tolerance = off_surface(design.preset), design.preset.export.step_tolerance
         if contents.reader != "OCCT":
             return cls(OFF_SURFACE * design.preset.statics.thickness)
@@ -254,12 +248,12 @@ class Allowance:
         try:
             curved = curved_design(design)
             limits = smooth_limits(Surface(curved.V, curved.F), curved, MM_PER_M * step_tolerance)
-        except ExportError:  # the design has no smooth sheet
+        except ExportError:  # no smooth sheet
             limits = None
         return cls(flat + contents.deflection, limits)
 
     def at_points(self, points: Floats) -> Floats:
-        """Return the allowed distance (k,), metres, at points (k, 3), metres."""
+        """Return the allowed distance (k,), metres, at points (k, 3)."""
         flat = np.full(len(points), self.flat)
         if self.limits is None:
             return flat
@@ -267,17 +261,17 @@ class Allowance:
 
 
 def off_surface(preset: Preset) -> float:
-    """Return the allowed distance (m) of a STEP file's curved faces from the design's surface, without mesh errors."""
+    """Return the allowed distance (m) of a STEP file's curved faces from the design's surface."""
     return preset.export.step_tolerance or OFF_SURFACE * preset.statics.thickness
 
 
 def deflection_for(preset: Preset) -> float:
-    """Return how far (m) triangles may deviate from a STEP file's curved faces when the file is read for a check."""
+    """Return how far (m) triangles of a check may deviate from a STEP file's curved faces."""
     return DEFLECTION * off_surface(preset)
 
 
 def distance(contents: FileContents, design: Design) -> Distance:
-    """Measure the distance of a file's solid from a design's solid and back, at vertices and centres of faces."""
+    """Measure the distance of a file's solid from a design's solid and back."""
     V, F, allowed = contents.V, contents.F, Allowance.from_design(contents, design)
     to, to_place, to_excess = _farthest(V, F, design.solid.V, design.solid.F, allowed)
     back, back_place, back_excess = _farthest(design.solid.V, design.solid.F, V, F, allowed)
@@ -292,7 +286,7 @@ def _farthest(
     P = np.concatenate([V, V[F].mean(axis=1)])
     offsets = nearest_places(P, onto_V, onto_F).distance
     k = int(offsets.argmax())
-    candidates = np.flatnonzero(offsets > allowed.flat)  # points within the limit for flat faces need no check
+    candidates = np.flatnonzero(offsets > allowed.flat)
     candidates = candidates if len(candidates) else np.array([k])
     permitted = allowed.at_points(P[candidates])
     worst = int((offsets[candidates] - permitted).argmax())
@@ -307,7 +301,7 @@ def _skin_offsets(V: Floats, F: Ints, design: Design) -> tuple[float, Floats, fl
     projection = nearest_places(P, sheet.V, sheet.F)
     distances, face = projection.distance, projection.simplex
     along = np.abs(np.einsum("mi,mi->m", cross, sheet.normals[face]))
-    skin = (twice > 0) & (along > 0.9 * twice)  # faces at the top and bottom; the others are walls
+    skin = (twice > 0) & (along > 0.9 * twice)  # top and bottom faces
     half = design.preset.statics.thickness / 2
     shift = abs(SHIFT[design.preset.thickening.side])
     differences = np.abs(distances[:, None] - np.array([half * (1 - shift), half * (1 + shift)])).min(axis=1)

@@ -1,4 +1,4 @@
-"""Program that fills a closed triangle mesh with tetrahedra by gmsh, in a separate process because gmsh may crash.
+"""Program that fills a closed triangle mesh with tetrahedra by gmsh.
 
     python -P gmsh_program.py IN.npz OUT.npz
 
@@ -16,7 +16,7 @@ TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's numbers for the element types
 
 
 def tetrahedra(mesh_data: Any) -> tuple[Any, Any]:
-    """Return nodes (p, 3) and tetrahedra (k, 4) that fill the solid in `mesh_data`; triangles V, F stay unchanged."""
+    """Return nodes (p, 3) and tetrahedra (k, 4) that fill the solid in `mesh_data`."""
     import gmsh
 
     gmsh.initialize()
@@ -27,7 +27,7 @@ def tetrahedra(mesh_data: Any) -> tuple[Any, Any]:
         gmsh.model.occ.synchronize()
     else:
         _add_mesh(gmsh.model, mesh_data["V"], mesh_data["F"])
-    gmsh.option.setNumber("Mesh.Algorithm3D", 1)  # Delaunay, which keeps the surface triangles
+    gmsh.option.setNumber("Mesh.Algorithm3D", 1)  # Delaunay, keeps the surface triangles
     gmsh.option.setNumber("Mesh.MeshSizeMax", float(mesh_data["edge"]))
     gmsh.model.mesh.generate(3)
     tags, points, _ = gmsh.model.mesh.getNodes()

@@ -1,4 +1,4 @@
-"""Compliance of the solid in a file, by ten-node tetrahedra, for comparison with the sheet of the design."""
+"""Compliance of the solid in a file, for comparison with the sheet of the design."""
 
 import importlib.util
 import subprocess
@@ -27,7 +27,7 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.surface.edge_changes import refined_surface
 from dsfab.thickening.offset_vectors import SHIFT
 
-NEEDED = ("gmsh", "skfem")  # packages of the extra `solid`: meshes (gmsh, GPL) and solid elements (skfem, BSD-3)
+NEEDED = ("gmsh", "skfem")  # packages of the extra `solid`
 STEP = (".step", ".stp")  # suffixes of files that gmsh reads
 
 
@@ -44,14 +44,13 @@ class Tetrahedra:
 
 
 def missing_packages() -> str:
-    """Return which packages for a solid model are missing, and how to install them; '' if all are installed."""
+    """Return a text on missing packages for a solid model; '' if all are installed."""
     absent = [name for name in NEEDED if importlib.util.find_spec(name) is None]
     return f'{" and ".join(absent)} not installed; pip install "dsfab[solid]"' if absent else ""
 
 
 def tetrahedra(contents: FileContents, edge: float) -> Tetrahedra:
     """Fill the solid of a file with tetrahedra, by gmsh. edge : longest edge on the surface of the solid, metres.
-    STEP files get new triangles. Other files keep their triangles, but long edges are halved.
     Raises StaticsError if gmsh fails, takes too long, or changes the volume."""
     volume = Surface(contents.V, contents.F).volume
     if contents.path.suffix.lower() in STEP:
@@ -92,7 +91,7 @@ def _checked_tetrahedra(X: Floats, T: Ints, volume: float, tolerance: float) -> 
     return Tetrahedra(X, T)
 
 
-OUTSIDE = 0.25  # a point slightly outside a tetrahedron counts: barycentric coordinates from -OUTSIDE are accepted
+OUTSIDE = 0.25  # smallest accepted barycentric coordinate is -OUTSIDE
 LARGEST = 1_200_000  # limit on the number of unknowns
 
 
@@ -130,9 +129,8 @@ class SolidModel:
         return cKDTree(self.mesh.X[self.mesh.T].mean(axis=1))
 
     def interpolation(self, points: Floats, reach: float) -> csr_array:
-        """Return the matrix (3 k, N) that maps the N unknowns to displacements at k points.
-        points : (k, 3) metres.    reach : largest distance of a point from the solid, metres.
-        Raises StaticsError for points farther away."""
+        """Return the matrix (3 k, N) that maps the N unknowns to displacements at points (k, 3), metres.
+        Raises StaticsError for points farther than `reach`, metres, from the solid."""
         from skfem import ElementTetP2
 
         tet, local = self._locate(points, reach)
@@ -144,7 +142,7 @@ class SolidModel:
         return csr_array(coo_array(entries, shape=(3 * k, self.K.shape[0])))
 
     def _locate(self, points: Floats, reach: float) -> tuple[Ints, Floats]:
-        """Return the tetrahedron (k,) at each point (nearby for points outside), and the point's coordinates in it."""
+        """Return the tetrahedron (k,) at each point, and the point's coordinates in this tetrahedron."""
         candidates = np.asarray(self._tree.query(points, k=min(40, len(self.mesh.T)))[1]).reshape(len(points), -1)
         P = self.mesh.X[self.mesh.T[candidates]]
         edges = np.swapaxes(P[:, :, 1:] - P[:, :, :1], 2, 3)
@@ -172,7 +170,7 @@ def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000
     K: csr_array | None = None
     for start in range(0, tets.t.shape[1], at_once):
         part = np.arange(start, min(start + at_once, tets.t.shape[1]))
-        basis = Basis(tets, element, elements=part, intorder=2)  # this integration is exact for linear strains
+        basis = Basis(tets, element, elements=part, intorder=2)
         added = csr_array(form.assemble(basis))
         K = added if K is None else csr_array(K + added)
         dofs = basis.dofs.element_dofs
@@ -183,15 +181,15 @@ def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000
 
 @dataclass(frozen=True, eq=False)
 class Holding:
-    """Supports of a solid model as r springs. Each spring acts on a linear combination of the N unknowns.
-    rows : (r, N) coefficients of the combinations.     stiffness : (r,) N/m; very large for a rigid support."""
+    """Supports of a solid model as r springs.
+    rows : (r, N) coefficients of the unknowns.    stiffness : (r,) N/m; very large for a rigid support."""
 
     rows: csr_array
     stiffness: Floats
 
 
 def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -> Floats:
-    """Return the compliances f . u (c,), joules, under c force vectors f (N,); u are the displacements.
+    """Return the compliances f . u (c,), joules, under c force vectors f (N,).
     Raises StaticsError if the supports do not hold the model."""
     K = csr_array(model.K + holding.rows.T @ (diags_array(holding.stiffness) @ holding.rows))
     scale = 1 / np.sqrt(K.diagonal())
@@ -208,19 +206,17 @@ def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -
 
 
 EDGE = 1.0
-"""Longest edge on the solid's surface, divided by the thickness. With a value of 2, compliances were up to 5 % too
-small."""
-COARSE = 1 / 100  # smallest `edge` divided by the solid's size; smaller edges give millions of tetrahedra
+"""Longest edge on the solid's surface, divided by the thickness."""
+COARSE = 1 / 100  # smallest `edge` divided by the solid's size
 RIGID = 1e3  # stiffness of a rigid support's spring, divided by Young's modulus times the thickness
 GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
-"""Heights of Gauss points above the middle, as multiples of half the thickness, and their weights."""
+"""Heights of Gauss points above the middle, in half thicknesses, and their weights."""
 
 
 @dataclass(frozen=True)
 class SolidCompliance:
-    """Compliances (J) of a cut sheet (`shell`) and the solid in a file (`solid`), under loads that shape the pattern.
-    tetrahedra : number of tetrahedra in the solid model.    unknowns : number of unknowns.
-    edge       : longest edge on the surface of the solid model, metres.    elements : elements of the shell."""
+    """Compliances (J) of a cut sheet (`shell`) and of the solid in a file (`solid`).
+    edge : longest edge on the surface of the solid model, metres."""
 
     shell: float
     solid: float
@@ -231,14 +227,13 @@ class SolidCompliance:
 
     @property
     def ratio(self) -> float:
-        """Compliance of the solid divided by that of the shell. Above 1, the solid is softer than the shell."""
+        """Compliance of the solid divided by the compliance of the shell."""
         return self.solid / self.shell
 
 
 def compared_compliance(contents: FileContents, design: Design, edge: float | None = None) -> SolidCompliance:
-    """Compare the compliance of the solid in a file with that of the design's cut sheet, under the same loads.
-    edge : longest edge on the surface of the solid model, metres; default: `EDGE` times the thickness, or more.
-    Loads and supports of the sheet act on displacements of the solid, averaged through the thickness.
+    """Compare the compliance of the solid in a file with the design's cut sheet.
+    edge : longest edge on the surface of the solid model, metres; default: from the thickness.
     Raises StaticsError if gmsh or the solver fails."""
     sheet, statics = design.sheet.surface, design.preset.statics
     loads, t = design.cut_loads, statics.thickness
@@ -259,8 +254,8 @@ def compared_compliance(contents: FileContents, design: Design, edge: float | No
 
 @dataclass(frozen=True, eq=False)
 class SupportPoints:
-    """Maps from the unknowns of a solid model to the displacements on which supports and loads of its sheet act.
-    thickness : metres.    shift : distance from the sheet to the middle of the solid: -1, 0 or 1 half thickness."""
+    """Maps from the unknowns of a solid model to the displacements of its sheet.
+    shift : distance from the sheet to the middle of the solid: -1, 0 or 1 half thickness."""
 
     model: SolidModel
     sheet: Surface
@@ -268,14 +263,14 @@ class SupportPoints:
     shift: int
 
     def mean(self, places: Floats, normals: Floats) -> csr_array:
-        """Return the matrix (3 k, N) that maps N unknowns to displacements at k places, averaged through the thickness.
+        """Return the matrix (3 k, N) from N unknowns to mean displacements at k places.
         normals : (k, 3) unit normals of the sheet at the places."""
         parts = (weight * self._level(places, normals, height) for height, weight in GAUSS)
         return csr_array(sum(parts, start=csr_array((3 * len(places), self.model.K.shape[0]))))
 
     def rotation(self, edges: Bools) -> csr_array:
-        """Return the matrix (r, N) that maps N unknowns to rotations about marked edges, at r points (`samples`).
-        A rotation is the displacement of an upper point minus that of a lower point, at right angles to the edge."""
+        """Return the matrix (r, N) from N unknowns to rotations about marked edges, at r points.
+        A rotation is a difference of two displacements, metres."""
         places, normals, along = self.samples(edges)
         across = np.cross(along, normals)
         across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -286,8 +281,7 @@ class SupportPoints:
         return csr_array(csr_array(entries, shape=(k, 3 * k)) @ apart)
 
     def samples(self, edges: Bools) -> tuple[Floats, Floats, Floats]:
-        """Return points (k, 3) on marked edges, at most half a thickness apart. Return also the normal (k, 3) of a face
-        at each point, and the vector (k, 3) from start to end of the point's edge."""
+        """Return points (k, 3) on marked edges, normals (k, 3) there, and the vectors (k, 3) of the points' edges."""
         table = self.sheet.edges
         start, end = np.moveaxis(self.sheet.V[table.ends[edges]], 1, 0)
         count = np.ceil(2 * np.linalg.norm(end - start, axis=1) / self.thickness).astype(np.int64)
@@ -312,7 +306,7 @@ def _holding(points: SupportPoints, interpolation: csr_array, loads: Mapping[str
     stiffness = np.where(fixed, rigid, load.spring).ravel()
     held_unknowns = np.flatnonzero(stiffness)
     rows, strength = [interpolation[held_unknowns]], [stiffness[held_unknowns]]
-    for axes in np.unique(middles[middles.any(axis=1)], axis=0):  # treat edges with the same held directions together
+    for axes in np.unique(middles[middles.any(axis=1)], axis=0):
         places, normals, _ = points.samples(np.asarray((middles == axes).all(axis=1)))
         rows.append(points.mean(places, normals)[np.flatnonzero(np.tile(axes, len(places)))])
     if load.clamped.any() and axis is None:

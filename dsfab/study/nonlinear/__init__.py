@@ -1,4 +1,4 @@
-"""Load at which a design buckles or snaps through, computed by CalculiX with large displacements."""
+"""Load at which a design buckles or snaps through, computed by CalculiX."""
 
 from dataclasses import dataclass, replace
 
@@ -12,22 +12,20 @@ from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
 CANDIDATE, JUMP = 10.0, 5.0
-"""A step is a snap-through if its displacement per load is over JUMP times that of the previous step, and over
-CANDIDATE times that of the first step."""
+"""Least displacement per load of a snap-through / that of the first (CANDIDATE) and previous step (JUMP)."""
 
 
 @dataclass(frozen=True, eq=False)
 class NonlinearCheck:
-    """Load factors at which a design fails under one case, computed by CalculiX with solid elements.
-    linear    : load factor at which the perfect solid buckles by linear theory; None if it does not buckle. Then the
-                other values are 0 or empty.
-    limit     : load factor at which the imperfect solid fails, or the largest computed factor if it does not fail.
+    """Load factors at which a design fails, computed by CalculiX with large displacements.
+    linear    : load factor at which the perfect solid buckles by linear theory, or None without buckling.
+                For None, the other values are 0 or empty.
+    limit     : load factor at which the imperfect solid fails, or the largest computed factor.
     given_way : True if the solid fails.
-    imperfection : largest initial deviation in the shape of the buckling mode, metres.
+    imperfection : largest initial deviation in shape, metres.
     moved     : largest displacement (m) under the loads, or at the limit if `limit` is below 1.
-    load, u   : (k,) load factors for which the solid was solved, and (k,) largest displacements, metres.
-    triangles : number of wedges, one for each triangle of the sheet.
-    edge      : edge length (m) if the surface was cut again for this check; else 0.
+    load, u   : (k,) solved load factors, and (k,) largest displacements, metres.
+    edge      : edge length (m) if the surface was cut again; else 0.
     minutes   : time limit that ended the path; else 0."""
 
     case: str
@@ -69,10 +67,10 @@ def nonlinear_check(
     progress: Progress = silent,
     edge: float | None = None,
 ) -> NonlinearCheck:
-    """Find the load factor at which a design's cut sheet fails, by a solid model with large displacements.
+    """Find the load factor at which a design's cut sheet fails, computed with large displacements.
     case         : case or combination; default: the first combination, or else the first case.
     imperfection : metres; default: a 300th of the longest side.    minutes : time limit of each run of CalculiX.
-    edge         : smallest edge length (m) of the mesh; 0 for the mesh of the design. Only 0 keeps fillets.
+    edge         : smallest edge length (m) of the mesh; 0 for the mesh of the design.
     Raises StaticsError for springs, a time of 0, loads without support, and if CalculiX is missing or fails."""
     if not minutes > 0:
         raise StaticsError(f"the time limit of {minutes:g} minutes is not positive; give --minutes 60, or more")
@@ -100,7 +98,7 @@ def nonlinear_check(
 
 
 def without_fillets(design: Design, edge: float | None, progress: Progress) -> Design:
-    """Return the design without fillets in the corners of openings. This halves the mesh, and hardly changes buckling.
+    """Return the design without fillets in the corners of openings.
     edge : smallest edge length (m) of the surface; 0 returns the design itself.
     Raises StaticsError for an edge that is negative or longer than the surface."""
     if edge is not None and not 0 <= edge < design.surface.size:
@@ -120,7 +118,7 @@ def without_fillets(design: Design, edge: float | None, progress: Progress) -> D
 def solid_check(
     model: WedgeModel, case: str, imperfection: float, seconds: float, progress: Progress
 ) -> NonlinearCheck:
-    """Find the load factors at which a solid buckles by linear theory, and fails with an imperfect shape.
+    """Find the load factors at which a solid buckles by linear theory, and fails.
     imperfection : metres.    seconds : time limit of each run of CalculiX.    case : name for the result."""
     progress("nonlinear", f"linear buckling of {len(model.solid.elements):,} wedges by CalculiX")
     lowest = lowest_buckling(model, seconds)
@@ -128,15 +126,14 @@ def solid_check(
         return NonlinearCheck(case, None, 0.0, False, 0.0, 0.0, np.zeros(0), np.zeros(0), len(model.solid.elements))
     linear, mode = lowest
     shape = mode / np.linalg.norm(mode, axis=1).max()
-    shape *= np.sign((shape * model.force).sum()) or 1.0  # so that the imperfection has the direction of the loads
+    shape *= np.sign((shape * model.force).sum()) or 1.0  # deviation in the direction of the loads
     middle = model.solid.columns[:, 2]
-    watched = middle[:: -(-len(middle) // 1000)]  # watch at most 1000 vertices
+    watched = middle[:: -(-len(middle) // 1000)]  # at most 1000 vertices
     largest_factor = 1.2 * linear
     progress("nonlinear", f"solving up to {largest_factor:.3g} times the loads, with large displacements")
     start = model.solid.nodes + imperfection * shape
     path = load_path(model, start, (largest_factor,), watched, seconds, last_point)
     limit_step, given_way = limit_of(path)
-    # finer steps do not help if there is no equilibrium just above the last load
     has_no_equilibrium = given_way and limit_step == len(path.load) - 1
     if not has_no_equilibrium and (fine := softest_range(path)) is not None:
         progress("nonlinear", f"solving from {fine[0]:.3g} to {fine[1]:.3g} times the loads in finer steps")
@@ -151,8 +148,7 @@ def solid_check(
 
 
 def softest_range(path: LoadPath) -> tuple[float, float] | None:
-    """Return a range of load factors to solve in finer steps: around the step with the largest displacement per load.
-    Return None if the displacement per load is similar in all steps, or if the range is at most 2 % wide."""
+    """Return a range of load factors to solve in finer steps, or None."""
     moves = _relative_moves(path)
     step = int(moves.argmax())
     below, above = float(path.load[max(step - 1, 1)]), float(path.load[min(step + 2, len(path.load) - 1)])
@@ -160,9 +156,7 @@ def softest_range(path: LoadPath) -> tuple[float, float] | None:
 
 
 def limit_of(path: LoadPath) -> tuple[int, bool]:
-    """Return the number of the last point of a path that the structure bears, and True if the structure fails next.
-    A structure fails in a step with over 100 times the displacement per load of the first step, or by a snap-through
-    (`JUMP`). It also fails if the path ends before its last load, unless the time limit ended the path."""
+    """Return the number of the last point that the structure bears, and True if the structure then fails."""
     moves = _relative_moves(path)
     jump = (moves[1:] > JUMP * moves[:-1]) & (moves[1:] > CANDIDATE)
     soft = np.flatnonzero((moves > 100) | np.concatenate([[False], jump]))
@@ -172,10 +166,7 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
 
 
 def last_point(path: LoadPath) -> int | None:
-    """Return the number of the point at which the computation of a path may stop; None if there is no such point.
-    The computation may stop at the end of a step in which the structure fails (`limit_of`). It may also stop after a
-    soft step: over twice the displacement per load of the first step. A further step of at most 2.5 % of the load must
-    then find no equilibrium."""
+    """Return the number of the point at which the computation of a path may stop, or None."""
     limit_step, snaps = limit_of(replace(path, whole=True))
     moves = _relative_moves(path)
     for start, increment in path.failed:
@@ -185,7 +176,6 @@ def last_point(path: LoadPath) -> int | None:
 
 
 def _relative_moves(path: LoadPath) -> Floats:
-    """Return the displacement per load of each step, (k - 1,), divided by the displacement per load of step 1."""
     load = np.maximum(np.diff(path.load), 1e-12 * path.load[-1])
     moves = np.linalg.norm(np.diff(path.u, axis=0), axis=(1, 2)) / load
     return np.asarray(moves / moves[0])

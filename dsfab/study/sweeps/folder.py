@@ -1,4 +1,4 @@
-"""The folder of a sweep: its lock and files, and tables of results with the best runs and the Pareto front."""
+"""The folder of a sweep: its lock, files and tables of results."""
 
 import csv
 import json
@@ -29,8 +29,7 @@ NAME = "coordinator.lock"
 
 @contextmanager
 def only_coordinator(folder: Path) -> Iterator[None]:
-    """Lock a sweep folder, so that one process coordinates the sweep. The system unlocks it when the process ends.
-    Raises DsfabError for a locked folder."""
+    """Lock a sweep folder. Raises DsfabError for a locked folder."""
     holder = folder / f"{NAME}.txt"
     connection = sqlite3.connect(folder / NAME, timeout=0, isolation_level=None)
     try:
@@ -62,12 +61,12 @@ CSV, PARQUET, PICTURES = "results.csv", "results.parquet", "pictures"
 
 
 def feasible(row: RunRow, limits: Iterable[Constraint]) -> bool:
-    """Return True if a run has succeeded and meets all constraints `limits`."""
+    """Return True if a run has succeeded and meets all constraints."""
     return row.state == "done" and all(limit.holds(row.metrics) for limit in limits)
 
 
 def best(rows: Iterable[RunRow], metric: str, limits: Sequence[Constraint] = ()) -> list[RunRow]:
-    """Return the runs that meet the limits and have a value of this metric, sorted, with the best run first."""
+    """Return the runs that meet the limits and have this metric, the best run first."""
     sign = -1 if ABOUT[metric].better == "more" else 1
     usable = [row for row in rows if feasible(row, limits) and isfinite(row.metrics.get(metric, float("nan")))]
     return sorted(usable, key=lambda row: (sign * row.metrics[metric], row.number))
@@ -76,7 +75,7 @@ def best(rows: Iterable[RunRow], metric: str, limits: Sequence[Constraint] = ())
 def pareto(
     rows: Iterable[RunRow], first_metric: str, second_metric: str, limits: Sequence[Constraint] = ()
 ) -> list[RunRow]:
-    """Return the Pareto front for two metrics of the runs that meet the limits. The best in `first_metric` is first."""
+    """Return the Pareto front of the runs that meet the limits. The best run in `first_metric` is first."""
     front: list[RunRow] = []
     sign = -1 if ABOUT[second_metric].better == "more" else 1
     usable = [row for row in best(rows, first_metric, limits) if isfinite(row.metrics.get(second_metric, float("nan")))]
@@ -92,12 +91,12 @@ def pareto(
 
 
 def picture_of(row: RunRow) -> str:
-    """Return the path of a run's picture, relative to the sweep's folder; '' without a picture."""
+    """Return the path of a run's picture, relative to the sweep's folder, or ''."""
     return next((name for name in row.files if name.startswith(f"{PICTURES}/")), "")
 
 
 def records(rows: Sequence[RunRow], metrics: Sequence[str], limits: Sequence[Constraint]) -> list[dict[str, Any]]:
-    """Return a row of a results table for each run. The names of columns suit the program Design Explorer."""
+    """Return a row of a results table for each run."""
     keys = list(dict.fromkeys(key for row in rows for key in row.changes))
     return [
         {
@@ -115,8 +114,7 @@ def records(rows: Sequence[RunRow], metrics: Sequence[str], limits: Sequence[Con
 
 
 def write_tables(folder: Path, table: Sequence[Mapping[str, Any]]) -> list[Path]:
-    """Write `table` as results.csv and, if pyarrow is installed, results.parquet. Return the paths of the files.
-    Raises ExportError if writing fails."""
+    """Write `table` as results.csv and, if possible, results.parquet. Return the paths. Raises ExportError."""
     if not table:
         return []
     text = StringIO()
@@ -152,14 +150,14 @@ def _column(values: list[Any]) -> list[Any]:
 
 SWEEP, PRESET = "sweep.toml", "preset.toml"
 DESIGNS, LOGS = "designs", "logs"
-HARMLESS = {"constraints"}  # keys of a plan that may always change, because no run depends on these keys
+HARMLESS = {"constraints"}  # keys of a plan that may always change
 RENEWING = {"metrics", "keep", "formats", "size", "view"}  # a change of these keys (--extend) repeats all runs
-TRIED_AGAIN: tuple[State, ...] = ("killed",)  # states of runs that a new session repeats by default
+TRIED_AGAIN: tuple[State, ...] = ("killed",)  # states of runs to repeat by default
 
 
 @dataclass(frozen=True)
 class SweepFolder:
-    """An existing sweep: its folder, its plan with resolved paths, and the base preset of all runs."""
+    """An existing sweep: folder, plan, and base preset of all runs."""
 
     path: Path
     plan: Plan
@@ -167,7 +165,7 @@ class SweepFolder:
 
     @classmethod
     def from_folder(cls, path: Path) -> "SweepFolder":
-        """Return the sweep in a folder. Raises DsfabError if the folder contains no sweep."""
+        """Return the sweep in a folder. Raises DsfabError."""
         if not (path / SWEEP).is_file():
             raise DsfabError(f"{path} holds no sweep ({SWEEP} is missing); give the folder or the file of a sweep")
         plan = load_plan(path / SWEEP)
@@ -175,7 +173,7 @@ class SweepFolder:
 
     def job(self, draw: Drawer | None = None, ship_mesh: bool = False) -> Job:
         """Return the data that workers need for all runs. draw : function that draws a picture of a design.
-        ship_mesh : True to include the mesh file, for workers that cannot read it."""
+        ship_mesh : True to include the mesh file."""
         values = self.preset.model_dump(mode="json", exclude_none=True)
         mesh = mesh_of(self.preset) if ship_mesh else None
         plan = self.plan
@@ -192,8 +190,7 @@ class SweepFolder:
         report: Callable[[Progress], None] = lambda progress: None,
         retry: Collection[State] = TRIED_AGAIN,
     ) -> None:
-        """Carry out the runs that are waiting or were interrupted, and all runs in the states `retry`.
-        Runs during which `TRIES` or more workers died come last.    crew : workers.    report : receives progress."""
+        """Carry out the waiting and interrupted runs, and the runs in the states `retry`."""
         with Store.open(self.path) as store:
             store.reset_to_waiting(("running", *retry))
             try:
@@ -230,7 +227,7 @@ class SweepFolder:
         return write_tables(self.path, records(self.rows(), self.plan.measured_metrics, self.plan.limits))
 
     def deliver(self, outcome: Outcome, changes: Changes) -> list[str]:
-        """Write the files of a run, and a log if it failed; return their names. Raises ExportError if writing fails."""
+        """Write the files of a run, and a log after a failure; return the names. Raises ExportError."""
         names = []
         for name, content in outcome.files.items():
             place = f"{PICTURES}/{outcome.number:05}.png" if name == "picture.png" else None
@@ -252,7 +249,7 @@ class SweepFolder:
 
 
 def checked_plan(plan: Plan) -> tuple[Preset, list[dict[str, Any]]]:
-    """Return the base preset of a plan, and the changes of each run. Raises PresetError for an invalid plan."""
+    """Return the base preset of a plan, and the changes of each run. Raises PresetError."""
     preset, runs = base_preset(plan), points(plan) if plan.search is None else []
     check_points(preset, runs or trials(plan))
     return preset, runs
@@ -262,8 +259,7 @@ def prepare(
     plan: Plan, folder: Path, extend: bool = False, checked: tuple[Preset, list[dict[str, Any]]] | None = None
 ) -> SweepFolder:
     """Create or update the folder of a plan and record its runs. Call this function inside `only_coordinator`.
-    checked : result of `checked_plan`, if the caller has it.
-    extend  : True if a changed plan may add runs. If the metrics or the kept files change, all runs are repeated.
+    checked : result of `checked_plan`, if known.    extend : True if a changed plan may add runs.
     Raises DsfabError for a changed plan without `extend`, and PresetError for invalid keys and values."""
     preset, runs = checked_plan(plan) if checked is None else checked
     settled = _portable_plan(plan, runs)
@@ -289,7 +285,7 @@ def prepare(
 
 
 def sweep_folder(folder: Path) -> Path:
-    """Create a folder for a sweep and return its path. Raises ExportError if the folder cannot be created."""
+    """Create a folder for a sweep and return the path. Raises ExportError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

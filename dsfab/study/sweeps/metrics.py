@@ -1,4 +1,4 @@
-"""Metrics of a sweep: quantities of a design, and the stages that each quantity needs."""
+"""Metrics of a sweep: quantities of a design."""
 
 from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple
@@ -31,8 +31,8 @@ from dsfab.surface import hat_gradients
 
 
 def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium]:
-    """Return the equilibrium of a design's cut sheet under each load that shapes its pattern, by name of the load.
-    use : purpose, which determines the elements. Raises StaticsError if the sheet does not carry its loads."""
+    """Return the equilibrium of a design's cut sheet under each load that shapes the pattern, by name.
+    use : purpose of the results. Raises StaticsError if the sheet does not carry the loads."""
 
     def solve() -> dict[str, Equilibrium]:
         return solve_for(design.preset.statics.sheet().model_for(design.sheet.surface), design.cut_loads, use)
@@ -41,7 +41,7 @@ def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium
 
 
 def verdict(design: Design) -> Verdict:
-    """Return the full verdict on the cut sheet of a design, under the loads that shape its pattern."""
+    """Return the verdict on a design's cut sheet, under the loads that shape the pattern."""
 
     def run_check() -> Verdict:
         loads = design.statics.loads(design.preset.followed_weights)
@@ -52,7 +52,7 @@ def verdict(design: Design) -> Verdict:
 
 
 Metric = Callable[[Design], float]
-NARROWEST = 0.1  # fraction of the stripes' area that may be narrower than `min_width`
+NARROWEST = 0.1  # fraction of area below `min_width`
 
 
 def _loose(design: Design) -> float:
@@ -126,12 +126,11 @@ def _stress(design: Design) -> float:
 
 
 def _ersatz(design: Design) -> float:
-    """Return the compliance of the uncut surface, with each face's stiffness multiplied by its share of material."""
     surface = design.surface
     share = np.bincount(design.sheet.parent, design.sheet.surface.areas, surface.m) / surface.areas
     loads = [load.on_share(surface, share) for load in design.statics.loads(design.preset.followed_weights).values()]
     sheet = FaceStiffness.from_sheet(design.preset.statics.sheet().model_for(surface), loads)
-    void = 1e-6  # relative stiffness of a face without material
+    void = 1e-6  # relative stiffness without material
     u = sheet.factor(void + (1 - void) * np.clip(share, 0, 1))(sheet.force)
     return float(np.einsum("nk,nk->k", sheet.force, u) @ list(design.preset.followed_weights.values()))
 
@@ -179,15 +178,15 @@ METRICS: dict[str, Metric] = {
     "over_thinner": lambda design: _ratio_to_alternative(design, "thinner"),
     "over_isotropic": lambda design: _ratio_to_alternative(design, "isotropic"),
 }
-"""Metrics of a sweep in SI units: functions of a Design, by name. `ABOUT` describes each metric."""
+"""Metrics of a sweep in SI units: functions of a design, by name."""
 BASIC = ("area", "kept_share", "volume", "mass", "pieces", "genus", "compliance_uncut")
-"""Default metrics of `dsfab.sweep`, which need no further solve."""
+"""Default metrics of `dsfab.sweep`."""
 
 Better = Literal["less", "more", ""]
 
 
 class MetricFacts(NamedTuple):
-    """Facts about a metric: unit, whether less or more is better, last stage of a design that it needs, description."""
+    """Unit of a metric, whether less or more is better, last stage needed, and description."""
 
     unit: str
     better: Better
@@ -233,9 +232,9 @@ ABOUT: Mapping[str, MetricFacts] = {
     "over_isotropic": MetricFacts("", "less", "slicing", "compliance over that of isotropic stripes of the same mass"),
     "ersatz": MetricFacts("J", "less", "slicing", "rough compliance: stiffness of uncut faces x share of material"),
 }
-"""Description of each metric. Only the metric `verdict` refines the cut mesh."""
+"""Description of each metric."""
 
 
 def metric_value(name: str, design: Design) -> float:
-    """Return a metric of a design by name. Raises the DsfabError of a stage that fails."""
+    """Return a metric of a design by name. Raises DsfabError."""
     return float(METRICS[name](design))

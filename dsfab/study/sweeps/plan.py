@@ -1,4 +1,4 @@
-"""Sweep files: the values to vary, constraints, and all keys with their defaults and ranges."""
+"""Sweep files: values to vary, and constraints."""
 
 import operator
 import re
@@ -21,11 +21,11 @@ from dsfab.preset.model import Preset
 from dsfab.study.sizing import sized_preset
 from dsfab.study.sweeps.metrics import METRICS
 
-DIGITS = 6  # significant digits of the values in a range
+DIGITS = 6  # significant digits of values
 
 
 class Range(BaseModel):
-    """Values from `from` to `to`, both included, with equal steps or ratios; whole numbers if both ends are whole."""
+    """Values from `from` to `to`, both included, with equal steps or ratios."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
 
@@ -45,14 +45,14 @@ class Range(BaseModel):
         return self
 
     def value_at(self, u: float) -> int | float:
-        """Return the value at position u (0 to 1) of the range. In a linear range, integers have equal parts of u."""
+        """Return the value at position u (0 to 1) of the range."""
         if self._whole and not self.log:
             return self.start + min(int(u * (self.to - self.start + 1)), int(self.to - self.start))
         value = self._interpolate(u)
         return round(value) if self._whole else float(f"{value:.{DIGITS}g}")
 
     def grid_values(self) -> list[int | float]:
-        """Return `count` values of the range: its ends, and values between them."""
+        """Return `count` values of the range, with both ends."""
         steps = self.count or 1
         values = [self._interpolate(i / max(steps - 1, 1)) for i in range(steps)]
         if self._whole and all(abs(value - round(value)) < 1e-9 * max(1, abs(value)) for value in values):
@@ -71,19 +71,19 @@ class Range(BaseModel):
 
 @dataclass(frozen=True)
 class Axis:
-    """Preset keys that a sweep varies together, with a range (`span`) or `rows`. A row has a value for each key."""
+    """Preset keys that a sweep varies together, with a range (`span`) or `rows` of values."""
 
     keys: tuple[str, ...]
     rows: tuple[tuple[Any, ...], ...] = ()
     span: Range | None = None
 
     def grid_changes(self) -> list[dict[str, Any]]:
-        """Return a dict from keys to values for each point of a grid along this axis."""
+        """Return the changes, from keys to values, for each point of a grid."""
         rows = self.rows if self.span is None else [(value,) for value in self.span.grid_values()]
         return [dict(zip(self.keys, row, strict=True)) for row in rows]
 
     def changes_at(self, u: float) -> dict[str, Any]:
-        """Return the value of each key at position u, from 0 (start of range, first row) to 1 (end, last row)."""
+        """Return the value of each key at position u, from 0 (start) to 1 (end)."""
         if self.span is not None:
             return {self.keys[0]: self.span.value_at(u)}
         row = self.rows[min(int(u * len(self.rows)), len(self.rows) - 1)]
@@ -91,7 +91,7 @@ class Axis:
 
 
 def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str, Sequence[Any]]]) -> list[Axis]:
-    """Return the axes of a sweep: an axis for each key of `vary`, then an axis for each table of linked keys."""
+    """Return the axes of a sweep: for each key of `vary`, then for each table of linked keys."""
     varied = [
         Axis((key,), span=values) if isinstance(values, Range) else Axis((key,), tuple((value,) for value in values))
         for key, values in vary.items()
@@ -100,8 +100,8 @@ def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str
 
 
 def dotted_keys(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return nested tables as a flat table with dotted keys, such as "pattern.rim". Some tables stay values: ranges
-    (tables with the key `from`), empty tables, and tables whose own key has dots."""
+    """Return nested tables as a flat table with dotted keys, such as "pattern.rim".
+    Ranges, empty tables, and tables whose own key has dots stay values."""
     entries: dict[str, Any] = {}
     for key, value in table.items():
         if isinstance(value, Mapping) and value and "from" not in value and "." not in key:
@@ -112,7 +112,7 @@ def dotted_keys(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def number(text: str) -> int | float:
-    """Return the number in a text: '5' as int, '5.0' as float. Raises ValueError for other texts, inf and nan."""
+    """Return the number in a text, as int or float. Raises ValueError for other texts, inf and nan."""
     value: int | float = int(text) if text.strip().lstrip("+-").isdigit() else float(text)
     if not isfinite(value):
         raise ValueError(text)
@@ -139,7 +139,7 @@ _HOLDS: dict[str, Callable[[float, float], bool]] = {
 
 @dataclass(frozen=True)
 class Constraint:
-    """A condition on the results of a run: `metric`, comparison sign, and limit in SI units."""
+    """A condition on the results of a run, in SI units."""
 
     metric: str
     sign: str
@@ -147,7 +147,7 @@ class Constraint:
 
     @classmethod
     def from_text(cls, text: str) -> "Constraint":
-        """Return the constraint of a text such as 'pieces == 1' or 'min_width >= 8 mm'. Raises PresetError."""
+        """Return the constraint of a text, such as 'min_width >= 8 mm'. Raises PresetError."""
         match = _FORM.match(text)
         try:
             name, sign, value, unit = match.groups() if match else ("", "", "", "")
@@ -164,12 +164,12 @@ class Constraint:
         return cls(name, sign, limit)
 
     def holds(self, values: Mapping[str, float]) -> bool:
-        """Return True if the measured values meet the constraint, and False if its metric is missing."""
+        """Return True if the measured values meet the constraint."""
         value = values.get(self.metric, float("nan"))
         return not isnan(value) and _HOLDS[self.sign](value, self.limit)
 
     def missed_by(self, values: Mapping[str, float]) -> float:
-        """Return the relative distance from the limit: 0 if the constraint holds, inf if its metric is missing."""
+        """Return the relative distance from the limit: 0 if the constraint holds, inf without the metric."""
         value = values.get(self.metric, float("nan"))
         if isnan(value):
             return float("inf")
@@ -186,11 +186,11 @@ def _kind_of_values(values: Any) -> str:
 
 
 Values = Annotated[Annotated[Range, Tag("range")] | Annotated[Listed, Tag("list")], Discriminator(_kind_of_values)]
-USUAL = ("kept_share", "sheet_mass", "pieces", "compliance")  # default metrics of `dsfab sweep`
+USUAL = ("kept_share", "sheet_mass", "pieces", "compliance")  # default metrics
 
 
 class Search(BaseModel):
-    """Section [search] of a sweep file: the metric for which the best design is searched, instead of `sampling`."""
+    """Section [search] of a sweep file: the metric of the best design."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -204,7 +204,7 @@ class Search(BaseModel):
 
 
 class Plan(BaseModel):
-    """Content of a sweep file; its paths are relative to the file's folder."""
+    """Content of a sweep file, with paths relative to the file's folder."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -303,7 +303,7 @@ class Plan(BaseModel):
 
     @property
     def measured_metrics(self) -> tuple[str, ...]:
-        """Names of all metrics that each run must compute: `metrics`, and those of the constraints and the search."""
+        """Names of all metrics that each run must compute."""
         names = [*self.metrics, *(limit.metric for limit in self.limits)]
         return tuple(dict.fromkeys(names + ([self.search.metric] if self.search else [])))
 
@@ -322,17 +322,17 @@ def _check_text(check: Any, text: str) -> None:
 
 
 def load_plan(path: Path) -> Plan:
-    """Return the plan of a sweep file, with paths relative to the file. Raises PresetError with all mistakes."""
+    """Return the plan of a sweep file. Raises PresetError with all mistakes."""
     return plan_from(read_plan(path), f"sweep {path.name}")
 
 
 def read_plan(path: Path) -> dict[str, Any]:
-    """Return the unchecked tables of a sweep file, with paths relative to the file. Raises PresetError."""
+    """Return the unchecked tables of a sweep file. Raises PresetError."""
     return _from_folder(read_toml(path, "sweep"), path.absolute().parent)
 
 
 def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
-    """Return a plan from nested tables. Raises PresetError with a list of all mistakes. source : name in this error."""
+    """Return a plan from nested tables. Raises PresetError with all mistakes. source : name in this error."""
     try:
         return Plan.model_validate(dict(values))
     except ValidationError as error:
@@ -341,7 +341,7 @@ def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
 
 
 def plan_toml(plan: Plan) -> str:
-    """Return the complete plan as TOML. Varied keys keep their order, which determines the numbers of runs."""
+    """Return the complete plan as TOML. Varied keys keep their order."""
     values = plan.model_dump(mode="json", exclude_none=True, by_alias=True)
     vary = values.pop("vary")
     lines = [_line(key, value) for key, value in vary.items()]
@@ -356,7 +356,7 @@ def _line(key: str, value: Any) -> str:
 
 
 def base_preset(plan: Plan) -> Preset:
-    """Return the base preset of all runs of a plan. Raises PresetError if the preset is invalid."""
+    """Return the base preset of a plan. Raises PresetError if the preset is invalid."""
     preset = load_preset(plan.preset, plan.set, plan.mesh)
     if plan.mesh is None:
         require_mesh(preset)

@@ -1,4 +1,4 @@
-"""Runs of a sweep: the sampled points, their SQLite database, and the optimiser that chooses further points."""
+"""Runs of a sweep: the sampled points, their SQLite database, and the search."""
 
 import csv
 import hashlib
@@ -29,9 +29,8 @@ MOST = 1_000_000  # limit on the number of runs
 
 
 def points(plan: Plan) -> list[Changes]:
-    """Return the changed values of each run of a plan, without repetition. `plan.sampling` is grid, csv, sobol or lhs.
-    sobol : scrambled Sobol points. A larger set begins with the points of a smaller set, so a sweep can be extended.
-    lhs   : Latin hypercube [McKay, Beckman, Conover 1979]. Another number of points gives other points.
+    """Return the changed values of each run of a plan, without repetition.
+    `plan.sampling` is grid, csv, sobol (scrambled Sobol points) or lhs [McKay, Beckman, Conover 1979].
     Raises PresetError for more than `MOST` points, and for a CSV file that cannot be read."""
     kind, _, rest = plan.sampling.partition(":")
     if kind == "csv":
@@ -57,7 +56,7 @@ def point_on_axes(axes: list[Axis], u: Floats) -> Changes:
 
 
 def trials(plan: Plan) -> list[Changes]:
-    """Return changes for trial runs at ends and inner points of each axis, to find wrong keys and values in a plan."""
+    """Return changes for trial runs at ends and inner points of each axis."""
     middle = np.full(len(plan.axes), 0.5)
     runs = []
     for i, axis in enumerate(plan.axes):
@@ -101,9 +100,8 @@ def _unit(kind: str, count: int, dimensions: int, seed: int) -> Floats:
 
 
 def from_csv(path: Path) -> Iterator[Changes]:
-    """Yield the changed values of each row in a CSV file. Column names are dotted preset keys; values are as for --set.
-    If the names of some columns begin with 'in:', only these columns are used.
-    Raises PresetError for a file that has no rows or cannot be read."""
+    """Yield the changed values of each row in a CSV file. Column names are dotted preset keys.
+    If the names of some columns begin with 'in:', only these columns are used.    Raises PresetError."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             rows = list(csv.DictReader(file))
@@ -120,9 +118,9 @@ def from_csv(path: Path) -> Iterator[Changes]:
 
 NAME, FORMAT = "runs.db", 1
 State = Literal["waiting", "running", "done", "failed", "killed"]
-"""State of a run. failed: its design cannot be built. killed: the system killed its workers; a retry may succeed."""
+"""State of a run. failed: its design cannot be built. killed: the system killed its workers."""
 _KILLED_ONCE = "state = 'failed' AND error LIKE 'the worker was killed % times while it made this run%'"
-"""SQL condition for runs that an older dsfab recorded as failed, although they were killed."""
+"""SQL condition for killed runs that an older dsfab recorded as failed."""
 _SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE runs (
@@ -150,14 +148,14 @@ class RunRow:
 
 class Store:
     """The database of a sweep folder; to be used as `with Store.open(folder) as store`.
-    Every method raises DsfabError if the disk is full or the file cannot be used."""
+    Methods raise DsfabError if the disk is full or the file cannot be used."""
 
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
         self._path, self._db = path, connection
 
     @classmethod
     def create(cls, folder: Path) -> "Store":
-        """Open the database of a sweep. Create the database if it is missing."""
+        """Open or create the database of a sweep."""
         return cls._connect(folder / NAME)
 
     @classmethod
@@ -230,7 +228,7 @@ class Store:
             db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", list(texts.items()))
 
     def add(self, runs: Sequence[Mapping[str, Any]], texts: Mapping[str, str]) -> int:
-        """Record those of `runs` that are new, as waiting, and `texts` by key. Return the number of new runs."""
+        """Record the new runs of `runs` as waiting, and `texts` by key. Return the number of new runs."""
         with self._change() as db:
             before = db.total_changes
             number = db.execute("SELECT coalesce(max(number), 0) FROM runs").fetchone()[0]
@@ -245,8 +243,7 @@ class Store:
         return count
 
     def reset_to_waiting(self, states: Sequence[State] = ("running",)) -> int:
-        """Set the runs in these states to waiting, and return how many runs were set.
-        By default, these are the runs of an interrupted session."""
+        """Set the runs in these states to waiting, and return their number."""
         marks = ", ".join("?" * len(states))
         with self._change() as db:
             db.execute(f"UPDATE runs SET state = 'killed' WHERE {_KILLED_ONCE}")
@@ -265,7 +262,7 @@ class Store:
             db.execute("UPDATE runs SET state = 'waiting', lost = lost + 1 WHERE number = ?", (number,))
 
     def give_up(self, number: int, why: str, files: Sequence[str] = ()) -> None:
-        """Record a run as killed, because its workers were killed. why : message.    files : names of its files."""
+        """Record a run as killed. why : message."""
         with self._change() as db:
             db.execute(
                 "UPDATE runs SET state = 'killed', error = ?, files = ?, ended = ? WHERE number = ?",
@@ -281,8 +278,7 @@ class Store:
         seconds: float = 0.0,
         peak: int = 0,
     ) -> None:
-        """Record the results of a run, as failed if `error` is not empty, else as done.
-        seconds : duration.    peak : largest memory of the worker during the run, bytes."""
+        """Record the results of a run, as failed if `error` is not empty, else as done. peak : memory, bytes."""
         state, texts = "failed" if error else "done", (json.dumps(metrics), error, json.dumps(list(files)))
         with self._change() as db:
             db.execute(
@@ -320,22 +316,21 @@ def _refusal(path: Path, error: sqlite3.Error) -> DsfabError:
 
 
 FEWEST, PER_AXIS = 12, 4
-"""Number of points in a generation of a search: `PER_AXIS` for each axis, but at least `FEWEST`. The number is the same
-for any number of evaluations, so that a longer search begins like a shorter search."""
+"""Number of points in a generation of a search: `PER_AXIS` for each axis, at least `FEWEST`."""
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
 """Cost of a run that misses constraints (at least), of a failed run, and of a run that was not made [Deb 2000]."""
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
-"""Function that carries out proposed runs, unless they have a result, and returns their records by `digest`."""
+"""Function that carries out proposed runs, and returns their records by `digest`."""
 
 
 def search(plan: Plan, make: Make) -> None:
-    """Search for the best `plan.search.metric` under the constraints. make : carries out a limited number of runs."""
+    """Search for the best `plan.search.metric` under the constraints. make : carries out runs."""
     _Search(plan, make).run()
 
 
 def cost(row: RunRow | None, metric: str, limits: Sequence[Constraint]) -> float:
-    """Return the cost of a run, which is smaller for better runs: the logarithm of the metric, times -1 if more is
-    better. A run that failed or misses a constraint costs at least `MISSED`."""
+    """Return the cost of a run, which is smaller for better runs.
+    A run that failed or misses a constraint costs at least `MISSED`."""
     if row is None:
         return NOT_MADE
     value = row.metrics.get(metric, float("nan"))
@@ -357,7 +352,7 @@ class _Search:
 
     def run(self) -> None:
         count = max(FEWEST, PER_AXIS * len(self.axes))
-        evolve: Any = differential_evolution  # Any, because SciPy's type stubs lack some of the options
+        evolve: Any = differential_evolution  # SciPy's type stubs lack some options
         steps = {"strategy": "best1bin", "mutation": (0.4, 0.9), "recombination": 0.8, "polish": False}
         end = {"maxiter": 100 * self.ask.evaluations, "tol": 0, "atol": 1e-9, "callback": self._enough}
         whole_generations = {"vectorized": True, "updating": "deferred"}

@@ -1,4 +1,4 @@
-"""Scheduler of a sweep: the only process that gives runs to workers and records their results."""
+"""Scheduler of a sweep, which gives runs to workers and records their results."""
 
 import time
 from collections import Counter
@@ -40,7 +40,7 @@ class Progress:
 
     @property
     def seconds_left(self) -> float:
-        """Expected seconds until the end of the sweep, at the rate of this session."""
+        """Expected seconds until the end of the sweep."""
         return 60 * self.remaining / self.rate if self.ended_now else float("inf")
 
 
@@ -52,12 +52,10 @@ def conduct(
     report: Callable[[Progress], None] = lambda progress: None,
     progress: Progress | None = None,
 ) -> None:
-    """Carry out runs of a sweep until each is done, failed or killed, and record the results in `store`.
-    crew     : workers that carry out the runs.    runs : changed values of each run, by its number.
+    """Carry out the runs of a sweep, and record the results in `store`.
+    runs     : changed values of each run, by its number.
     deliver  : function that writes the files of a run and returns their names.
-    report   : function that receives the progress, before the first run and after each run.
-    progress : progress of the whole sweep; default: counted from the recorded runs.
-    Raises DsfabError if nothing can be written, or if no worker appears. Unfinished runs stay recorded as running."""
+    Raises DsfabError if nothing can be written, or if no worker appears."""
     _Scheduler(store, crew, runs, deliver, report, progress or current_progress(store)).run()
 
 
@@ -69,7 +67,7 @@ def current_progress(store: Store, total: int | None = None) -> Progress:
 
 
 class Rows:
-    """Queues of waiting runs: a queue for each worker, and a queue of free runs, which belong to no worker yet."""
+    """Queues of waiting runs: a queue for each worker, and a queue of free runs."""
 
     def __init__(self, numbers: Sequence[int], changes: Sequence[Changes]) -> None:
         self._free: list[int] = [numbers[i] for i in stage_order(changes)]
@@ -79,20 +77,19 @@ class Rows:
         return len(self._free) + sum(len(row) for row in self._rows.values())
 
     def take(self, worker: str) -> int | None:
-        """Return the number of a worker's next run, or None. If the worker's queue is empty, all free runs are put into
-        the queue; without free runs, half of the longest queue."""
+        """Return the number of a worker's next run, or None."""
         row = self._rows.setdefault(worker, [])
         if not row:
             self._rows[worker] = row = self._take_share()
         return row.pop(0) if row else None
 
     def give_back(self, worker: str, number: int) -> None:
-        """Free all runs in the queue of a worker, and a run that the worker did not finish; this run will be next."""
+        """Free all runs in the queue of a worker, and a run that the worker did not finish."""
         self._free.insert(0, number)
         self.leave(worker)
 
     def leave(self, worker: str) -> None:
-        """Remove a worker. Other workers can then take the runs in its queue."""
+        """Remove a worker, and free the runs in its queue."""
         self._free.extend(self._rows.pop(worker, []))
 
     def _take_share(self) -> list[int]:

@@ -25,15 +25,15 @@ from dsfab.preset.surface_section import FileSurface
 from dsfab.study.sweeps.metrics import metric_value
 
 Drawer = Callable[[Design], bytes]
-"""Function that returns the picture of a design as bytes of a PNG file. The package `dsfab.app` provides it."""
+"""Function that returns the picture of a design as a PNG file."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """Data for all runs of a sweep, in a form that can be sent to workers.
-    token   : text that identifies the job.    preset : the base preset as nested tables.
-    metrics, keep, formats : see `Plan`.       draw : function that draws a picture, or None.
-    mesh    : content of the mesh file, for workers that cannot read the file; else None."""
+    """Data for all runs of a sweep.
+    preset : the base preset as nested tables.
+    metrics, keep, formats : see `Plan`.    draw : function that draws a picture, or None.
+    mesh   : content of the mesh file for remote workers; else None."""
 
     token: str
     preset: Mapping[str, Any]
@@ -46,9 +46,9 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of a run: metrics by name, error ('' for success) and log, and contents of files by name.
-    seconds : time on the worker.    peak : largest memory of the worker's process, bytes (0 if unknown).
-    killed  : True if the system killed the worker at each attempt, so that the run has no result."""
+    """Result of a run: metrics by name, error ('' for success), log, and contents of files by name.
+    seconds : time on the worker.    peak : largest memory of the process, bytes (0 if unknown).
+    killed  : True if the system killed the worker at each attempt."""
 
     number: int
     metrics: Mapping[str, float] = field(default_factory=dict)
@@ -60,12 +60,12 @@ class Outcome:
     killed: bool = False
 
 
-_run_lock = threading.Lock()  # only one run at a time: solver and graphics are not thread-safe
-_thread_state = threading.local()  # for each worker thread: the job, its base preset, and the last design
+_run_lock = threading.Lock()  # solver and graphics are not thread-safe
+_thread_state = threading.local()  # job, base preset and last design of a worker thread
 
 
 def execute(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
-    """Carry out a run and return its result. A failed run returns an error and the metrics that could be computed."""
+    """Carry out a run. A failed run returns an error and the metrics that could be computed."""
     with _run_lock:
         return _run_job(job, number, changes)
 
@@ -79,13 +79,13 @@ def _run_job(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
             doing = name
             try:
                 metrics[name] = metric_value(name, design)
-            except DsfabError as refusal:  # continue with the next metric
+            except DsfabError as refusal:
                 wrong.append(str(refusal))
         doing = "its files"
         _keep(job, design, files)
     except DsfabError as refusal:
         wrong.append(str(refusal))
-    except Exception as mistake:  # a bug in one run must not end the sweep
+    except Exception as mistake:  # a bug in a run must not end the sweep
         wrong.append(f"{doing}: {type(mistake).__name__}: {mistake}")
         log = traceback.format_exc()
     error = "; ".join(dict.fromkeys(wrong))
@@ -112,7 +112,7 @@ def _base(job: Job) -> Preset:
 
 
 def mesh_of(preset: Preset) -> bytes | None:
-    """Return the content of the mesh file that a preset uses as its surface; None without a mesh file."""
+    """Return the content of a preset's mesh file, or None."""
     return preset.surface.file.read_bytes() if isinstance(preset.surface, FileSurface) else None
 
 
@@ -140,26 +140,26 @@ Changes = Mapping[str, Any]
 
 
 class Workers(Protocol):
-    """A set of workers. Each worker makes one run at a time, and stores the stages of its last run."""
+    """A set of workers. A worker makes one run at a time."""
 
     def workers(self) -> Collection[str]:
         """Return the names of present workers."""
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
-        """Start a run on a worker, and return a future for its result, which raises an error if the worker dies."""
+        """Start a run; return a future for the result, which raises an error if the worker dies."""
 
     def lost(self, worker: str) -> str:
-        """Remove a worker that died or must stop. Return why the worker died, or '' if the reason is unknown."""
+        """Remove a worker. Return why the worker died, or ''."""
 
     def learn(self, outcome: Outcome) -> None:
-        """Take note of the largest memory of a finished run, which limits the number of workers."""
+        """Take note of the memory of a finished run."""
 
     def close(self) -> None:
         """End all workers at once."""
 
 
 class OneWorker:
-    """A set of workers in which only the first worker gets runs. All other workers are stopped to free their memory."""
+    """Workers of which only the first gets runs."""
 
     def __init__(self, crew: Workers) -> None:
         self._crew = crew
@@ -184,11 +184,11 @@ class OneWorker:
 
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Environment variables that give a worker one thread, because results may depend on the number of threads."""
+"""Environment variables that give a worker one thread."""
 
 
 class LocalWorkers:
-    """Worker processes on this machine. Each has its own pool, so that a killed worker stops no other worker.
+    """Worker processes on this machine.
     workers : number of workers; default: as many as fit into memory."""
 
     def __init__(self, job: Job, workers: int | None = None) -> None:
@@ -198,7 +198,7 @@ class LocalWorkers:
         self.pids: dict[str, int] = {}
 
     def workers(self) -> Collection[str]:
-        """Return the names of the workers, as many as fit into memory."""
+        """Return the names of the workers."""
         return [f"worker {i}" for i in range(1, self._count() + 1)]
 
     def _count(self) -> int:
@@ -206,11 +206,11 @@ class LocalWorkers:
             return self._asked
         if not self._peak:
             return 1
-        # workers use up to 80 % of the initially free memory
+        # workers use up to 80 % of the free memory
         return max(1, min(cores(), int(0.8 * self._free / self._peak) if self._free else cores()))
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
-        """Start a run on a worker; start the worker first if necessary."""
+        """Start a run on a worker."""
         for _ in range(2):
             if worker not in self._pools:
                 self._begin(worker)
@@ -232,7 +232,7 @@ class LocalWorkers:
             self.pids[worker] = future.result()
 
     def lost(self, worker: str) -> str:
-        """End a worker. Return a reason if low memory made the system kill a process since the last call; else ''."""
+        """End a worker. Return a reason if the system killed a process for lack of memory; else ''."""
         self.pids.pop(worker, None)
         pool = self._pools.pop(worker, None)
         if pool is None:
@@ -282,12 +282,12 @@ def _watch(sentinel: int) -> None:
 
 
 def cores() -> int:
-    """Return the number of cores that this process may use."""
+    """Return the number of cores for this process."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def free_memory() -> int:
-    """Return the free memory of this machine or container in bytes; 0 if unknown."""
+    """Return the free memory in bytes; 0 if unknown."""
     sizes = []
     with suppress(OSError, ValueError, IndexError):
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
@@ -300,7 +300,7 @@ def free_memory() -> int:
 
 
 def memory_kills() -> int:
-    """Return how many processes the system has killed for lack of memory, in this container or on this machine."""
+    """Return how many processes the system has killed for lack of memory."""
     for path in ("/sys/fs/cgroup/memory.events", "/proc/vmstat"):
         with suppress(OSError, ValueError, IndexError, StopIteration):
             lines = Path(path).read_text(encoding="ascii").splitlines()
@@ -308,12 +308,11 @@ def memory_kills() -> int:
     return 0
 
 
-SECONDS = 20  # time limit for the answer of a Dask scheduler
+SECONDS = 20  # time limit of a Dask scheduler
 
 
 class DaskWorkers:
-    """Workers of a Dask scheduler, including workers that join later. If a worker dies, Dask gives its run to another
-    worker. Each worker should have one thread (`dask worker --nthreads 1`), because it makes one run at a time.
+    """Workers of a Dask scheduler. Each worker should have one thread (`dask worker --nthreads 1`).
     Raises DsfabError if dask is not installed or the scheduler does not answer."""
 
     def __init__(self, job: Job, scheduler: str) -> None:
@@ -332,7 +331,7 @@ class DaskWorkers:
 
     def workers(self) -> Collection[str]:
         """Return the addresses of the present workers."""
-        # newer versions of Dask list only five workers without n_workers=-1
+        # newer versions of Dask list only five workers by default
         return list(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
@@ -343,12 +342,12 @@ class DaskWorkers:
         return cast("Future[Outcome]", self._executors[worker].submit(execute, self._job, number, changes))
 
     def lost(self, worker: str) -> str:
-        """Remove a worker. Return '', because Dask does not report why a worker died."""
+        """Remove a worker. Return '' always."""
         self._executors.pop(worker, None)
         return ""
 
     def learn(self, outcome: Outcome) -> None:
-        """Do nothing: the cluster limits the memory of workers itself."""
+        """Do nothing with this outcome."""
 
     def close(self) -> None:
         self._client.close()
@@ -360,7 +359,7 @@ MEMORY = 3e9  # expected memory of one process, bytes
 
 
 def fitting_processes(count: int) -> int:
-    """Return how many processes to use for `count` items: at most one for each item, limited by cores and memory."""
+    """Return how many processes to use for `count` items."""
     free = free_memory()
     return max(1, min(count, cores(), int(free / MEMORY) if free else cores()))
 
@@ -369,8 +368,8 @@ def map_in_processes(
     job: Callable[[Item], Result], items: Sequence[Item], workers: int, work: Callable[[Item], float] | None = None
 ) -> Iterator[Result]:
     """Yield job(item) for each item in order. Raises DsfabError if a process dies.
-    workers : number of processes with one thread each; 1 for the current process.
-    work    : expected duration of an item in any unit. Long items start first."""
+    workers : number of processes; 1 for the current process.
+    work    : expected duration of an item in any unit."""
     if workers == 1:
         yield from map(job, items)
         return

@@ -1,4 +1,4 @@
-"""A calibrated verdict: the compliance of a cut sheet, with a bound that was tested on random designs.
+"""A calibrated verdict: the compliance of a cut sheet, with an error bound.
 
 check ─► attached_material                     supported pieces and their loads (verdict.py)
       ─► Refinement ─► on_mesh ─► level          mesh after mesh (verdict.py, levels.py)

@@ -1,4 +1,4 @@
-"""Tests of the error bound of verdicts: random designs, a table of their results, and its statistics."""
+"""Tests of the error bound of verdicts on random designs."""
 
 import csv
 import io
@@ -35,15 +35,14 @@ TABLE = files("dsfab.study.verdict") / "calibration.csv"
 
 @dataclass(frozen=True)
 class TrialRow:
-    """Results of a random design, solved on two to four meshes. Elements are named membrane part + bending part.
+    """Results of a random design, solved on two to four meshes.
     width      : rule for the widths of the stripes.          share : share of the surface that is material.
     vertices   : number of vertices of the uncut mesh.        triangles : number of triangles of the cut mesh.
     per_member : mean width of the members, in mean edges of the uncut mesh.
     facets     : median of L^2 / (R h): edge length L, radius of curvature R, thickness h.
     quick      : compliance (J) by hybrid + hhj elements on the cut mesh.
     midedge    : compliance (J) by quadratic + midedge elements on the first mesh.
-    compliance : compliance (J) by quadratic + hhj elements on each mesh.
-    recovery   : energy of the stress error on each mesh, divided by the compliance; see `recovery_errors`."""
+    compliance, recovery : compliance (J) on each mesh, and energy of the stress error / compliance."""
 
     kind: str
     seed: int
@@ -65,7 +64,7 @@ class TrialRow:
 
     @property
     def levels(self) -> int:
-        """Number of meshes for the verdict on the design: two, or three if two meshes give too large an error bound."""
+        """Number of meshes for the verdict on the design, two or three."""
         return 2 if self._estimate_after(2).bound <= CONVERGED else 3
 
     @property
@@ -75,7 +74,7 @@ class TrialRow:
 
     @property
     def truth(self) -> float:
-        """Compliance (J) extrapolated from all meshes, which is taken as exact."""
+        """Compliance (J) extrapolated from all meshes."""
         return estimates.limit_at_own_rate(self.compliance)
 
     @property
@@ -89,12 +88,12 @@ class TrialRow:
 
     @property
     def is_tested(self) -> bool:
-        """True if the design was also solved on a finer mesh than the meshes of the verdict."""
+        """True if the design was also solved on a mesh that the verdict does not use."""
         return len(self.compliance) > self.levels
 
     @property
     def is_inside(self) -> bool:
-        """True if the compliance in the verdict differs from `truth` by at most the verdict's error bound."""
+        """True if the error of the compliance is at most the verdict's error bound."""
         compliance_estimate = self.estimate
         return abs(self.truth - compliance_estimate.value) <= compliance_estimate.bound * compliance_estimate.value
 
@@ -106,10 +105,10 @@ class TrialRow:
 @dataclass(frozen=True)
 class Summary:
     """Statistics of random designs. Errors and error bounds are relative to the compliance.
-    designs      : number of designs.    converged : number of designs with a bound of at most `CONVERGED`.
+    converged    : number of designs with a bound of at most `CONVERGED`.
     inside       : share of designs whose error is within the bound.     median_bound : median of all bounds.
     largest_error : largest error of a verdict from several meshes.
-    quick_median, quick_most : median and 90 % quantile of the errors of a single solve on the cut mesh."""
+    quick_median, quick_most : median and 90 % quantile of the errors of a single solve."""
 
     designs: int
     inside: float
@@ -121,7 +120,7 @@ class Summary:
 
 
 def summary(rows: Sequence[TrialRow]) -> Summary:
-    """Return the statistics of the designs that were solved on a finer mesh than the meshes of the verdict.
+    """Return the statistics of the tested designs.
     Raises ValueError if there is no such design."""
     rows = [row for row in rows if row.is_tested]
     if not rows:
@@ -139,7 +138,7 @@ def summary(rows: Sequence[TrialRow]) -> Summary:
 
 
 def table_text(rows: Iterable[TrialRow]) -> str:
-    """Return the rows as CSV with six digits. If a cell has several numbers, spaces separate them."""
+    """Return the rows as CSV."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     names = [field.name for field in fields(TrialRow)]
@@ -179,8 +178,8 @@ WIDTHS = ("plain", "constant", "graded")
 
 @dataclass(frozen=True)
 class Kind:
-    """Random designs on one surface. preset : name of a shipped preset.
-    changes : changed values of the preset.    frequency : smallest and largest frequency of the stripes."""
+    """Random designs on one surface. preset : name of a shipped preset.    changes : changed values of the preset.
+    frequency : smallest and largest frequency of the stripes."""
 
     preset: str
     changes: dict[str, Any]
@@ -215,11 +214,11 @@ KINDS: dict[str, Kind] = {
     ),
     "ring": Kind("bob", {"surface.edge": 0.1, "statics.thickness": 0.03, "pattern.keep": 0.08}, (3.0, 6.0)),
 }
-"""Kinds of random designs, meshed with 500 to 700 vertices. `ring` is a closed surface with one handle."""
+"""Kinds of random designs, meshed with 500 to 700 vertices."""
 
 
 def random_design(kind: str, seed: int) -> Design:
-    """Return a design with random stripes, widths and share of material; equal seeds give equal designs.
+    """Return a random design; equal seeds give equal designs.
     Raises DsfabError if the design cannot be built."""
     rng, surface_kind = np.random.default_rng([seed, list(KINDS).index(kind)]), KINDS[kind]
     width: dict[str, Any] = {"rule": WIDTHS[int(rng.integers(len(WIDTHS)))]}
@@ -262,7 +261,7 @@ def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
         tuple(mesh_level.compliance[case] for mesh_level in levels),
         tuple(mesh_level.zz_membrane[case] + mesh_level.zz_bending[case] for mesh_level in levels),
     )
-    largest_triangles = 100_000  # limit for the fourth, finest mesh, unless a test needs this mesh
+    largest_triangles = 100_000  # limit for the fourth, finest mesh
     if count > 3 and (64 * row.triangles <= largest_triangles or not row.is_tested):
         finest = _solve(setting, next(finer), forces, MAIN_ELEMENTS)
         recovery = finest.zz_membrane[case] + finest.zz_bending[case]
@@ -275,8 +274,8 @@ def _solve(setting: LoadedSurface, mesh: Sheet, forces: Mapping[str, Shares], *p
 
 
 def calibrate(count: int = 8, report: Callable[[str, int], None] | None = None) -> Iterator[TrialRow]:
-    """Yield the results of `count` random designs of each kind; designs that raise an error are skipped.
-    report : function that receives the kind and the seed before each design.    Time for count = 8: 15 minutes."""
+    """Yield the results of `count` random designs of each kind.
+    report : function that receives the kind and the seed before each design."""
     for kind in KINDS:
         seed = solved = 0
         while solved < count:

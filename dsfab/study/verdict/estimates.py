@@ -1,4 +1,4 @@
-"""Estimates from several meshes: compliance, buckling and frequency with bounds, and stress away from corners."""
+"""Estimates from several meshes, with error bounds, and stress away from corners."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ LEAST_EDGES_PER_MEMBER = 4.0  # members narrower than 4 edges of the uncut mesh 
 
 @dataclass(frozen=True)
 class ComplianceEstimate:
-    """Compliance of a sheet (J). bound : error bound of the compliance, divided by the compliance."""
+    """Compliance of a sheet (J). bound : error bound, divided by the compliance."""
 
     value: float
     bound: float
@@ -26,10 +26,9 @@ class ComplianceEstimate:
 
 def estimate(values: Sequence[float], spread: float, recovery: float) -> ComplianceEstimate:
     """Return the compliance and its error bound, extrapolated from several meshes.
-    values   : compliances (J) by quadratic + hhj elements (membrane + bending). Each mesh has four times the triangles
-               of the previous mesh.
-    spread   : compliance by quadratic + midedge elements on the first mesh, divided by values[0], minus 1.
-    recovery : energy of the stress error on the finest mesh, divided by the compliance; see `recovery_errors`."""
+    values   : compliances (J) by quadratic + hhj elements. Each mesh has four times the triangles of the previous mesh.
+    spread   : compliance by midedge elements on the first mesh, divided by values[0], minus 1.
+    recovery : energy of the stress error on the finest mesh, divided by the compliance."""
     of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # least factors in the bound, from calibration.csv
     if len(values) < 2:
         # for 19 of 20 designs, the relative error of the compliance is at most 1.7 x recovery
@@ -43,8 +42,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
 
 
 def limit_at_own_rate(values: Sequence[float]) -> float:
-    """Return the limit of values on finer and finer meshes, if the steps between values shrink by a constant ratio.
-    The last two steps give the ratio, within `STEP_RATIOS`; it is fixed for two values or steps of opposite signs."""
+    """Return the limit of values on finer and finer meshes, if the steps shrink by a constant ratio."""
     step, before = values[-1] - values[-2], values[-2] - values[-3] if len(values) > 2 else 0.0
     if before * step <= 0:
         return values[-1] + step / EXTRAPOLATION_DIVISOR
@@ -53,15 +51,14 @@ def limit_at_own_rate(values: Sequence[float]) -> float:
 
 WIDEST_MODE_BOUND = 0.05  # largest relative bound of buckling and frequency for which two meshes suffice
 STEP_RATIOS = (1.5, 4.0)
-"""Smallest and largest ratio of a step to the next step in extrapolations. A step is the difference of values on two
-meshes. Below the smallest ratio, the steps do not clearly decrease."""
+"""Smallest and largest ratio of a step to the next step in extrapolations.
+A step is the difference of values on two meshes."""
 
 
 @dataclass(frozen=True)
 class ModeEstimate:
     """Lowest buckling factor, or lowest frequency (Hz).
-    bound : error bound of `value`, divided by `value`; inf for one mesh.
-    ratio : with three meshes, (second value - first value) / (third value - second value); else None."""
+    bound : relative error bound; inf for one mesh.    ratio : first step / second step of three values, or None."""
 
     value: float
     bound: float
@@ -75,10 +72,7 @@ class ModeEstimate:
 
 def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     """Estimate a buckling factor or frequency from its values on one to three meshes, coarse to fine.
-    Each mesh has four times the triangles of the previous mesh. The bound covers only errors of the mesh.
-    One mesh: the bound is infinite. Two meshes: half of the step between the values is added to the last value, and the
-    bound is the step. Three meshes: the ratio of the two steps gives the limit, and the bound is the distance to the
-    limit. If the steps do not clearly shrink, the last value stays, and the bound is at least twice the last step."""
+    Each mesh has four times the triangles of the previous mesh."""
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
     finest, step = values[-1], values[-1] - values[-2]
@@ -100,8 +94,8 @@ REENTRANT_ANGLE = np.radians(30)  # a corner is reentrant if its angle exceeds 1
 @dataclass(frozen=True)
 class Extreme:
     """Largest value of a quantity on a surface.
-    place    : point with this value, m.       quantile : value that 99 % of the area does not exceed.
-    away     : largest value far from corners (`off_corners`); None if not requested, or without such faces."""
+    place : point, m.    quantile : value that 99 % of the area does not exceed.
+    away  : largest value far from corners, or None."""
 
     value: float
     place: tuple[float, float, float]
@@ -110,14 +104,13 @@ class Extreme:
 
     @property
     def settled(self) -> float:
-        """Largest value far from corners (`away`), or the largest value everywhere if `away` is None."""
+        """Largest value far from corners, if known; else the largest value everywhere."""
         return self.value if self.away is None else self.away
 
 
 def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> dict[str, Extreme]:
     """Return the largest stresses (Pa) by name: stress (von Mises), tension and compression (principal, at least 0).
-    supported : (n,) mask of supported vertices.
-    The value of a face is the largest of its values on the upper side, in the middle, and on the lower side."""
+    supported : (n,) mask of supported vertices."""
     principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
     values = {
         "stress": stress.largest,
@@ -137,12 +130,12 @@ def extreme(surface: Surface, value: Floats, off_corner_faces: Bools | None = No
 
 
 def quantile(value: Floats, weight: Floats, share: float = 0.99) -> float:
-    """Return the quantile of values (k,) with weights (k,): `share` of the total weight has smaller or equal values."""
+    """Return the quantile of values (k,) with weights (k,). share : fraction of the total weight."""
     return weighted_quantile(value, weight, share)
 
 
 def off_corners(surface: Surface, supported: Bools) -> Bools:
-    """Mark faces (m,) away from reentrant corners and support ends: beyond min(mean rib width, 5 % of the size)."""
+    """Return a mask (m,) of the faces away from reentrant corners and ends of supports."""
     corners = np.concatenate([inward_corners(surface), support_ends(surface, supported)])
     if not len(corners):
         return np.ones(surface.m, dtype=bool)
@@ -152,13 +145,13 @@ def off_corners(surface: Surface, supported: Bools) -> Bools:
 
 
 def rib_width(surface: Surface) -> float:
-    """Return the mean width of the members, metres: 2 x area / length of all borders; inf without a border."""
+    """Return the mean width of the members, metres; inf for a surface without a border."""
     length = float(surface.edge_lengths[surface.edges.boundary].sum())
     return 2 * surface.area / length if length else float("inf")
 
 
 def inward_corners(surface: Surface) -> Ints:
-    """Return the numbers (c,) of the border vertices at which the material's angle exceeds 210 degrees."""
+    """Return the border vertices (c,) at which the material's angle exceeds 210 degrees."""
     X = surface.V[surface.F]
     ahead, back = np.roll(X, -1, axis=1) - X, np.roll(X, 1, axis=1) - X
     angle = np.arctan2(np.linalg.norm(np.cross(ahead, back), axis=2), (ahead * back).sum(axis=2))
@@ -169,7 +162,7 @@ def inward_corners(surface: Surface) -> Ints:
 
 
 def support_ends(surface: Surface, supported: Bools) -> Ints:
-    """Return the numbers (c,) of the supported border vertices that have an unsupported neighbour on the border."""
+    """Return the supported border vertices (c,) that have an unsupported neighbour on the border."""
     ends = surface.edges.ends[surface.edges.boundary]
     mixed = ends[supported[ends].sum(axis=1) == 1]
     return np.unique(mixed[supported[mixed]])

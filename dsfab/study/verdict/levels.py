@@ -1,4 +1,4 @@
-"""Levels of refinement: finer and finer meshes of a sheet, solved by two pairs of membrane and bending elements."""
+"""Finer and finer meshes of a sheet, solved by two pairs of elements."""
 
 import time
 from collections.abc import Mapping
@@ -36,16 +36,14 @@ from dsfab.surface import LoadCase, Surface
 
 class Shares(NamedTuple):
     """Forces (N) of a load on a cut sheet, summed at vertices and faces of the uncut surface.
-    vertices : (n, 3) forces on the material around each vertex.
-    faces    : (p, 3) forces on the material in each of the first p faces; the later faces have no material."""
+    vertices : (n, 3) forces around each vertex.    faces : (p, 3) forces in each of the first p faces."""
 
     vertices: Floats
     faces: Floats
 
 
 def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
-    """Return the forces of each load on a cut sheet, summed at vertices and faces of the uncut surface.
-    A point force inside an uncut face is divided between the vertices of this face."""
+    """Return the forces of each load on a cut sheet, summed at vertices and faces of the uncut surface."""
     areas, count = sheet.surface.areas[:, None], int(sheet.parent.max()) + 1
     shares_by_load = {}
     for name, load in loads.items():
@@ -59,12 +57,10 @@ def on_mesh(
     surface: Surface, sheet: Sheet, uncut_loads: Mapping[str, LoadCase], forces: Mapping[str, Shares]
 ) -> tuple[dict[str, LoadCase], dict[str, SpreadLoad]]:
     """Return the supports and loads of a cut sheet (any mesh), and the loads as forces per area.
-    surface     : uncut surface.    uncut_loads : supports and loads on the uncut surface, by case.
-    forces      : forces of these loads, from `shares`.
-    The force at a vertex spreads over the material around the vertex, in proportion to the vertex's linear shape
-    function on the uncut mesh. The force on a face spreads evenly over the material of the face."""
+    uncut_loads : supports and loads on the uncut surface, by case.
+    forces      : forces of these loads, from `shares`."""
     F, areas = sheet.surface.F, sheet.surface.areas
-    hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # sum over the corners
+    hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])
     mass = np.asarray(hats.T @ areas)
     material = np.bincount(sheet.parent, areas)
     cases, spreads = {}, {}
@@ -81,10 +77,9 @@ PARABOLIC_SHEAR = 6 / 5  # energy factor of a parabola of shear stress over the 
 
 
 class RibSoftening(NamedTuple):
-    """Effects that make a solid softer than a thin sheet: compliances, divided by the compliance of the thin sheet.
+    """Effects that make a solid softer than a thin sheet: compliances, divided by that of the thin sheet.
     torsion : additional compliance if ribs twist as bars; inf if this solve fails.
-    shear   : compliance by transverse shear: integral of 6 q^2 / (5 G h). q: shear force per length, averaged over
-              faces within half a thickness. G: shear modulus. h: thickness.
+    shear   : compliance by transverse shear.
     bending : compliance by bending, multiplied by the square root of (thickness / mean rib width)."""
 
     torsion: float
@@ -101,7 +96,7 @@ def rib_softening(
     stresses: Mapping[str, SheetStress],
 ) -> dict[str, RibSoftening]:
     """Return effects that make a solid softer than the thin sheet, by load case.
-    spreads : loads as forces per area and per length.    answers, stresses : solutions, stresses of the thin sheet."""
+    spreads : loads as forces per area and per length.    answers, stresses : of the thin sheet."""
     surface, h, material = sheet.surface, sheet.thickness, sheet.material
     try:
         barred = [answer.compliance for answer in solve_cases(sheet, loads, elements, spreads, bars=True).values()]
@@ -123,7 +118,7 @@ def rib_softening(
 
 
 def _means_within(surface: Surface, reach: float) -> csr_array:
-    """Return the matrix (m, m) that averages face vectors within `reach`, metres; opposite normals flip the vectors."""
+    """Return the matrix (m, m) that averages face vectors within `reach`, metres."""
     tree = cKDTree(surface.centroids)
     pairs = tree.sparse_distance_matrix(tree, min(reach, 2 * surface.mean_edge), output_type="coo_matrix")
     face, neighbour = pairs.coords
@@ -133,33 +128,30 @@ def _means_within(surface: Surface, reach: float) -> csr_array:
 
 
 def theory_share(soft: RibSoftening) -> float:
-    """Return the fraction by which a solid's compliance may exceed that of the thin sheet: 1.2 (torsion + shear) +
-    0.1 bending. The factors suffice for 70 designs that CalculiX solved as solids (`solids.csv`)."""
+    """Return the fraction by which a solid's compliance may exceed that of the thin sheet."""
     return 1.2 * (soft.torsion + soft.shear) + 0.1 * soft.bending
 
 
 MAIN_ELEMENTS, SPREAD_ELEMENTS = elements_of("compliance"), elements_of("spread")
-"""Two pairs of membrane and bending elements; the errors of their compliances mostly have opposite signs."""
+"""Two pairs of membrane and bending elements."""
 QUICK_ELEMENTS = elements_of("compliance_once")  # elements for one solve (quick)
 BYTES_PER_UNKNOWN = {
     "PARDISO": {"hhj": 2200.0, "midedge": 1900.0, None: 1900.0},
     "multifrontal": {"hhj": 4200.0, "midedge": 3000.0, None: 2800.0},
 }
-"""Memory (bytes) of a solve per unknown, by solver and bending element, measured with 0.3 to 3.3 million unknowns.
-PARDISO needs less, because it stores only half of a symmetric factor."""
+"""Memory (bytes) of a solve for each unknown, by solver and bending element."""
 
 
 @dataclass(frozen=True)
 class Level:
-    """Results on one mesh, by load case. Main elements: the first of the `pairs` of elements given to `level`.
-    triangles  : number of triangles.      unknowns : number of unknowns of the main elements.
+    """Results on one mesh, by load case.
+    unknowns   : number of unknowns of the main elements, the first of `pairs`.
     compliance : compliance (J) by the main elements.
     midedge    : compliance (J) by `SPREAD_ELEMENTS`; empty if not solved.
-    zz_membrane, zz_bending : energies of stress errors divided by the compliance, see `recovery_errors`.
+    zz_membrane, zz_bending : energies of stress errors divided by the compliance.
     residual   : largest relative residual of all solves, in the energy norm.
     seconds    : time of all solves.       memory   : peak memory of the process so far, bytes.
-    stresses   : largest stresses, see `stress_extremes`.
-    softer     : see `RibSoftening`; empty if not requested, or if a flat sheet is solved in 2D."""
+    softer     : `RibSoftening` by case; empty if not requested, or if a flat sheet is solved in 2D."""
 
     triangles: int
     unknowns: int
@@ -184,12 +176,12 @@ def level(
 ) -> Level:
     """Solve the sheet on one mesh, for load cases with the same supports.
     spreads : the loads as forces per area and per length.    pairs : membrane and bending elements, main pair first.
-    ribs    : True to add a second solve in which ribs twist as bars, see `RibSoftening`.
+    ribs    : True to also solve with ribs that twist as bars.
     Raises StaticsError if a solve fails."""
     start = time.perf_counter()
     plane = flat_axis(surface, *loads.values()) is not None
     answers_by_pair, model = {}, material.model_for(surface)
-    for pair in pairs[:1] if plane else pairs:  # a flat sheet that is solved in 2D has no bending elements
+    for pair in pairs[:1] if plane else pairs:
         elements = pair.in_plane if plane else pair
         K = sheet_stiffness(model, elements)
         answers = equilibria(surface, K, list(loads.values()), elements, spreads=list(spreads.values()))
@@ -219,8 +211,7 @@ def level(
 def recovery_errors(
     surface: Surface, material: SheetMaterial, sheet_stress_field: SheetStress, answer: Equilibrium
 ) -> tuple[float, float]:
-    """Return the energies of the membrane and bending stress errors, divided by the compliance. The stress error is
-    the difference between the stress and the smoothed stress [Zienkiewicz and Zhu 1987]."""
+    """Return the energies of the membrane and bending stress errors / compliance [Zienkiewicz and Zhu 1987]."""
     if answer.compliance <= 0:
         return 0.0, 0.0
     C = np.linalg.inv(material.material.membrane(material.law)) * material.thickness
@@ -231,12 +222,11 @@ def recovery_errors(
 
 
 def _energy_norm(surface: Surface, difference: Floats, matrix: Floats) -> float:
-    """Return the integral of d . matrix . d over the surface, for `difference` d (m, 3 corners, 3), linear on faces."""
     weighted = difference @ matrix
     sums = np.einsum("mi,mi->m", difference.sum(axis=1), weighted.sum(axis=1))
     return float((np.einsum("mci,mci->m", difference, weighted) + sums) @ surface.areas / 12)
 
 
 def memory_needed(unknowns: int, bending: str | None, solver: str) -> int:
-    """Return the expected memory (bytes) of a solve. bending : element, or None in 2D. solver : from `solver_name`."""
+    """Return the expected memory (bytes) of a solve. bending : element, or None in 2D."""
     return int(BYTES_PER_UNKNOWN[solver][bending] * unknowns)

@@ -1,4 +1,4 @@
-"""Buckling factors and frequencies with error bounds, extrapolated from a cut sheet's mesh and finer meshes."""
+"""Buckling factors and frequencies of a cut sheet, with error bounds."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -31,16 +31,15 @@ from dsfab.study.verdict.levels import memory_needed, on_mesh, shares
 from dsfab.study.verdict.verdict import MOST_MESHES, LoadedSurface, attached_material
 from dsfab.surface import LoadCase, Surface
 
-MODE_ELEMENTS: Elements = elements_of("buckling")  # for buckling and frequencies, with one stiffness matrix
+MODE_ELEMENTS: Elements = elements_of("buckling")  # same stiffness matrix for buckling and frequencies
 
 
 @dataclass(frozen=True)
 class ModeLevel:
-    """Lowest buckling factors and frequency on one mesh.
-    triangles : number of triangles.
-    buckling  : lowest buckling factor of each case, None if the case does not buckle; empty if not requested.
+    """Lowest buckling factors and frequency on a mesh.
+    buckling  : lowest buckling factor of each case, or None; empty if not requested.
     hertz     : lowest frequency (Hz); None if not requested.
-    local     : note by case, if the lowest buckling mode moves only a small part of the sheet."""
+    local     : note by case, if buckling moves only a small part of the sheet."""
 
     triangles: int
     buckling: Mapping[str, float | None]
@@ -50,11 +49,9 @@ class ModeLevel:
 
 @dataclass(frozen=True)
 class ModeIntervals:
-    """Lowest buckling factors and lowest frequency with error bounds, extrapolated from several meshes.
+    """Lowest buckling factors and lowest frequency with error bounds.
     buckling : lowest buckling factor by case; without cases that do not buckle.
-    hertz    : lowest frequency; None if not requested or not found.
-    levels   : results on each mesh, coarse to fine.
-    assumed  : sentence on assumptions about the supports, or ''.
+    hertz    : lowest frequency, or None.    levels : results on each mesh, coarse to fine.
     refusals : reasons why a value or a finer mesh is missing."""
 
     buckling: Mapping[str, estimates.ModeEstimate]
@@ -65,17 +62,16 @@ class ModeIntervals:
 
     @property
     def local(self) -> Mapping[str, str]:
-        """Notes, by case, on lowest buckling modes on the finest mesh that move only a small part of the sheet."""
+        """Notes by case, if buckling moves only a small part of the sheet."""
         return self.levels[-1].local if self.levels else {}
 
 
 def mode_intervals(
     setting: LoadedSurface, material: Sheet, request: ResultRequest, budget: float, progress: Progress | None = None
 ) -> ModeIntervals:
-    """Return the lowest buckling factor of each case and the lowest frequency of a cut sheet, with error bounds.
-    Two meshes are solved. A third, finer mesh follows if a bound exceeds 5 %.
+    """Return the lowest buckling factor of each case and the lowest frequency, with error bounds.
     material : cut sheet.    request : requested results.    budget : memory limit of each solve, bytes.
-    Errors are not raised, but listed in `refusals`."""
+    Errors are listed in `refusals`."""
     levels: list[ModeLevel] = []
     refusals: list[str] = []
     assumed = ""
@@ -84,7 +80,7 @@ def mode_intervals(
         permanent = setting.permanent if request.frequencies else {}
         forces, weights = shares(sheet, loads), shares(sheet, loads_on(setting.surface, sheet, permanent))
         for mesh in islice(meshes(sheet, SmoothSurface.from_surface(setting.surface)), MOST_MESHES):
-            # two factorisations are stored, so assume the larger memory: that of the multifrontal solver
+            # two factorisations are stored, so assume the larger memory
             needed = memory_needed(MODE_ELEMENTS.unknowns(mesh.surface), MODE_ELEMENTS.bending, "multifrontal")
             if levels and needed > budget:
                 refusals.append(f"a finer mesh for bounds of buckling and frequency would need {needed / 1e9:.1f} GB")
@@ -114,8 +110,8 @@ def mode_level(
     request: ResultRequest,
     carried: Floats | None = None,
 ) -> ModeLevel:
-    """Return the lowest buckling factor of each case and the lowest frequency on one mesh, if requested.
-    spreads : loads as forces per area and length.  standing : supports for modes.  carried : (n,) masses of loads, kg.
+    """Return the lowest buckling factor of each case and the lowest frequency on a mesh, if requested.
+    spreads : loads as forces per area and length.    carried : (n,) masses of loads, kg.
     Raises StaticsError if a solve fails."""
     sheet, factor_cache = material.model_for(surface), FactorCache(2)
     K = sheet_stiffness(sheet, MODE_ELEMENTS)

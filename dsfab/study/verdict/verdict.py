@@ -1,4 +1,4 @@
-"""Loaded surface, mesh refinement and check of the compliance, for the verdict on a cut sheet."""
+"""The verdict on a cut sheet."""
 
 import math
 import time
@@ -41,7 +41,7 @@ from dsfab.surface import LoadCase, Surface, pieces
 class LoadedSurface:
     """The uncut surface and its loads.
     made      : material and thickness of the sheet.    loads : supports and loads by case.
-    permanent : permanent loads besides the sheet's weight, whose mass vibrates with the sheet."""
+    permanent : permanent loads besides the sheet's weight."""
 
     surface: Surface
     made: SheetMaterial
@@ -50,7 +50,7 @@ class LoadedSurface:
 
     @classmethod
     def from_design(cls, design: Design, share: float = 1.0) -> "LoadedSurface":
-        """Return the surface and loads of a design. share : factor on the design's thickness."""
+        """Return the surface and loads of a design. share : factor on the thickness."""
         statics = design.preset.statics
         material, surface = statics.sheet(share * statics.thickness), design.surface
         loads = {name: case.load.of_thickness(surface, share) for name, case in design.statics.cases.items()}
@@ -58,7 +58,7 @@ class LoadedSurface:
 
 
 class Dropped(NamedTuple):
-    """A piece of material that reaches no support: its area (m2), and the place (m) of one of its points."""
+    """A piece of material that reaches no support: area (m2), and a point (m)."""
 
     area: float
     place: tuple[float, float, float]
@@ -74,7 +74,7 @@ def attached_material(
     setting: LoadedSurface, material: Sheet
 ) -> tuple[Sheet, tuple[Dropped, ...], dict[str, LoadCase]]:
     """Return the material that is connected to a support, the other pieces (largest first), and the loads by case.
-    Raises StaticsError if no piece reaches a support, if material can move freely, or if a load is on a loose piece."""
+    Raises StaticsError."""
     s, load = material.surface, next(iter(setting.loads.values()))
     count, label = pieces(s.F, s.edges)
     area = np.bincount(label, s.areas, count)
@@ -105,8 +105,8 @@ class CaseVerdict:
     value  : compliance, J; nan if nothing was solved.
     bound  : largest error of the value, divided by the value; inf if unknown.
     status : fail if the sheet does not carry the loads; pass if the bound is at most `CONVERGED`; else unknown.
-    spread : (compliance by quadratic + midedge elements) / (compliance by quadratic + hhj elements) - 1; first mesh.
-    zz_membrane, zz_bending : energies of stress errors on the finest mesh, divided by the compliance.
+    spread : compliance by midedge elements / compliance by hhj elements, minus 1, on the first mesh.
+    zz_membrane, zz_bending : energies of stress errors, divided by the compliance.
     theory : fraction by which a solid may be softer than this thin sheet."""
 
     name: str
@@ -122,15 +122,14 @@ class CaseVerdict:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Verdict on the compliance of a cut sheet, see `check`.
+    """Verdict on the compliance of a cut sheet.
     depth      : quick (one mesh) or full (two or three meshes).
-    status     : status of the governing case.    reason : reason for this status.
-    cases      : verdicts by case, the worst status first, then the largest compliance. The first case governs.
+    status     : status of the governing case.
+    cases      : verdicts by case; the first case governs.
     levels     : results on each mesh, coarse to fine.
-    dropped    : pieces of material that reach no support, largest first; they were not solved.
-    per_member : mean width of members divided by the uncut mesh's mean edge; inf for a closed sheet without openings.
-    facets     : median of L^2 / (R h) of the uncut mesh: edge length L, radius of curvature R, thickness h.
-    warnings   : sentences about a small `per_member` and a large `facets`."""
+    dropped    : pieces of material that reach no support, largest first.
+    per_member : mean width of members divided by the mean edge; inf for a sheet without a border.
+    facets     : median of L^2 / (R h): edge length L, radius of curvature R, thickness h."""
 
     depth: Depth
     status: Status
@@ -150,25 +149,25 @@ class Verdict:
 
     @property
     def bound(self) -> float:
-        """Error bound of the governing case's compliance, divided by this compliance."""
+        """Error bound of the governing case's compliance, as a fraction."""
         return self.cases[0].bound
 
     @property
     def theory(self) -> float:
-        """Fraction by which a solid may be softer than the thin sheet, for the governing case."""
+        """Fraction by which a solid may be softer than the thin sheet."""
         return self.cases[0].theory
 
     @property
     def memory(self) -> int:
-        """Peak memory of the process in bytes; 0 if nothing was solved."""
+        """Peak memory of the process, bytes; 0 if nothing was solved."""
         return max((level.memory for level in self.levels), default=0)
 
     def case(self, name: str) -> CaseVerdict:
-        """Return the verdict on one case. Raises KeyError for an unknown case."""
+        """Return the verdict on one case. Raises KeyError."""
         return {case.name: case for case in self.cases}[name]
 
     def record(self) -> dict[str, Any]:
-        """Return the verdict as numbers, texts, lists and dicts for JSON, with None for nan and infinity."""
+        """Return the verdict as plain values for JSON; None for nan and infinity."""
         values = asdict(self) | {"value": self.value, "bound": self.bound, "theory": self.theory, "memory": self.memory}
         values["dropped"] = [piece._asdict() for piece in self.dropped]
         return dict(_plain(values))
@@ -188,7 +187,7 @@ COUNT = {2: "two levels", 3: "three levels"}
 
 @dataclass
 class Refinement:
-    """Solves of a sheet on finer and finer meshes, to check its compliance.
+    """Solves of a sheet on finer and finer meshes.
     smooth   : curved surface that finer meshes follow.    budget : memory limit of each solve, bytes.
     stopped  : status and reason if the refinement ended early, else None.
     unsolved : True if the solver rejected the last mesh."""
@@ -203,7 +202,7 @@ class Refinement:
     unsolved: bool = False
 
     def refine(self, sheet: Sheet, loads: Mapping[str, LoadCase]) -> None:
-        """Solve finer and finer meshes of the cut sheet until all cases pass or a limit is reached."""
+        """Solve finer and finer meshes of the cut sheet."""
         forces = shares(sheet, loads)
         bent = islice(meshes(sheet, self.smooth), MOST_MESHES)
         for mesh in [sheet] if self.depth == "quick" else bent:
@@ -221,7 +220,7 @@ class Refinement:
                 return
 
     def cases(self) -> list[CaseVerdict]:
-        """Return the verdict on each load case or combination, from all solved meshes."""
+        """Return the verdict on each load case or combination."""
         return [self._case(name) for name in self.setting.loads]
 
     @property
@@ -247,7 +246,7 @@ class Refinement:
             self.progress("verdict", f"solving {mesh.surface.m:,} triangles")
         loads, spreads = on_mesh(self.setting.surface, mesh, self.setting.loads, forces)
         pairs: tuple[Elements, ...] = (QUICK_ELEMENTS,)
-        if self.depth == "full":  # two pairs of elements solve the first mesh, one pair solves each finer mesh
+        if self.depth == "full":
             pairs = (MAIN_ELEMENTS,) if self.levels else (MAIN_ELEMENTS, SPREAD_ELEMENTS)
         ribs = self.depth == "full" and not self.levels
         self.levels.append(level(mesh.surface, self.setting.made, loads, spreads, pairs, ribs))
@@ -294,12 +293,11 @@ def check(
     progress: Progress | None = None,
     cells: Sheet | None = None,
 ) -> Verdict:
-    """Return the compliance of a loaded cut sheet, with an error bound, or why it is unknown or the sheet fails.
-    subject : a design, or a surface with loads.
+    """Return the compliance of a loaded cut sheet with an error bound, or why the sheet fails.
     sheet   : cut sheet; default: that of the design.
-    depth   : "quick": one solve on the cut mesh. "full": an extrapolation from two meshes, or three (bound over 2 %).
+    depth   : "quick": one solve. "full": two or three meshes.
     budget  : memory limit of each solve, bytes.
-    cells   : cut mesh with openings (default: the design's), to repair very thin triangles that stop the solver.
+    cells   : cut mesh with openings, to repair very thin triangles.
     Raises ValueError for a `LoadedSurface` without a sheet."""
     start = time.perf_counter()
     setting = LoadedSurface.from_design(subject) if isinstance(subject, Design) else subject

@@ -1,4 +1,4 @@
-"""Repair of a mesh's borders: straightening of ragged edges, and triangles across small holes."""
+"""Repair of a mesh's borders."""
 
 from dataclasses import dataclass
 
@@ -8,14 +8,12 @@ from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, face_angles, le
 from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table
 
 RAGGED_TURN = float(np.radians(35))
-"""Smallest change of direction at a vertex of a ragged border, in radians, measured in the surface. Finely divided
-borders have smaller changes."""
+"""Smallest change of direction at a vertex of a ragged border, radians."""
 LEAST_TURNS = 12
-"""A ragged border turns left and right alternately at least this many times. Fewer turns may be intended, such as
-the corners of an opening."""
-LARGEST_GAP = 3  # Largest number of edges between two successive changes of direction on a ragged border.
+"""Smallest number of turns of a ragged border, left and right alternately."""
+LARGEST_GAP = 3  # Largest number of edges between two turns of a ragged border.
 FLAT = float(np.radians(150))
-"""Largest angle of a face on a straightened border, in radians. Faces with larger angles are removed."""
+"""Largest angle of a face on a straightened border, radians."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +27,7 @@ class EvenEdges:
 
 
 def even_edges(V: Floats, F: Ints) -> EvenEdges:
-    """Smooth the ragged parts of the borders of a mesh V (n, 3), F (m, 3). Ragged parts turn left and right many times.
-    The mesh stays unchanged if an edge has more than two faces. A ragged part stays unchanged if one of its vertices
-    would move too far."""
+    """Smooth the ragged parts of the borders of a mesh V (n, 3), F (m, 3)."""
     edges = edge_table(F)
     if not edges.boundary.any() or (edges.count > 2).any():
         return EvenEdges(V, F, 0, 0.0)
@@ -44,7 +40,7 @@ def even_edges(V: Floats, F: Ints) -> EvenEdges:
             better = _smoothed_line(V[line], closed)
             moves = lengths(better - V[line])
             step = lengths(np.diff(V[line], axis=0)).mean()
-            # larger moves would destroy intended shapes, such as zigzag borders
+            # larger moves would destroy intended shapes
             if moves.max() > min(step, 0.04 * largest):
                 continue
             changed = _with_line(V, F, line, better)
@@ -55,7 +51,6 @@ def even_edges(V: Floats, F: Ints) -> EvenEdges:
 
 
 def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
-    """Return the turn (n,) of the border at each vertex, radians: positive at convex corners, 0 inside the surface."""
     inside = np.bincount(F.ravel(), face_angles(V, F).ravel(), minlength=len(V))
     at_edge = np.zeros(len(V), dtype=bool)
     at_edge[edges.ends[edges.boundary].ravel()] = True
@@ -63,7 +58,6 @@ def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
 
 
 def _ragged_runs(turn: Floats) -> list[tuple[Ints, bool]]:
-    """Return ragged parts of a closed border: indices in `turn` (radians, by vertex), and True for the whole border."""
     large = np.flatnonzero(np.abs(turn) > RAGGED_TURN)
     if len(large) < LEAST_TURNS:
         return []
@@ -84,7 +78,7 @@ def _alternates(turn: Floats) -> bool:
 
 
 def _smoothed_line(P: Floats, closed: bool) -> Floats:
-    """Smooth a line (k, 3) without moving its ends or shrinking its arcs [Taubin 1995]."""
+    """Smooth a line (k, 3) without shrinking [Taubin 1995]."""
     for k in range(20):
         step = (-0.53 if k % 2 else 0.5) * ((np.roll(P, 1, axis=0) + np.roll(P, -1, axis=0)) / 2 - P)
         if not closed:
@@ -114,9 +108,9 @@ def _flat_ears(V: Floats, F: Ints, touched: Ints, line: Ints) -> Bools:
 
 
 def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
-    """Return the triangles (k - 2, 3) that fill the outline P (k, 3) with the least area, as row numbers of P.
-    Return None if no triangles fill it. The corners of each triangle follow the direction of the outline.
-    joined : (k, k) marks of pairs of points that already have an edge in the mesh. No triangle adds such an edge."""
+    """Return the triangles (k - 2, 3) that fill the outline P (k, 3) with the least area, or None.
+    The triangles follow the direction of the outline.
+    joined : (k, k) pairs of points that already have an edge in the mesh."""
     k = len(P)
     if k == 3:
         return np.array([[0, 1, 2]])

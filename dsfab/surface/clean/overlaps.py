@@ -1,4 +1,4 @@
-"""Repair of a mesh whose sheets coincide or cross, and reduction of a slab to its middle surface."""
+"""Repair of a mesh whose sheets coincide or cross."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -26,8 +26,8 @@ from dsfab.surface.topology import EdgeTable, corners_of, edge_table, link_compo
 
 
 def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
-    """Mark the pairs (p,) of vertices on lines where two sheets of a mesh with faces F (m, 3) cross.
-    pairs : (p, 2) vertices at the same place, such as candidates for a merge."""
+    """Mark the pairs (p,) of vertices on lines where two sheets of a mesh F (m, 3) cross.
+    pairs : (p, 2) vertices at the same place."""
     edges = edge_table(F)
     n = int(max(F.max(), pairs.max())) + 1
     inner = np.zeros(n, dtype=bool)
@@ -43,7 +43,6 @@ def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
 
 
 def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
-    """Mark vertices of faces or quads that coincide if vertex k becomes `became[k]`. Quads may have any diagonal."""
     faces = became[F]
     _, group, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
     edges, is_twice = edge_table(faces), (count > 1)[group.ravel()]
@@ -56,7 +55,6 @@ def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
 
 
 def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
-    """Mark pairs c-d of `pairs` (p, 2) beside a crossing pair a-b: `edges` (e, 2) join a to c and b to d."""
     neighbours: dict[int, set[int]] = {}
     for a, b in edges[np.isin(edges, pairs[is_crossing]).any(axis=1)].tolist():
         neighbours.setdefault(a, set()).add(b)
@@ -77,26 +75,19 @@ SAMPLES = np.array(
     [[0.36, 0.33, 0.31], [0.8, 0.11, 0.09], [0.1, 0.79, 0.11], [0.09, 0.12, 0.79]]
     + [[0.48, 0.43, 0.09], [0.1, 0.47, 0.43], [0.44, 0.08, 0.48]]
 )
-"""Barycentric weights (7, 3) of sample points in a face: near its middle, its three corners and its three sides.
-The weights are uneven, so that no sample point lies on an edge that divides a square into halves or quarters."""
+"""Barycentric weights (7, 3) of sample points in a face."""
 
 
 @dataclass(frozen=True, eq=False)
 class OverlappingFaces:
-    """Faces that lie on other faces: `whole` (k,) with their entire area, `part` (l,) with a part of their area."""
+    """Faces that lie on other faces: `whole` (k,) with all their area, `part` (l,) with a part."""
 
     whole: Ints
     part: Ints
 
 
 def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
-    """Return the faces of the mesh V (n, 3), F (m, 3) that lie on other faces in the same plane.
-
-    Faces in one plane overlap if one of them covers at least one of seven sample points of the other face.
-    Planes closer than `WELD` times the mesh's largest dimension count as one plane. Two copies of a nearly flat quad
-    also overlap if they are cut along different diagonals.
-
-    Method: rays along the normals, with a tree of boxes [Jacobson et al. 2018, libigl]."""
+    """Return the faces of the mesh V (n, 3), F (m, 3) that lie on other faces [Jacobson et al. 2018, libigl]."""
     edges = edge_table(F)
     rim, side = np.nonzero(edges.boundary[edges.of])
     m, (low, high) = len(F), bounding_box(V, F)
@@ -121,15 +112,12 @@ def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
 
 
 def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> Ints:
-    """Return triples (k, 3): a face, a row of `SAMPLES`, and another face in the same plane over this sample point.
-    V : vertices, scaled to size 1.    faces, samples : the faces and sample points to test."""
+    """Return triples (k, 3): a face, a row of `SAMPLES`, and another face over this sample point."""
     P = V[F]
     normal = unit_vectors(area_vectors(V, F))
     reach = np.maximum(SAG * lengths(P - np.roll(P, 1, axis=1)).max(axis=1), WELD)[faces]
     starts = np.einsum("kc,kci->ki", SAMPLES[samples], P[faces]) - reach[:, None] * normal[faces]
-    # long rays: libigl misses faces whose area times the ray's length is below 5e-7
     rays = tree.intersect_ray(V, F, starts, normal[faces] / WELD**2)
-    # every ray hits the face from which it starts
     hits = np.array([(k, *hit[:2]) for k, ray in enumerate(rays) if len(ray) > 1 for hit in ray]).reshape(-1, 3)
     row, cover = hits[:, :2].astype(np.int64).T
     distance = np.abs(hits[:, 2] / WELD**2 - reach[row])
@@ -145,7 +133,6 @@ def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> I
 
 
 def _of_one_quad(F: Ints, face: Ints, cover: Ints) -> Bools:
-    """Mark the pairs (p,) of faces in F (m, 3) that come from two copies of one quad, cut along different diagonals."""
     is_equal = F[face][:, :, None] == F[cover][:, None, :]
     is_shared, is_shared_there = is_equal.any(axis=2), is_equal.any(axis=1)
     result: Bools = (is_shared.sum(axis=1) == 2) & (is_shared_there.sum(axis=1) == 2)
@@ -160,7 +147,6 @@ def _of_one_quad(F: Ints, face: Ints, cover: Ints) -> Bools:
 
 
 def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
-    """Mark faces (m,) that stay as one sheet without overlaps. covers : (k, 3) overlaps, from `_covers`."""
     overlaps, chosen = dict[int, set[int]](), list[int]()
     for face, cover in np.stack(np.divmod(distinct(covers[:, 0] * len(F) + covers[:, 2]), len(F)), axis=1).tolist():
         overlaps.setdefault(face, set()).add(cover)
@@ -185,7 +171,7 @@ def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
 
 
 def _tied_faces(edges: EdgeTable, covers: Ints, faces: Ints) -> Bools:
-    """Mark connected groups of `faces` whose removal opens an edge of a remaining face that they do not overlap."""
+    """Mark groups of `faces` whose removal would open an edge."""
     m, remaining = len(edges.of), np.full(len(edges.ends), -1)
     remaining_faces = np.delete(np.arange(m), faces)
     remaining[edges.of[remaining_faces]] = remaining_faces[:, None]
@@ -199,7 +185,6 @@ def _tied_faces(edges: EdgeTable, covers: Ints, faces: Ints) -> Bools:
 
 
 def _is_covered(covers: Ints, by: Bools) -> Bools:
-    """Mark the faces (m,) whose sample points (`SAMPLES`) are all covered by faces in the mask `by` (m,)."""
     face, sample, _ = covers[by[covers[:, 2]]].T
     covered_samples = np.bincount(distinct(face * len(SAMPLES) + sample) // len(SAMPLES), minlength=len(by))
     return np.asarray(covered_samples == len(SAMPLES))
@@ -208,7 +193,7 @@ def _is_covered(covers: Ints, by: Bools) -> Bools:
 COPY_GAP = 1 / 500  # Largest distance between two copies of a sheet, divided by the square root of its area.
 PARALLEL_GAP = 0.08  # Largest distance between parallel sheets, divided by the square root of their area.
 LEAST_AREA_RATIO = 0.8  # Smallest ratio of the areas of two parallel sheets, smaller to larger.
-IGNORED_SHARE = 0.1  # Share of the area with the smallest (or largest) distances that comparisons ignore.
+IGNORED_SHARE = 0.1  # Share of the area that comparisons of distances ignore.
 
 _REMARKS = {
     "copy": "the surface has two sheets only {} apart, probably copies; delete one of the sheets, or set "
@@ -227,12 +212,11 @@ _REPAIRS = {
 @dataclass(frozen=True, eq=False)
 class ParallelParts:
     """Two parallel parts of a mesh.
-    keep  : (k,) faces of the part that stays: the smaller part of a slab, else the first part in the file.
-    other : (l,) faces of the other part.
+    keep, other : (k,) faces of the part that stays, and (l,) faces of the other part.
     gap   : median distance between the parts, in the mesh's unit.
     kind  : "copy", two copies of a sheet at one place; "slab", the two faces of a solid; "apart", two separate sheets.
-    piece : (p,) all faces of the slab; empty for other kinds.
-    way   : (3,) translation from `keep` to `other` in an extruded slab; else empty, (0,)."""
+    piece : (p,) all faces of the slab, or empty.
+    way   : (3,) translation from `keep` to `other` in an extruded slab, or empty, (0,)."""
 
     keep: Ints
     other: Ints
@@ -243,7 +227,7 @@ class ParallelParts:
 
 
 def parallel_parts(V: Floats, F: Ints) -> tuple[ParallelParts, ...]:
-    """Return the pairs of parallel parts of a mesh V (n, 3), F (m, 3), in any unit, such as the two faces of a slab."""
+    """Return the pairs of parallel parts of a mesh V (n, 3), F (m, 3)."""
     if not len(F):
         return ()
     edges = edge_table(F)
@@ -272,9 +256,8 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
         piece_faces, faces = np.flatnonzero(piece == p), np.flatnonzero((piece == p) & paired)
         names, which = np.unique(part[faces], return_inverse=True)
         count = len(names)
-        if count > 2:  # folds divide each of the slab's two faces into several parts
+        if count > 2:
             count, which = pieces(F[faces], edge_table(F[faces]))
-        # the two large faces make up most of a slab's area
         if count != 2 or edge_table(F[piece_faces]).boundary.any() or area[faces].sum() < 0.7 * area[piece_faces].sum():
             continue
         first_part, second_part = sorted(
@@ -289,14 +272,12 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
         if gap is not None:
             if moved:
                 to = V[F[first_part]].mean(axis=1) + translation
-                # drop rim faces of the first part: even moved by `translation`, they are far from `second_part`
                 first_part = first_part[nearest_places(to, V, np.ascontiguousarray(F[second_part])).distance < gap / 4]
             yield ParallelParts(first_part, second_part, gap, "slab", piece_faces, translation)
 
 
 def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) -> Floats:
-    """Return the translation (3,) of the first part onto the second part; (0,) if no translation fits.
-    side : square root of the second part's area. Source: [Chen and Medioni 1992]."""
+    """Return the translation (3,) from the first to the second part; (0,) if none fits [Chen and Medioni 1992]."""
     P, n = V[first_part].mean(axis=1), area_vectors(V, first_part)
     area = lengths(n)
     n /= np.maximum(area, 1e-300)[:, None]
@@ -321,7 +302,6 @@ def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) ->
 
 
 def _parts(V: Floats, F: Ints, edges: EdgeTable) -> Ints:
-    """Return the part number (m,) of each face. At an edge that folds by 60 degrees or more, a new part begins."""
     pair = edges.pairs
     ends = V[edges.ends[edges.count == 2]]
     along = ends[:, 1] - ends[:, 0]
@@ -347,20 +327,19 @@ def _candidate_pairs(V: Floats, F: Ints, part: Ints, area: Floats) -> Iterator[t
 
 
 def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool = False) -> float | None:
-    """Return the median distance of two parts; None if they are not parallel.
-    side : square root of a part's area.    even : True if all distances must be similar."""
+    """Return the median distance of two parts; None if the parts are not parallel."""
     ways = ((first_part, second_part), (second_part, first_part))
     gaps = np.concatenate([nearest_places(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])
     least, middle, largest = weighted_quantiles(gaps, area, (IGNORED_SHARE, 0.5, 1 - IGNORED_SHARE))
-    uneven = 2.5  # a slab has faces at similar distances: largest / median and median / smallest are at most this
+    uneven = 2.5  # largest ratio of the distances of a slab's faces to their median
     if largest > PARALLEL_GAP * side or (even and not (largest <= uneven * middle and middle <= uneven * least)):
         return None
     return None if middle <= COPY_GAP * side < largest else float(middle)
 
 
 def parallel_remarks(V: Floats, F: Ints) -> Iterator[str]:
-    """Yield warnings about a mesh V (n, 3), metres, F (m, 3): parallel sheets, then overlapping faces."""
+    """Yield warnings about parallel sheets and overlapping faces of a mesh V (n, 3), metres, F (m, 3)."""
     pairs = parallel_parts(V, F)
     for pair in pairs:
         yield _REMARKS[pair.kind].format(length(pair.gap))
@@ -369,7 +348,7 @@ def parallel_remarks(V: Floats, F: Ints) -> Iterator[str]:
 
 
 def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
-    """Yield warnings about overlapping faces of a mesh V (n, 3), F (m, 3), except the faces `reported` (k,)."""
+    """Yield warnings about overlapping faces of a mesh V (n, 3), F (m, 3), except `reported` (k,)."""
     sound = np.flatnonzero(in_reach(V)[F].all(axis=1))
     used, near = np.unique(F[sound], return_inverse=True)
     V, became = merged_vertices(V[used], WELD, partial(crossing_pairs, near.reshape(-1, 3)))
@@ -390,8 +369,7 @@ def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
 
 def single_sheets(V: Floats, F: Ints, metres: float) -> tuple[Floats, Ints, tuple[str, ...]]:
     """Return the mesh V (n, 3), F (m, 3) without second copies and slabs (thin solids), and a text for each repair.
-    The first of two copies stays. One side of a slab stays and moves halfway to the slab's other side.
-    metres : length of the mesh's unit in metres, for the texts."""
+    metres : length of the mesh's unit in metres."""
     doubled = [pair for pair in parallel_parts(V, F) if pair.kind != "apart"]
     stays: Bools = np.ones(len(F), dtype=bool)
     V = V.copy() if doubled else V

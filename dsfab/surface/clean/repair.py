@@ -1,4 +1,4 @@
-"""Repair of a mesh: removal of small faults, and conversion of raw scans to clean sheets."""
+"""Repair of a mesh: removal of small faults, and clean sheets from raw scans."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -32,8 +32,8 @@ from dsfab.surface.topology import (
     pinches,
 )
 
-CRUMB = 0.01  # The repair removes loose pieces smaller than this fraction of the mesh's area.
-PINHOLE = 1e-3  # The repair closes holes with outlines shorter than this times the mesh's largest dimension.
+CRUMB = 0.01  # Largest area of removed loose pieces, divided by the mesh's area.
+PINHOLE = 1e-3  # Longest outline of closed holes, divided by the mesh's largest dimension.
 _NO_AREA = "dsfab dropped {} without area"
 _DOUBT = "; this is a large part of the mesh: check that all parts are in one unit"
 _ASTRAY = f"dsfab dropped {{}} with corners over {ASTRAY_RATIO:,.0f} times as far from the mesh's middle as the rest"
@@ -42,7 +42,7 @@ _ASTRAY = f"dsfab dropped {{}} with corners over {ASTRAY_RATIO:,.0f} times as fa
 @dataclass(frozen=True, eq=False)
 class MendedMesh:
     """A mesh and its repairs.
-    V : (n, 3) vertices. F : (m, 3) triangles. repairs : a short text for each repair, empty for a sound mesh."""
+    V : (n, 3) vertices. F : (m, 3) triangles. repairs : a text for each repair."""
 
     V: Floats
     F: Ints
@@ -59,17 +59,11 @@ class MendedMesh:
 
 
 def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
-    """Return the mesh V (n, 3), F (m, 3), in any unit, without small faults that no designer intends.
+    """Return the mesh V (n, 3), F (m, 3), in any unit, with small faults repaired.
+    metres : length of the mesh's unit in metres.
 
-    metres : length of the mesh's unit in metres, for the texts of the repairs.
-
-    1. Vertices closer than `WELD` times the mesh's largest dimension become one vertex, except where sheets cross.
-    2. Faces without area and repeated faces are removed.
-    3. Copies of sheets are removed, and a slab is reduced to its middle surface (`overlaps`).
-    4. An edge keeps at most two of its faces, and seams between patches are stitched (`seams`).
-    5. Pieces smaller than `CRUMB` times the mesh's area are removed, and parts that touch in a point are joined.
-    6. Holes are closed if their outline is shorter than `PINHOLE` times the mesh's largest dimension.
-    7. Ragged borders are straightened (`borders`)."""
+    Vertices at one place are merged. Repeated faces, second copies of sheets and small pieces are removed.
+    A slab becomes its middle surface. Seams and small holes are closed."""
     mesh = single_sheet(sound_faces(V, F), metres)
     mesh = stitched_mesh(_without(mesh, _on_edges_of_two, "dsfab dropped {} on edges with two other faces (a rib?)"))
     mesh = _without(mesh, _in_large_pieces, "dsfab dropped {} in tiny loose pieces")
@@ -78,8 +72,7 @@ def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
 
 def sound_faces(V: Floats, F: Ints) -> MendedMesh:
-    """Return the mesh V (n, 3), F (m, 3), in any unit, without unusable faces; vertices at one place are merged.
-    An unusable face has no area, repeats another face, or has a corner that is not finite or extremely far away."""
+    """Return the mesh V (n, 3), F (m, 3) without unusable faces, with vertices at one place merged."""
     finite = np.flatnonzero(np.asarray(np.isfinite(V).all(axis=1))[F].all(axis=1))
     mesh = MendedMesh(V, F).with_faces(finite, "dsfab dropped {} with corners that are not numbers")
     mesh = mesh.with_faces(np.flatnonzero(in_reach(V)[mesh.F].all(axis=1)), _ASTRAY)
@@ -92,7 +85,7 @@ def sound_faces(V: Floats, F: Ints) -> MendedMesh:
 
 
 def single_sheet(mesh: MendedMesh, metres: float) -> MendedMesh:
-    """Return the mesh with one copy of each sheet; slabs become middle surfaces. metres : unit of the mesh, in m."""
+    """Return the mesh with one copy of each sheet. metres : length of its unit in metres."""
     V, F, texts = single_sheets(mesh.V, mesh.F, metres)
     return _compact(MendedMesh(V, F, (*mesh.repairs, *texts))) if texts else mesh
 
@@ -116,7 +109,7 @@ def _weld(mesh: MendedMesh) -> MendedMesh:
 
 
 def stitched_mesh(mesh: MendedMesh) -> MendedMesh:
-    """Return the mesh with closed seams: a vertex on an edge of another face becomes a corner of that face."""
+    """Return the mesh with closed seams."""
     if not len(mesh.F):
         return mesh
     F, joined = stitched_faces(mesh.V, mesh.F, WELD * float(np.ptp(mesh.V, axis=0).max()))
@@ -133,8 +126,6 @@ def _join_at_points(mesh: MendedMesh) -> MendedMesh:
 
 
 def _single_faces(V: Floats, F: Ints) -> Ints:
-    """Return the faces (k,) that stay: one of overlapping faces. Faces that repeat each other are all dropped if
-    one of their edges has two other faces."""
     once = complement(overlapping_faces(V, F).whole, len(F))
     if len(once) == len(F):
         return once
@@ -183,28 +174,24 @@ def _without_teeth(mesh: MendedMesh, metres: float) -> MendedMesh:
     return MendedMesh(even.V, even.F, (*mesh.repairs, words)) if even.moved else mesh
 
 
-HOLE = 0.15  # Holes of a scan are filled if their outline is shorter than this times the scan's largest dimension.
-SPECK = 0.05  # Pieces of a scan are removed if their area is below this times the largest piece's area.
+HOLE = 0.15  # Longest outline of filled holes of a scan, divided by the scan's largest dimension.
+SPECK = 0.05  # Largest area of removed pieces of a scan, divided by the largest piece's area.
 FINE, SEVERAL = 0.01, 3
-"""A mesh is a scan if two things hold. Its mean edge is below `FINE` times its largest dimension. It has at least
-`SEVERAL` small holes, or at least `SEVERAL` edges with more than two faces."""
+"""Largest mean edge of a scan / largest dimension; least number of small holes, or of edges with over two faces."""
 NOISY, FOLDED = 0.02, 1e-3
-"""A mesh is a noisy scan if two things hold. Its mean edge is below `NOISY` times its largest dimension. The share of
-folded faces (turned against their neighbours) is above `FOLDED`: up to 0.0002 in designs, 0.003 in a noisy mesh."""
+"""Largest mean edge of a noisy scan / largest dimension; least share of faces turned against their neighbours."""
 TILTED, LOW = 0.7, 0.5
-"""A face is tilted by noise if the cosine between its normal and the mean normal of its neighbours is below `TILTED`,
-and the face's height is below `LOW` times the mesh's mean edge. Higher faces may be tilted by a real bend."""
+"""Limits for faces tilted by noise: cosine between the normal and its neighbours' mean normal; height / mean edge."""
 
 
 def is_scan(V: Floats, F: Ints) -> bool:
-    """Return whether a mesh V (n, 3), F (m, 3) is a raw scan. A scan is a fine mesh with several small holes, several
-    edges of more than two faces, or many folded faces."""
+    """Return whether a mesh V (n, 3), F (m, 3) is a raw scan."""
     F = F[in_reach(V)[F].all(axis=1)]
     if not len(F):
         return False
     edges, side = edge_table(F), float(np.ptp(V[F].reshape(-1, 3), axis=0).max())
     if (edges.count > 2).sum() >= SEVERAL:
-        F = F[complement(overlapping_faces(V, F).whole, len(F))]  # copies of faces do not count as faults of a scan
+        F = F[complement(overlapping_faces(V, F).whole, len(F))]
         edges = edge_table(F)
     mean = float(lengths(V[edges.ends[:, 1]] - V[edges.ends[:, 0]]).mean())
     if mean <= NOISY * side and not len(misoriented_edges(F, edges)) and _folded_faces(V, F).mean() > FOLDED:
@@ -217,16 +204,10 @@ def is_scan(V: Floats, F: Ints) -> bool:
 
 
 def repaired_scan(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
-    """Return the mesh V (n, 3), F (m, 3) of a scan, in any unit, as a clean sheet, with a text for each repair.
+    """Return the mesh V (n, 3), F (m, 3) of a scan, in any unit, as a clean sheet.
+    metres : length of the mesh's unit in metres.
 
-    metres : length of V's unit in metres, for the texts.
-
-    1. At an edge with three or more faces, the two faces with the smallest fold stay joined.
-       The other faces at this edge get their own vertices.
-    2. Parts that touch in a point are separated, and faces get a common orientation.
-    3. Pieces smaller than `SPECK` times the largest piece's area are removed.
-    4. Holes are filled if their outline is shorter than `HOLE` times the mesh's largest dimension.
-    5. Folds from noise are flattened by collapsing the shortest edges of folded faces."""
+    Small pieces are removed, small holes are filled, and folds from noise are flattened."""
     mesh = single_sheet(sound_faces(V, F), metres)
     for step in (stitched_mesh, _split_junctions, _orient_faces, _without_specks, _fill_holes, _flatten_folds):
         mesh = step(mesh) if len(mesh.F) else mesh
@@ -259,7 +240,7 @@ def _smoothest(V: Floats, F: Ints, edges: EdgeTable, crowded: Ints) -> Ints:
         away /= np.maximum(lengths(away), 1e-300)[:, None]
         cosine = away @ away.T
         np.fill_diagonal(cosine, np.inf)
-        i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # the two faces that bend least at the edge
+        i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # the two faces that bend least
         smoothest_pairs.append((h[i], h[j]))
     return np.array(smoothest_pairs, dtype=np.int64).reshape(-1, 2)
 
@@ -302,7 +283,6 @@ def _fill_holes(mesh: MendedMesh) -> MendedMesh:
 
 
 def _folded_faces(V: Floats, F: Ints) -> Bools:
-    """Mark the faces (m,) whose normals point against the mean normal of their neighbours."""
     return _cosines(V, F) < 0
 
 
@@ -337,7 +317,7 @@ def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
 
 
 def _collapse_edges(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
-    """Collapse short edges of `crumpled` faces (m,). Return the vertices, and the new number (n,) of each vertex."""
+    """Collapse short edges of `crumpled` faces (m,). Return vertices, and new numbers (n,) of the vertices."""
     edges, n = edge_table(F), len(V)
     rim, face_edges = on_boundary(edges, n), edges.of[crumpled]
     length = np.full(len(edges.ends), np.inf)

@@ -1,4 +1,4 @@
-"""Repair of a mesh's seams: merging of vertices at one place, and stitching of patches with different divisions."""
+"""Repair of a mesh's seams: merging of vertices at one place, and stitching of patches."""
 
 from collections.abc import Callable
 
@@ -19,12 +19,12 @@ from dsfab.core.arrays import (
 )
 from dsfab.surface.topology import EdgeTable, corner_fans, edge_table, link_components, next_half_edge, pinches
 
-WELD = 5e-5  # Vertices closer than this fraction of the mesh's largest dimension become one vertex.
-ASTRAY_RATIO = 1000.0  # Astray vertices: farther from the median point than this x the 99 % quantile of distances.
+WELD = 5e-5  # Largest distance of merged vertices, divided by the mesh's largest dimension.
+ASTRAY_RATIO = 1000.0  # Largest distance from the median point, divided by the 99 % quantile of distances.
 
 
 def in_reach(V: Floats) -> Bools:
-    """Mark the vertices (n,) of V (n, 3) with finite coordinates that are not extremely far away (`ASTRAY_RATIO`)."""
+    """Mark the vertices (n,) of V (n, 3) that are finite and not extremely far away."""
     is_near: Bools = np.asarray(np.isfinite(V).all(axis=1))
     if not is_near.any():
         return is_near
@@ -38,11 +38,11 @@ def in_reach(V: Floats) -> Bools:
 def merged_vertices(
     V: Floats, within: float = 1e-9, apart: Callable[[Ints], Bools] | None = None
 ) -> tuple[Floats, Ints]:
-    """Merge vertices V (n, 3) at one place. Return the remaining vertices, and the new number (n,) of each old vertex.
+    """Merge vertices V (n, 3) at one place. Return the remaining vertices, and the new number (n,) of each vertex.
     within : largest distance between merged vertices, divided by the mesh's largest dimension.
     apart  : function that takes pairs of vertices (p, 2) and marks the pairs (p,) that must stay separate."""
     alone = V, np.arange(len(V))
-    if not len(V) or not np.isfinite(V).all():  # `Surface` reports infinite coordinates
+    if not len(V) or not np.isfinite(V).all():
         return alone
     reach = within * float(np.ptp(V, axis=0).max())
     pairs = cKDTree(V).query_pairs(reach, output_type="ndarray")
@@ -58,8 +58,7 @@ def merged_vertices(
 
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
-    """Return the vertex (n,) onto which each vertex merges, so that no vertex moves farther than `reach`.
-    pairs : (p, 2) near vertices.    targets : (n,) the vertex onto which each would merge without this limit."""
+    """Return the vertex (n,) onto which each vertex merges."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
         return targets
@@ -73,7 +72,7 @@ def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints
 
 
 def equal_merged(V: Floats, F: Ints) -> tuple[Floats, Ints]:
-    """Merge vertices V (n, 3) with equal coordinates; return the sorted vertices and the faces F (m, 3) on them."""
+    """Merge equal vertices V (n, 3); return the sorted vertices and the faces F (m, 3)."""
     fewer, became = np.unique(V + 0.0, axis=0, return_inverse=True)
     return fewer, became.ravel()[F]
 
@@ -84,16 +83,14 @@ def coincident(V: Floats) -> int:
 
 
 SAG = 1 / 15
-"""Largest width of a seam between two patches, divided by the length of a boundary edge beside it.
-The value is height / chord of an arc of 30 degrees."""
+"""Largest width of a seam between two patches, divided by the length of an edge."""
 
 
 def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
-    """Stitch open seams of faces F (m, 3): divide the faces along a seam into fans of triangles.
-    Return the faces and the number of joined vertices. The faces stay unchanged if an edge would get a third face.
-    within : largest distance between an edge and a vertex that is joined to it, in V's unit."""
+    """Stitch open seams of faces F (m, 3). Return the faces and the number of joined vertices.
+    within : largest distance between an edge and a vertex, in V's unit."""
     faces, joined = F, 0
-    for _ in range(4):  # each round stitches at most one edge of a face
+    for _ in range(4):
         half, vertex = _open_seams(V, faces, edge_table(faces), within)
         if not len(half):
             break
@@ -103,7 +100,7 @@ def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
 
 
 def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[Ints, Ints]:
-    """Return boundary half-edges (k,), at most one per face, and on each of them a vertex (k,) of another face."""
+    """Return boundary half-edges (k,), and a vertex (k,) of another face on each half-edge."""
     alone = np.flatnonzero(edges.boundary)
     half, ends = edges.order[edges.start[alone]], edges.ends[alone]
     edge, vertex = near_vertices(V, ends, within)
@@ -125,9 +122,8 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
 
 
 def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
-    """Return pairs of a boundary edge and a near boundary vertex: rows (k,) of `ends`, and vertices (k,).
-    ends   : (b, 2) vertices of each boundary edge.
-    within : largest distance; or `SAG` x edge length, if that is larger and some boundary is not a closed loop."""
+    """Return pairs of a boundary edge (row of `ends`) and a near boundary vertex, (k,) and (k,).
+    ends   : (b, 2) vertices of each boundary edge.    within : largest distance, except at long edges."""
     a, b = V[ends].transpose(1, 0, 2)
     border, loops = np.unique(ends), (np.bincount(ends.ravel())[ends] == 2).all()
     long = lengths(b - a)
@@ -135,7 +131,6 @@ def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     tree, edge, start, size = cKDTree(V[border]), np.arange(len(ends)), np.zeros(len(ends)), 1.0
     pairs = [np.zeros((0, 2), dtype=np.int64)]
     while len(edge):
-        # divide long edges with many vertices nearby into four parts
         middle = a[edge] + (start + size / 2)[:, None] * (b - a)[edge]
         radius = size / 2 * long[edge] + reach[edge]
         crowded, k, border_index = _few_within(tree, middle, radius)
@@ -152,8 +147,7 @@ def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
 
 
 def _few_within(tree: cKDTree, places: Floats, radius: Floats, crowd: int = 8) -> tuple[Bools, Ints, Ints]:
-    """Mark balls that contain more than `crowd` points. For other balls, return pairs of a ball and a point inside."""
-    # the search omits points exactly at the upper bound
+    """Mark balls with more than `crowd` points. For other balls, return pairs of a ball and a point inside."""
     distance, point = tree.query(places, crowd + 1, distance_upper_bound=np.nextafter(radius.max(), np.inf))
     inside = distance <= radius[:, None]
     crowded: Bools = inside[:, crowd]
@@ -173,7 +167,6 @@ def _distinct_pairs(pairs: Ints, n: int) -> tuple[Ints, Ints]:
 
 
 def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
-    """Mark pairs (edge, vertex) on opposite sides of a seam: two chains of border edges with the same end points."""
     degree = np.bincount(ends.ravel())
     order = np.argsort(ends.ravel(), kind="stable")
     pairs = order[np.flatnonzero(degree[ends.ravel()[order]] == 2)].reshape(-1, 2) // 2
@@ -191,7 +184,6 @@ def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
 
 
 def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
-    """Return the faces, divided into fans by vertices (k,) on half-edges (k,), at most one half-edge of each face."""
     start, end, across = (F.ravel()[next_half_edge(half, k)] for k in range(3))
     order = np.lexsort((positions_on_segments(V[vertex], V[start], V[end]), half))
     half, vertex, end, across = half[order], vertex[order], end[order], across[order]
@@ -204,15 +196,15 @@ def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
 
 
 def faces_with_area(V: Floats, F: Ints) -> Ints:
-    """Return the indices (k,) of the faces of V (n, 3), F (m, 3) whose area is not tiny relative to their edges."""
+    """Return the indices (k,) of the faces of V (n, 3), F (m, 3) whose area is not tiny."""
     P = V[F]
     longest = lengths(P - np.roll(P, 1, axis=1)).max(axis=1, initial=0)
     return np.flatnonzero(lengths(area_vectors(V, F)) > 1e-9 * longest**2)
 
 
 def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
-    """Join parts of V (n, 3), F (m, 3) that touch in a vertex, by a new face in the narrowest gap at the vertex.
-    Return the faces and the number of new faces. The faces stay unchanged if an edge would get more than two faces."""
+    """Join parts of V (n, 3), F (m, 3) that touch in a vertex by new faces.
+    Return the faces and the number of new faces."""
     edges = edge_table(F)
     points = pinches(F, edges, len(V))
     if not len(points):
@@ -224,7 +216,7 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
     fan = np.concatenate([fans.ravel()[alone], fans.ravel()[onward]])
     candidates = [_gusset(V, int(v), away[corner_vertex == v], fan[corner_vertex == v]) for v in points]
     gussets = np.array([face for face in candidates if face is not None], dtype=np.int64).reshape(-1, 3)
-    gussets = gussets[faces_with_area(V, gussets)]  # a gap without area needs no gusset
+    gussets = gussets[faces_with_area(V, gussets)]
     _, first_faces = np.unique(np.sort(gussets, axis=1), axis=0, return_index=True)
     faces = np.concatenate([F, gussets[np.sort(first_faces)]])
     crowded = (edge_table(faces).count > 2).sum() > (edges.count > 2).sum()
@@ -232,10 +224,9 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
 
 
 def _gusset(V: Floats, v: int, away: Ints, fan: Ints) -> list[int] | None:
-    """Return a triangle in the smallest angle at v between edges to `away` of two face fans; None above 150 degrees."""
     along = V[away] - V[v]
     along /= lengths(along)[:, None]
-    if not len(away):  # closed parts have no boundary edges
+    if not len(away):
         return None
     cosine = np.where((fan[:, None] == fan) | (away[:, None] == away), -np.inf, along @ along.T)
     i, j = np.unravel_index(int(cosine.argmax()), cosine.shape)

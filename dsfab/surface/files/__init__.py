@@ -1,4 +1,4 @@
-"""Mesh and drawing files: one reader per format, its limits, and the checked surface of a file."""
+"""Readers of mesh and drawing files."""
 
 from dsfab.surface.files.reading import DEFAULT_TRIANGLES, NOTHING_READ, Budget, FileRecord, PolygonFile, TriangleFile
 

@@ -1,4 +1,4 @@
-"""Read DXF files. Find the closed curves and the layer marks in DXF and 3DM drawings."""
+"""Closed curves and layer marks in DXF and 3DM drawings."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -38,15 +38,15 @@ from dsfab.surface.files.reading import (
 from dsfab.surface.files.separate_process import read_rhino_in_process
 
 SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE", "EXTRUDEDSURFACE", "LOFTEDSURFACE", "REVOLVEDSURFACE", "SWEPTSURFACE")
-"""DXF entities that only AutoCAD can read, because their shapes are in AutoCAD's own format."""
+"""DXF entities that only AutoCAD can read."""
 CURVES = ("LINE", "LWPOLYLINE", "POLYLINE", "CIRCLE", "ARC", "ELLIPSE", "SPLINE", "HELIX", "XLINE", "RAY")
 FLAT = ("SOLID", "TRACE", "IMAGE", "UNDERLAY", "WIPEOUT", "ACAD_PROXY_ENTITY", "OLE2FRAME")
-"""DXF entities that show areas without a mesh; dsfab tells the user that it dropped these."""
+"""DXF entities that show areas without a mesh."""
 
 
 def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
-    """Return the curves and points of a DXF file (blocks expanded), with the names of its layers and its unit.
-    Raises MalformedFileError for a file that is incomplete or not DXF, SurfaceError above the limits of `budget`."""
+    """Return the curves and points of a DXF file, with the names of its layers and its unit.
+    Raises MalformedFileError, or SurfaceError above the limits of `budget`."""
     document = _document(path)
     runs, dots, count = list[tuple[str, Floats, bool]](), list[tuple[str, Floats, bool]](), 0
     drawing = _Entities(document, budget, hidden_layers=True)
@@ -62,9 +62,8 @@ def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
 
 
 def read_dxf_meshes(path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFile:
-    """Return the meshes of a DXF file (3DFACE, MESH, polyface and polygon meshes), with blocks expanded.
-    only : names of the layers and blocks to read; by default all. Vertices at the same place become one vertex.
-    Raises SurfaceError without meshes or above `budget`, MalformedFileError for incomplete files or other formats."""
+    """Return the meshes of a DXF file. only : names of the layers and blocks to read; by default all.
+    Raises MalformedFileError, or SurfaceError without meshes or above `budget`."""
     document = _document(path)
     V, corners, sizes, count = list[Floats](), list[Ints](), list[Ints](), 0
     drawing = _Entities(document, DrawingBudget(entities=budget.triangles, seconds=budget.seconds))
@@ -143,8 +142,7 @@ def _polygons(entity: Any) -> Iterator[Polygons]:
 
 
 class _Entities:
-    """Iterator over the visible entities of a drawing, with a limit on their number.
-    hidden_layers : true to include hidden layers.    counts : number of block insertions and hidden objects."""
+    """Iterator over the visible entities of a drawing."""
 
     def __init__(self, document: Any, budget: DrawingBudget, hidden_layers: bool = False) -> None:
         self.budget, self.count, self.counts = budget, 0, Counter[Content]()
@@ -153,8 +151,6 @@ class _Entities:
         self.hidden_layers = hidden_layers
 
     def meshes(self, entities: Any) -> Iterator[tuple[tuple[str, ...], tuple[Polygons, bool, Content]]]:
-        """Yield, for each visible entity with a mesh, the names of its layer and blocks, and a tuple: the mesh, True if
-        its block is mirrored, and its inventory entry. Entities without a mesh are only counted, in `counts`."""
         for entity, names, mirrored, _ in self.leaves(entities):
             meshes = [*_polygons(entity)]
             if not meshes:
@@ -165,10 +161,6 @@ class _Entities:
     def leaves(
         self, entities: Any, outer_names: tuple[str, ...] = (), mirrored: bool = False, hidden: bool = False
     ) -> Iterator[tuple[Any, tuple[str, ...], bool, bool]]:
-        """Yield for each visible entity: itself, its names, True if a block mirrors it, True if its layer is hidden.
-        Entities on hidden layers are left out, unless `hidden_layers` is set.
-        The names are its layer, then layer and name of each enclosing block insertion (`outer_names`), innermost first.
-        Layer 0 in a block means the layer on which the block is inserted."""
         if len(outer_names) > 2 * self.budget.depth:
             raise MalformedFileError(f"the file's blocks are nested more than {self.budget.depth} deep")
         for entity in entities:
@@ -230,7 +222,6 @@ def _path_points(part: Any, closed: bool) -> Floats:
 
 
 def _spline_points(spline: Any) -> Floats:
-    """Return points from a spline's first to last valid knot; ezdxf's paths of closed splines extend beyond them."""
     tool = spline.construction_tool()
     knots = np.array(tool.knots())
     spans = np.unique(knots[tool.degree : len(knots) - tool.degree])
@@ -249,7 +240,7 @@ class Marks:
     curves: tuple[Floats, ...]
 
     def about(self, origin: Sequence[float]) -> "Marks":
-        """Return points and curves in coordinates relative to the point `origin`, metres."""
+        """Return points and curves relative to the point `origin`, metres."""
         return Marks(self.layer, self.points - origin, tuple(run - origin for run in self.curves))
 
     @property
@@ -269,10 +260,8 @@ def _ends_meet(run: Floats) -> bool:
 
 
 def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floats, ...]:
-    """Return the closed curves (k, 3) of a drawing, metres, on one layer or on all layers.
-    Lines and arcs whose ends touch form one curve.
-    unit : unit of the file's numbers; by default the unit that the file declares.
-    Raises SurfaceError for a missing file, layer, unit or closed curve, for open curves, and for too large files."""
+    """Return the closed curves (k, 3) of a drawing, metres, on one layer or on all layers. Raises SurfaceError.
+    unit : unit of the file's numbers; by default the unit that the file declares."""
     path = Path(path)
     if path.suffix.lower() not in (".dxf", ".3dm"):
         raise SurfaceError(f"{path} is not a drawing that dsfab reads; give a .dxf or a .3dm file")
@@ -284,9 +273,8 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
 
 
 def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str, Marks]:
-    """Return the visible points and curves of a drawing, by layer; empty layers are left out.
-    words  : names of the layers, in lower case; the file may have upper case.
-    metres : length of the file's unit in metres.    Raises SurfaceError for unreadable files."""
+    """Return the visible points and curves of a drawing, by layer; empty layers are left out. Raises SurfaceError.
+    words  : names of the layers, in lower case.    metres : length of the file's unit in metres."""
     path = Path(path)
     drawing = _drawing(path, path.stat().st_size, DrawingBudget())
     marks = {}
@@ -333,7 +321,7 @@ def _drawing(path: Path, size: int, budget: DrawingBudget) -> Drawing:
 
 def closed_loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Floats]:
     """Join curves (k, 3) with common ends. Yield closed curves; the first point is not repeated at the end.
-    Raises SurfaceError for open curves. where : name of file and layer, for the message."""
+    Raises SurfaceError for open curves. where : text for the message."""
     corners = np.concatenate([[run.min(axis=0), run.max(axis=0)] for run in runs])
     tolerance = SAME_PLACE * float(np.linalg.norm(np.ptp(corners, axis=0)))
     ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # points 2 k, 2 k + 1 are the ends of runs[k]

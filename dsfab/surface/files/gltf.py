@@ -37,7 +37,7 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 @dataclass(frozen=True)
 class Buffers:
     """Data buffers of a glTF file.    tree : the file's JSON.    binary : buffer inside the file.
-    beside : function that returns the bytes of another file by name.    known : buffers that were read, by number."""
+    beside : function that returns the bytes of another file by name."""
 
     tree: dict[str, Any]
     binary: bytes | None
@@ -46,8 +46,7 @@ class Buffers:
     known: dict[int, bytes] = field(default_factory=dict)
 
     def view(self, number: int) -> tuple[bytes, int]:
-        """Return the bytes of a buffer view, and the step in bytes between its elements (0 if the file states none).
-        Raises MalformedFileError for a view that extends beyond its buffer."""
+        """Return the bytes of a buffer view, and the step in bytes between elements. Raises MalformedFileError."""
         view = self.tree["bufferViews"][number]
         start, length = _count(view.get("byteOffset", 0)), _count(view["byteLength"])
         data = self._buffer(_count(view["buffer"]))
@@ -79,8 +78,7 @@ class Buffers:
 
 
 def accessor(tree: dict[str, Any], buffers: Buffers, number: Any, width: int) -> NDArray[Any]:
-    """Return the numbers (count, width) of an accessor, glTF's table of numbers; normalised integers become fractions.
-    Raises MalformedFileError for a different width or missing bytes."""
+    """Return the numbers (count, width) of an accessor, glTF's table of numbers. Raises MalformedFileError."""
     entry = tree["accessors"][_count(number)]
     count, kind = _count(entry["count"]), _TYPES.get(entry["componentType"])
     if kind is None or _WIDTHS.get(entry["type"]) != width:
@@ -131,14 +129,14 @@ _HARMLESS = (
     *("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_", "KHR_mesh_quantization", "KHR_xmp"),
     *("KHR_technique", "EXT_mesh_gpu_instancing", "KHR_node_visibility"),
 )
-"""Prefixes of extensions that do not change the shapes of meshes, and names of extensions that dsfab reads."""
+"""Extensions that do not change the shapes of meshes, or that dsfab reads."""
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
 def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes], only: Sequence[str] = ()) -> TriangleFile:
     """Return the triangles of the scene in a binary glTF file, metres with z up.
     only : names of the nodes and meshes to read; by default all.
-    Raises MalformedFileError for a damaged or incomplete file, SurfaceError above the limits of `budget`."""
+    Raises MalformedFileError, or SurfaceError above the limits of `budget`."""
     if data[:4] != b"glTF":
         raise MalformedFileError("there is no glTF header")
     if len(data) < 20:
@@ -167,10 +165,10 @@ def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes], only:
 def read_gltf(
     data: bytes, budget: Budget, read_neighbour: Callable[[str], bytes], only: Sequence[str] = ()
 ) -> TriangleFile:
-    """Return the triangles of the scene in a glTF file (JSON), metres with z up; vertices at one place are merged.
+    """Return the triangles of the scene in a glTF file (JSON), metres with z up.
     read_neighbour : function that returns the bytes of a file in the same folder.
     only           : names of the nodes and meshes to read; by default all.
-    Raises MalformedFileError for a damaged file, SurfaceError above the limits of `budget`."""
+    Raises MalformedFileError, or SurfaceError above the limits of `budget`."""
     if data[:4] == b"glTF":
         return read_glb(data, budget, read_neighbour, only)
     file = text_file(data)
@@ -208,7 +206,7 @@ def _scene(
     except (KeyError, TypeError, AttributeError, IndexError):
         raise MalformedFileError("an entry of the file's JSON is missing or of the wrong kind") from None
     V = upright_vertices(V, "y")
-    V, F = equal_merged(V, F) if len(F) else (V, F)  # merge after rotation, to sort vertices as in other formats
+    V, F = equal_merged(V, F) if len(F) else (V, F)  # after rotation, to sort vertices as in other formats
     doubts = doubts if tree.get("scenes") else (*doubts, "the file names no scene: all its objects are taken")
     return TriangleFile(V, F, "m", doubts, dropped, contents(scene.counts))
 
@@ -236,7 +234,6 @@ class _Scene:
                 yield mesh_at(V, F, matrix)
 
     def count_unused(self) -> None:
-        """Count the cameras, and the meshes that are not in the visible scene."""
         unused = len(self.tree.get("meshes", ())) - len(self.used)
         self.counts[Content("mesh", "dropped", "outside the visible scene")] += unused
         self.counts[Content("camera", "beside")] += len(self.tree.get("cameras", ()))
@@ -247,7 +244,6 @@ class _Scene:
         yield from ((node["mesh"], matrix @ place) for place in instances)
 
     def _shown_nodes(self) -> Iterator[tuple[list[str], tuple[dict[str, Any], Floats]]]:
-        """Yield for each visible node with a mesh: names of node, parents and mesh; and the node with its matrix."""
         nodes, scenes = self.tree.get("nodes", []), self.tree.get("scenes", [])
         inner = {child for node in nodes for child in node.get("children", [])}
         roots = [k for k in range(len(nodes)) if k not in inner]
@@ -256,7 +252,7 @@ class _Scene:
         seen = set[int]()
         while waiting:
             number, above, outer_names, shown = waiting.pop()
-            if number in seen or len(outer_names) >= 200:  # usual programs nest nodes up to 100 levels deep
+            if number in seen or len(outer_names) >= 200:  # usual programs nest at most 100 levels
                 raise MalformedFileError("the file's nodes are not a tree: a node has two parents, or contains itself")
             seen.add(number)
             node = nodes[number]
@@ -306,7 +302,7 @@ class _Scene:
             return np.stack([order[1:-1], order[2:], np.full(len(order) - 2, order[0])], axis=1)
         F = np.stack([order[:-2], order[1:-1], order[2:]], axis=1)
         F[1::2] = F[1::2, [1, 0, 2]]
-        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # a repeated corner: the triangle only links two strips
+        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # the triangle only links two strips
         strip: Ints = F[~tied]
         return strip
 

@@ -22,26 +22,25 @@ from dsfab.surface.files.reading import (
 )
 
 NO_BODIES = ("Annotation", "Axis", "Box", "Clearance", "CoG", "FootPrint", "Lighting", "Profile", "Reference")
-"""Representations that are not the shape of an element [IFC 4.3, IfcShapeRepresentation]."""
-LEVELS = 50  # Largest number of assemblies, storeys and buildings around an element; only damaged files have more.
+"""Representations that are not the shape of an element [IFC 4.3]."""
+LEVELS = 50  # Largest number of containers around an element.
 
 
 def read_ifc(path: Path, only: Sequence[str] = ()) -> TriangleFile:
-    """Return the triangles of all elements of a building, such as roofs, slabs and plates. Openings are cut out.
-    Vertices are in the length unit of the file's project. Different elements share no vertices.
+    """Return the triangles of all elements of a building, in the length unit of the file's project.
     only : names of the elements, classes (`IfcRoof`), layers, storeys and assemblies to read; by default all.
-    Raises MalformedFileError for a file that is not IFC, SurfaceError for a file without elements with faces."""
+    Raises MalformedFileError for a file that is not IFC, SurfaceError for a file without faces."""
     import ifcopenshell
     import ifcopenshell.geom as geom
 
     with path.open("rb") as file:
         file.seek(max(0, path.stat().st_size - 512))
         end = file.read()
-    if b"END-ISO-10303-21" not in end:  # ifcopenshell reads incomplete files without a warning
+    if b"END-ISO-10303-21" not in end:
         raise MalformedFileError("its last line END-ISO-10303-21 is missing: the file is not IFC, or it is cut off")
     try:
         model = ifcopenshell.open(str(path))
-    except Exception:  # ifcopenshell does not document its errors
+    except Exception:
         raise MalformedFileError("the file is damaged or of a version of IFC that ifcopenshell does not know") from None
     counts, parts = Counter[Content](), list[tuple[Floats, Ints]]()
     elements = {element.id(): element for element in selected_parts(_visible_elements(model, counts), only, counts)}
@@ -68,14 +67,14 @@ def read_ifc(path: Path, only: Sequence[str] = ()) -> TriangleFile:
 
 
 def _visible_elements(model: Any, counts: Counter[Content]) -> Iterator[tuple[list[str], Any]]:
-    """Yield names and IFC entity of each visible element with a shape. Count other elements and shapes in `counts`."""
+    """Yield names and IFC entity of each visible element; count other elements in `counts`."""
     from ifcopenshell.util.element import get_layers, get_parent
 
     for product in model.by_type("IfcProduct"):
         kind, layers = product.is_a(), [*get_layers(model, product)]
         is_element = not product.is_a("IfcFeatureElement") and kind != "IfcVirtualElement"
         if not (is_element and (product.is_a("IfcElement") or kind == "IfcProxy")):
-            if product.Representation:  # products without a shape, such as storeys, are not counted
+            if product.Representation:
                 counts[Content(f"{kind} object", "beside")] += 1
         elif hidden := [layer.Name for layer in layers if _is_hidden(layer)]:
             counts[hidden_on(hidden[0])] += 1
@@ -90,7 +89,6 @@ def _visible_elements(model: Any, counts: Counter[Content]) -> Iterator[tuple[li
 
 
 def _is_body(identifier: str, element: Any) -> bool:
-    """Return True if the representation named `identifier` is the shape of an element, not for instance its axis."""
     identifiers = {shape.RepresentationIdentifier for shape in element.Representation.Representations}
     return identifier == "Body" if "Body" in identifiers else identifier not in NO_BODIES
 

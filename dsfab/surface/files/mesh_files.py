@@ -1,4 +1,4 @@
-"""Reader of mesh files in any format. It returns raw arrays with shared vertices."""
+"""Reader of mesh files in any format."""
 
 import difflib
 from collections.abc import Callable, Sequence
@@ -31,13 +31,11 @@ from dsfab.surface.files.reading import (
 from dsfab.surface.files.separate_process import read_3dm, read_cad
 from dsfab.surface.files.stl_and_3mf import read_3mf, read_stl
 
-OVERFLOW = float(np.finfo(np.float64).max) ** 0.25  # Squares of areas overflow for larger coordinates.
+OVERFLOW = float(np.finfo(np.float64).max) ** 0.25  # Largest coordinate whose squared areas do not overflow.
 
 
 def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
-    """Merge vertices at the same place that only the file's format separates. Return the file, and a text for the user.
-    Vertices are merged in two cases: no two faces share a vertex, or each free edge coincides with another free edge.
-    The file stays unchanged if an edge would get more than two faces."""
+    """Merge vertices at the same place that only the file's format separates. Return the file, and texts for users."""
     mesh = file.mesh
     corners, V = mesh.corners, mesh.V
     if not len(corners) or corners.min() < 0 or corners.max() >= len(V):
@@ -62,7 +60,7 @@ def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...
 def _some_places_twice(V: Floats) -> bool:
     if not np.isfinite(V).all():
         return False
-    numbers = V[:, 0] * 0.5298 + V[:, 1] * 0.6741 + V[:, 2] * 0.5144  # single numbers sort faster than rows of three
+    numbers = V[:, 0] * 0.5298 + V[:, 1] * 0.6741 + V[:, 2] * 0.5144  # single numbers sort faster
     numbers.sort()
     return bool((numbers[1:] == numbers[:-1]).any())
 
@@ -94,8 +92,7 @@ class RawMesh:
     """The mesh in a file: vertices V (n, 3) in the file's unit, and triangles F (m, 3).
     polygons : number of faces in the file, before dsfab cut them into triangles.
     unit     : unit that the file declares, or None.
-    record   : texts about reading and repairs so far.
-    up       : default up axis of the program that wrote the file, "y" or "z"; None if unknown."""
+    up       : usual up axis of the program that wrote the file, "y" or "z", or None."""
 
     V: Floats
     F: Ints
@@ -106,7 +103,7 @@ class RawMesh:
 
     @property
     def metres(self) -> float:
-        """Length of the file's unit in metres; 1 without a declaration."""
+        """Length of the file's unit in metres, by default 1."""
         return METRES_PER[self.unit] if self.unit else 1.0
 
 
@@ -114,22 +111,19 @@ CAD_SUFFIXES = (
     *(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t", ".ifczip", ".ifcxml"),
     *(".fbx", ".dae", ".blend", ".rvt", ".gh"),
 )
-"""Suffixes of files of CAD programs that dsfab does not read."""
+"""Suffixes of CAD files that dsfab does not read."""
 
 
 def raw_mesh(
     path: str | Path, most_triangles: int = DEFAULT_TRIANGLES, unit: str | None = None, only: Sequence[str] = ()
 ) -> RawMesh:
-    """Read a file in OBJ, PLY, STL, OFF, glTF, 3MF, 3DM, DXF, STEP, BREP or IFC format, according to the suffix.
+    """Read a mesh file in OBJ, PLY, STL, OFF, glTF, 3MF, 3DM, DXF, STEP, BREP or IFC format.
+    The y axis of glTF files becomes z.
 
-    most_triangles : limit on triangles; the limits on bytes, vertices and seconds follow from this limit.
-    unit           : unit of the coordinates, used only if dsfab does not know the unit that the file declares.
-    only           : names of the parts to read; by default all parts.
+    unit : unit of the coordinates if the file declares no known unit.
+    only : names of the parts to read; by default all parts.
 
-    The y axis of glTF files becomes z. Polygons are cut into triangles. Unused vertices are removed.
-
-    Raises SurfaceError for an unreadable file, a file beyond the limits, an unknown name, and an unknown unit if `unit`
-    is not set."""
+    Raises SurfaceError for an unreadable file, a file beyond the limits, an unknown name, and an unknown unit."""
     path = Path(path)
     suffix = _suffix(path)
     budget = Budget(most_triangles)
@@ -223,7 +217,7 @@ def _checked_mesh(path: Path, raw: RawMesh) -> RawMesh:
         raise SurfaceError(f"{path} has coordinates up to {largest:.3g}, too large in any unit; export it again")
     steps = number_steps(raw.V, raw.F, raw.unit)[1]
     record = replace(raw.record, read=(*raw.record.read, steps)) if steps else raw.record
-    has_unselected = any(thing.kind == UNSELECTED for thing in record.content)  # unselected parts leave unused vertices
+    has_unselected = any(thing.kind == UNSELECTED for thing in record.content)
     if len(used) < n and not record.repaired and not has_unselected:
         record = record.also((), (f"{count_phrase(n - len(used), 'vertex')} without a face",))
     return replace(raw, V=raw.V[used], F=F.reshape(-1, 3).astype(np.int64), record=record)

@@ -25,21 +25,21 @@ from dsfab.surface.files.reading import (
 )
 
 _IGNORED_SHAPES = {"l": "line", "p": "point", "curv": "curve", "curv2": "curve", "surf": "free-form surface"}
-"""First words of lines with shapes that dsfab does not read, and the names of these shapes."""
+"""First words of lines with shapes that dsfab does not read, and names of these shapes."""
 _IGNORED_WORDS = frozenset(
     "vt vn vp s mg usemtl mtllib usemap maplib shadow_obj trace_obj bevel c_interp d_interp lod call csh "  # noqa: SIM905
     "cstype deg bmat step parm trim hole scrv sp end con ctech stech".split()
 )
-"""First words of lines that do not change polygons, or that belong to free-form curves and surfaces."""
-_NUMBERS = {3, 4, 6, 7}  # A vertex has three coordinates, perhaps with a weight, a colour, or both.
+"""First words of lines that do not change polygons, or that belong to free forms."""
+_NUMBERS = {3, 4, 6, 7}  # Possible numbers of values in a vertex line.
 _COMMENT = re.compile(r"^([^\S\n]*#[^\n]*)\\$", re.MULTILINE)  # A comment ending with a backslash.
 _DIVIDED = re.compile(r"[^\s\\]\\\n(?=\S)")  # A backslash at the end of a line, with no space beside it.
 _DECIMAL_COMMA = re.compile(r"\d,\d")  # A number with a decimal comma.
-LINES_PER_CHECK = 1 << 14  # Number of lines between two checks of the counts of vertices and faces.
+LINES_PER_CHECK = 1 << 14  # Number of lines between two checks of sizes.
 
 
 def read_obj(data: bytes, budget: Budget, only: Sequence[str] = ()) -> PolygonFile:
-    """Return the vertices and faces of an OBJ file; lines, points and free forms are only counted.
+    """Return the vertices and faces of an OBJ file; other shapes are only counted.
     only : names of the objects and groups to read; by default all.
     Raises MalformedFileError for a line that cannot be read, SurfaceError above the limits of `budget`."""
     file = text_file(data)
@@ -89,11 +89,10 @@ def read_obj(data: bytes, budget: Budget, only: Sequence[str] = ()) -> PolygonFi
 
 
 _Group = tuple[int, tuple[str, ...], tuple[str, ...]]
-"""First face of a group of faces, the group's names, and its object's names. A line `g roof tiles` names two groups."""
+"""First face of a group of faces, the group's names, and its object's names."""
 
 
 def _named_faces(mesh: Polygons, groups: list[_Group], only: Sequence[str], counts: Counter[Content]) -> Polygons:
-    """Return faces of groups or objects in `only`, by default all. Count groups and unselected parts in `counts`."""
     ends = (*(start for start, _, _ in groups[1:]), len(mesh.sizes))
     runs = [(*group, end) for group, end in zip(groups, ends, strict=True) if group[0] < end]
     if only:
@@ -104,7 +103,7 @@ def _named_faces(mesh: Polygons, groups: list[_Group], only: Sequence[str], coun
 
 
 def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
-    """Return True if a file's last face may be incomplete: fewer corners than `largest`, or an incomplete corner."""
+    """Return True if a file's last face may be incomplete."""
     *other_corners, last_corner = (word.split("/") for word in face or [""])
     if len(face) < max(largest, 3) or len(last_corner) < len(other_corners[0]):
         return True
@@ -114,7 +113,6 @@ def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
 
 
 def _join_lines(text: str) -> str:
-    """Join lines at backslashes, except comments. Raises MalformedFileError for a backslash with no space beside it."""
     text = _COMMENT.sub(r"\1 ", text)
     if cut := _DIVIDED.search(text):
         number = text.count("\n", 0, cut.end() - 1) + 1
@@ -127,7 +125,7 @@ def _add_vertex(V: "array[float]", words: list[str], line: str) -> None:
         raise ValueError
     V.extend(map(float, words[1:4]))
     if len(words) > 4:
-        list(map(float, words[4:]))  # raises ValueError if two vertices are on one line
+        list(map(float, words[4:]))  # ValueError for words that are no numbers
 
 
 def _add_face(corners: "array[int]", sizes: "array[int]", words: list[str], count: int) -> None:
@@ -138,11 +136,11 @@ def _add_face(corners: "array[int]", sizes: "array[int]", words: list[str], coun
 
 
 KINDS = {"OFF", "COFF", "NOFF", "CNOFF", "NCOFF", "STOFF", "STCOFF", "STNOFF", "STCNOFF"}
-"""First words of OFF files with three coordinates per vertex, with or without colours, normals and textures."""
+"""First words of OFF files with three coordinates for each vertex."""
 
 
 def read_off(data: bytes, budget: Budget) -> PolygonFile:
-    """Return the vertices and faces of an OFF file, without colours, normals and textures.
+    """Return the vertices and faces of an OFF file.
     Raises MalformedFileError for an incomplete file or another format, SurfaceError above the limits of `budget`."""
     file = text_file(data)
     lines = ((number, words) for number, line in file.numbered_lines(budget) if (words := line.split("#")[0].split()))
@@ -166,7 +164,7 @@ def read_off(data: bytes, budget: Budget) -> PolygonFile:
             except (ValueError, IndexError, OverflowError):
                 raise MalformedFileError(f"line {number} cannot be read: {' '.join(words)[:60]!r}") from None
     extra_lines = sum(1 for _ in lines)
-    bare = not extra_lines and m and len(words) == 1 + sizes[-1]  # the last line has no colour after the corners
+    bare = not extra_lines and m and len(words) == 1 + sizes[-1]
     doubts = file.cut_off("a face") if bare and may_lack_digits(words[-1], n) else ()
     mesh = Polygons(np.array(V).reshape(-1, 3), np.array(corners), np.array(sizes))
     dropped = (f"{count_phrase(extra_lines, 'line')} after the last face",) if extra_lines else ()

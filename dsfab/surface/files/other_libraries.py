@@ -1,4 +1,4 @@
-"""Conversion of meshes of trimesh, pyvista and compas to surfaces and back. Libraries are imported at first use."""
+"""Conversion of meshes of trimesh, pyvista and compas to surfaces and back."""
 
 import importlib.util
 import warnings
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 def surface_from(V: Any, F: Iterable[Any], unit: str = "m") -> Surface:
     """Return a surface from vertices V (n, 3), in `unit`, and polygons F: (m, 3), (m, 4), or lists of any length.
-    Polygons are cut into triangles, and faces get one orientation. Vertices are not merged and keep their numbers.
-    Raises SurfaceError for invalid or repeated faces, edges of over two faces, parts that touch at an inner vertex."""
+    Polygons are cut into triangles. Vertices keep their numbers.
+    Raises SurfaceError for an unusable mesh."""
     mesh = _polygons(V, F)
     return oriented_surface(mesh.V * metres_per(unit), triangles(mesh).F)
 
@@ -53,19 +53,19 @@ def _polygons(V: Any, F: Iterable[Any]) -> Polygons:
 def surface_of(mesh: Any, unit: str | None = None) -> Surface:
     """Convert a mesh of trimesh, pyvista, compas or meshio, or any object with vertices and faces, to a surface.
     unit : unit of the coordinates; by default the unit of a trimesh mesh, else metres.
-    Vertices at the same place become one vertex. A `Surface` is returned unchanged.
-    Raises SurfaceError for any other type and for an unusable mesh."""
+    Vertices at the same place become one vertex.
+    Raises SurfaceError for an unusable mesh."""
     if isinstance(mesh, Surface):
         return mesh
     own_unit = getattr(mesh, "units", None)
     unit = unit or (own_unit if isinstance(own_unit, str) and own_unit else "m")
-    if hasattr(mesh, "to_vertices_and_faces"):  # a mesh of the library compas
+    if hasattr(mesh, "to_vertices_and_faces"):  # compas
         V, F = mesh.to_vertices_and_faces()
         return _merged_surface(V, F, unit)
     if hasattr(mesh, "extract_surface") and hasattr(mesh, "points"):  # pyvista
         shell = mesh.extract_surface(algorithm=None) if not hasattr(type(mesh), "regular_faces") else mesh
         return _merged_surface(shell.points, shell.irregular_faces, unit)
-    if hasattr(mesh, "cells_dict") and hasattr(mesh, "points"):  # a mesh of the library meshio
+    if hasattr(mesh, "cells_dict") and hasattr(mesh, "points"):  # meshio
         cells = [face for kind in ("triangle", "quad") for face in mesh.cells_dict.get(kind, ())]
         return _merged_surface(mesh.points, cells, unit)
     if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
@@ -74,7 +74,7 @@ def surface_of(mesh: Any, unit: str | None = None) -> Surface:
 
 
 def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
-    """Return vertices (n, 3) and faces (m, 3) of an STL file, read by trimesh. Raises SurfaceError if trimesh fails."""
+    """Return vertices (n, 3) and faces (m, 3) of an STL file. Raises SurfaceError if trimesh fails."""
     import trimesh
 
     try:
@@ -82,12 +82,12 @@ def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
             warnings.simplefilter("ignore")
             mesh: Any = trimesh.load(path, file_type="stl", force="mesh", process=False)
         return equal_merged(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64))
-    except Exception:  # trimesh raises many types of errors for a bad file
+    except Exception:  # trimesh raises many types of errors
         raise SurfaceError(f"{path}: trimesh cannot read this file, though dsfab can; export it again") from None
 
 
 def threemf_by_lib3mf(path: Path) -> tuple[Floats, Ints]:
-    """Return vertices (n, 3) and faces (m, 3) of a 3MF file, read by lib3mf. Raises SurfaceError if lib3mf fails."""
+    """Return vertices (n, 3) and faces (m, 3) of a 3MF file. Raises SurfaceError if lib3mf fails."""
     import lib3mf
 
     model, parts = lib3mf.get_wrapper().CreateModel(), list[tuple[Floats, Ints]]()
@@ -105,7 +105,7 @@ def threemf_by_lib3mf(path: Path) -> tuple[Floats, Ints]:
 
 
 def as_trimesh(V: Floats, F: Ints) -> "trimesh.Trimesh":
-    """Return a trimesh mesh with the same vertices V (n, 3), metres, and faces F (m, 3)."""
+    """Return a trimesh mesh of vertices V (n, 3), metres, and faces F (m, 3)."""
     import trimesh
 
     mesh = trimesh.Trimesh(V, F, process=False)
@@ -114,16 +114,16 @@ def as_trimesh(V: Floats, F: Ints) -> "trimesh.Trimesh":
 
 
 def as_pyvista(V: Floats, F: Ints) -> "pyvista.PolyData":
-    """Return a pyvista mesh with the same vertices V (n, 3), metres, and faces F (m, 3)."""
+    """Return a pyvista mesh of vertices V (n, 3), metres, and faces F (m, 3)."""
     import pyvista
 
-    build: Any = pyvista.PolyData.from_regular_faces  # pyvista's annotations forbid numpy arrays
+    build: Any = pyvista.PolyData.from_regular_faces
     mesh: pyvista.PolyData = build(np.asarray(V), np.asarray(F))
     return mesh
 
 
 def as_compas(V: Floats, F: Ints) -> "compas.datastructures.Mesh":
-    """Return a compas mesh of V (n, 3), metres, and F (m, 3); raises SurfaceError if compas is not installed."""
+    """Return a compas mesh of V (n, 3), metres, and F (m, 3). Raises SurfaceError without compas."""
     require_compas()
     from compas.datastructures import Mesh
 
@@ -132,7 +132,7 @@ def as_compas(V: Floats, F: Ints) -> "compas.datastructures.Mesh":
 
 
 def as_polyline(points: Floats) -> "compas.geometry.Polyline":
-    """Return a compas polyline through points (k, 2) or (k, 3), metres; raises SurfaceError without compas."""
+    """Return a compas polyline through points (k, 2) or (k, 3), metres. Raises SurfaceError without compas."""
     require_compas()
     from compas.geometry import Polyline
 
@@ -140,7 +140,7 @@ def as_polyline(points: Floats) -> "compas.geometry.Polyline":
 
 
 def as_circle(middle: Floats, radius: float) -> "compas.geometry.Circle":
-    """Return a compas circle around a point (2,) in the plane, metres; raises SurfaceError without compas."""
+    """Return a compas circle around a point (2,) in the plane, metres. Raises SurfaceError without compas."""
     require_compas()
     from compas.geometry import Circle, Frame
 

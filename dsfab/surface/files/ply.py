@@ -1,4 +1,4 @@
-"""Reader of PLY files, text and binary, and writer of a mesh as binary PLY."""
+"""Reader and writer of PLY files."""
 
 import re
 import warnings
@@ -32,7 +32,7 @@ _SPACE = re.compile(rb"\s")
 
 @dataclass(frozen=True)
 class PlyProperty:
-    """A property of a PLY element. length : number type of a list's length; None if the property is not a list."""
+    """A property of a PLY element. length : number type of a list's length, or None."""
 
     name: str
     type: str
@@ -41,14 +41,14 @@ class PlyProperty:
 
 @dataclass(frozen=True)
 class PlyElement:
-    """An element of a PLY file: its name, the number of its records, and the properties of each record."""
+    """An element of a PLY file."""
 
     name: str
     count: int
     properties: list[PlyProperty]
 
     def cut_off(self) -> MalformedFileError:
-        """Return the error for a file with fewer records than announced."""
+        """Return an error for too few records."""
         return MalformedFileError(f"the file ends before the last of its {self.count:,} records of {self.name!r}")
 
 
@@ -56,7 +56,7 @@ Columns = dict[str, Any]  # Values (count,) by property. List property: values (
 
 
 def text_numbers(body: bytes) -> tuple[Floats, bool]:
-    """Return the numbers (c,) at the beginning of a text, and True if another word follows them."""
+    """Return the numbers (c,) at the beginning of a text, and True if another word follows."""
     parts, position, odd = [np.empty(0)], 0, False
     while position < len(body) and not odd:
         gap = _SPACE.search(body, position + BLOCK)
@@ -83,8 +83,8 @@ def _numbers_before_words(block: bytes) -> Floats:
 
 
 def text_element(numbers: Floats, position: int, element: PlyElement, budget: Budget) -> tuple[Columns, int]:
-    """Return the properties of an element of a text file, and the index in `numbers` (c,) where its records end.
-    position : index where the records begin.    Raises MalformedFileError for a file that ends too early."""
+    """Return the properties of a text element, and the index in `numbers` (c,) after its records.
+    Raises MalformedFileError for a file that ends too early."""
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * len(element.properties) > len(numbers) - position:
@@ -97,7 +97,6 @@ def text_element(numbers: Floats, position: int, element: PlyElement, budget: Bu
 
 
 def _equal_records(numbers: Floats, position: int, element: PlyElement) -> tuple[Ints, Ints, int] | None:
-    """Return start and length (count, p) of each record's properties, and the element's end; None if lengths differ."""
     start, sizes, lists, place = [], [], [], 0
     for p in element.properties:
         if p.length is not None:
@@ -140,8 +139,8 @@ def _text_walk(numbers: Floats, position: int, element: PlyElement, budget: Budg
 
 
 def binary_element(body: bytes, position: int, element: PlyElement, order: str, budget: Budget) -> tuple[Columns, int]:
-    """Return the properties of an element of a binary file, and the byte in `body` where its records end.
-    position : byte where the records begin.    order : '<' little endian, '>' big endian."""
+    """Return the properties of a binary element, and the byte in `body` after its records.
+    order : '<' little endian, '>' big endian."""
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * sum(np.dtype(p.length or p.type).itemsize for p in element.properties) > len(body) - position:
@@ -233,8 +232,8 @@ _FACE = np.dtype([("count", "u1"), ("vertices", "<i4", 3)])
 
 
 def read_ply(data: bytes, budget: Budget) -> PolygonFile:
-    """Return vertices and faces of a PLY file. Colours, normals and other elements are ignored.
-    Raises MalformedFileError if the file is incomplete, not PLY, or lacks a property; SurfaceError above `budget`."""
+    """Return vertices and faces of a PLY file.
+    Raises MalformedFileError for an invalid file, and SurfaceError for a file above `budget`."""
     if data[:3] not in (b"ply", b"PLY"):  # a text file may have a byte order mark or be UTF-16
         file = text_file(data)
         if not file.text.startswith(("ply", "PLY")):
@@ -317,7 +316,7 @@ def _whole(indices: NDArray[Any]) -> Ints:
 
 
 def ply_chunks(V: Floats, F: Ints, unit: str) -> Iterator[bytes]:
-    """Yield a mesh V (n, 3), F (m, 3) as a binary PLY file in parts: header, vertices (64 bits), faces. unit : of V."""
+    """Yield a mesh V (n, 3), F (m, 3) as a binary PLY file, in pieces. unit : of V."""
     lines = [
         "ply",
         "format binary_little_endian 1.0",

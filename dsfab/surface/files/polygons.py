@@ -1,4 +1,4 @@
-"""Polygon meshes as arrays, and division of quads and larger polygons into triangles."""
+"""Polygon meshes as arrays, and division of polygons into triangles."""
 
 from dataclasses import dataclass
 from itertools import chain, pairwise
@@ -11,19 +11,16 @@ import pythoncdt as cdt
 from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 
 FLAT, WARPED = (float(np.cos(np.radians(angle))) for angle in (2, 10))
-"""Cosine between the normals of a quad's triangles: above `FLAT` the quad is flat, below `WARPED` it may be folded."""
+"""Cosine between the normals of a quad's triangles: above `FLAT` the quad is flat, below `WARPED` perhaps folded."""
 ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
-"""The cut of a quad changes to the other diagonal if the edges to its flat neighbours then bend much less. The largest
-difference of unit normals there must be below `ON` (10 degrees), and below `BETTER` x its value for the first cut."""
+"""Largest difference of unit normals after a change of diagonal: `ON`, and `BETTER` x the difference before."""
 
 
 def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     """Return the two triangles (2 q, 3) of each of the faces `quads` (q,), which have four corners.
     V       : (n, 3) vertices.
     corners : (c,) corners of all faces, face after face.
-    sizes   : (f,) number of corners of each face.
-    If only one diagonal is inside the quad, the cut follows this diagonal. Otherwise the cut follows the shorter
-    diagonal, or the other diagonal if the triangles then continue flat neighbours much better."""
+    sizes   : (f,) number of corners of each face."""
     start = np.cumsum(sizes) - sizes
     Q = corners[start[quads][:, None] + np.arange(4)]
     P = V[_inside(Q, len(V))] if len(Q) and len(V) else np.zeros((len(Q), 4, 3))
@@ -48,8 +45,8 @@ def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     return np.take_along_axis(Q, cut, axis=1).reshape(-1, 3)
 
 
-_TRIANGLES = (0, 1, 2), (0, 2, 3), (1, 2, 3), (1, 3, 0)  # Triangles of a quad: cut 0-2, then cut 1-3.
-_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)  # Index in `_TRIANGLES` of the triangle at each side: cut 0-2, then cut 1-3.
+_TRIANGLES = (0, 1, 2), (0, 2, 3), (1, 2, 3), (1, 3, 0)  # Triangles of a quad: cut 0-2, then 1-3.
+_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)  # Index in `_TRIANGLES` of the triangle at each side.
 
 
 def _inside(corners: Ints, n: int) -> Ints:
@@ -62,8 +59,7 @@ def _bend(normals: Floats, neighbour_normals: Floats) -> Floats:
 
 
 def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, starts: Ints) -> Floats:
-    """Return the unit normal (r, 4, 3) of the face beyond each side of r quads; 0 without a single flat face there.
-    bent : (f,) True for quads that are not flat.    starts : (r,) index in `corners` of each quad's first corner."""
+    """Return the unit normal (r, 4, 3) of the flat face beyond each side of r quads, or 0."""
     owner, h = np.repeat(np.arange(len(sizes)), sizes), np.arange(len(corners))
     start = np.cumsum(sizes) - sizes
     onward = np.where(h + 1 < (start + sizes)[owner], h + 1, start[owner])
@@ -73,23 +69,23 @@ def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, start
     N = unit_vectors(np.stack([np.bincount(owner, x, len(sizes)) for x in turned.T], axis=1))
     _, edge, count = np.unique(np.minimum(a, b) * len(V) + np.maximum(a, b), return_inverse=True, return_counts=True)
     side = starts[:, None] + np.arange(4)
-    beyond = np.bincount(edge, h)[edge[side]].astype(np.int64) - side  # the opposite half-edge
+    beyond = np.bincount(edge, h)[edge[side]].astype(np.int64) - side
     beyond = np.where(count[edge[side]] == 2, beyond, side)
     is_flat = (beyond != side) & ~bent[owner[beyond]]
     return np.asarray((np.where(a[beyond] == a[side], -1.0, 1.0) * is_flat)[..., None] * N[owner[beyond]])
 
 
-MOST_CORNERS_FOR_EARS = 12  # Most corners for ear clipping, which takes k^3 steps for k corners.
-MANY = 2000  # Largest number of corners for earcut; larger polygons get Delaunay triangles, which is faster.
+MOST_CORNERS_FOR_EARS = 12  # Most corners for ear clipping.
+MANY = 2000  # Most corners for earcut.
 NOISE = 32 * float(np.finfo(np.float64).eps)
-"""A corner is straight if its distance from the line through its neighbours is below this x the largest coordinate."""
-ORDER = cdt.VertexInsertionOrder.AUTO  # An order of insertion in which near points follow each other.
-TOGETHER = 1 << 12  # Number of polygons cut together; their data fit into the processor's cache.
+"""Largest distance of a straight corner from the line through its neighbours, divided by the largest coordinate."""
+ORDER = cdt.VertexInsertionOrder.AUTO
+TOGETHER = 1 << 12  # Number of polygons cut together.
 
 
 def small_polygon_triangles(P: Floats) -> Ints:
-    """Cut q polygons P (q, k, 3) into triangles (q, k - 2, 3), given as corners 0..k-1, by ear clipping.
-    The number of corners k is 5 to `MOST_CORNERS_FOR_EARS`. The shortest cuts come first."""
+    """Cut q polygons P (q, k, 3) into triangles (q, k - 2, 3), given as corners 0..k-1.
+    The number of corners k is 5 to `MOST_CORNERS_FOR_EARS`."""
     parts = [_ear_triangles(P[start : start + TOGETHER]) for start in range(0, len(P), TOGETHER)]
     return np.concatenate(parts) if parts else np.empty((0, P.shape[1] - 2, 3), dtype=np.int64)
 
@@ -114,7 +110,7 @@ def _are_ears(P: Floats, normal: Floats) -> Bools:
     k = P.shape[1]
     a, b, c = np.roll(P, 1, axis=1), P, np.roll(P, -1, axis=1)
     convex = np.einsum("qki,qi->qk", np.cross(b - a, c - b), normal) > 0
-    other_corners = P[:, (np.arange(k)[:, None] + np.arange(2, k - 1)) % k]  # (q, k, k - 3, 3) corners outside the ear
+    other_corners = P[:, (np.arange(k)[:, None] + np.arange(2, k - 1)) % k]  # (q, k, k - 3, 3)
     within = np.ones(other_corners.shape[:3], dtype=bool)
     for start, end in ((a, b), (b, c), (c, a)):
         side = np.cross((end - start)[:, :, None], other_corners - start[:, :, None])
@@ -125,7 +121,7 @@ def _are_ears(P: Floats, normal: Floats) -> Bools:
 
 def large_polygon_triangles(P: Floats) -> Ints | None:
     """Cut a polygon P (k, 3) into triangles (k - 2, 3), given as corners 0..k-1.
-    Return None if the polygon has no area, or crosses itself when seen along its normal."""
+    Return None if the polygon has no area, or crosses itself."""
     flat, noise = _in_plane(P)
     x, y = flat.T
     area = float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
@@ -147,27 +143,27 @@ def _ring_cut(flat: Floats) -> Ints:
     if len(flat) <= MANY:
         return earcut_triangles(flat)
     cut, ends = cdt.Triangulation(ORDER, cdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0), np.arange(len(flat))
-    points: Any = np.ascontiguousarray(flat)  # Any: Python before 3.12 has no type for buffers
+    points: Any = np.ascontiguousarray(flat)
     sides: Any = np.stack([ends, np.roll(ends, -1)], axis=1).astype(np.uint32)
     try:
         cut.insert_vertices(points)
         cut.insert_edges(sides)
-    except RuntimeError:  # the outline has repeated points or crossing sides
+    except RuntimeError:
         return earcut_triangles(flat)
     cut.erase_outer_triangles()
     return np.asarray(cut.triangles_array()["vertices"], dtype=np.int64)
 
 
 def earcut_triangles(flat: Floats) -> Ints:
-    """Return the counter-clockwise triangles (t, 3) of a polygon (k, 2) by the library mapbox_earcut."""
+    """Return the counter-clockwise triangles (t, 3) of a polygon (k, 2)."""
     corners = mapbox_earcut.triangulate_float64(np.ascontiguousarray(flat), np.array([len(flat)], dtype=np.uint32))
     F: Ints = np.asarray(corners, dtype=np.int64).reshape(-1, 3)
-    turned = _twice_areas(flat, F) < 0  # the order of the corners depends on earcut's version
+    turned = _twice_areas(flat, F) < 0
     return np.where(turned[:, None], F[:, ::-1], F)
 
 
 def _in_plane(P: Floats) -> tuple[Floats, float]:
-    """Project P (k, 3), scaled to size 1, along its mean normal. Return the points (k, 2) and the rounding error."""
+    """Return points (k, 2), projected along the mean normal of P (k, 3), and the rounding error."""
     size = float(np.ptp(P, axis=0).max()) or 1.0
     noise = NOISE * max(1.0, float(np.abs(P).max()) / size)
     P = (P - P.mean(axis=0)) / size
@@ -188,7 +184,7 @@ def _twice_areas(flat: Floats, F: Ints) -> Floats:
 
 
 def _corner_turns(flat: Floats) -> tuple[Floats, Bools]:
-    """Return each corner's distance (k,) from its neighbours' line, positive on the right; True for turns < 90 deg."""
+    """Return each corner's distance (k,) from its neighbours' line, positive on the right."""
     incoming, outgoing = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
     cut = np.linalg.norm(incoming + outgoing, axis=1)
     twice = incoming[:, 0] * outgoing[:, 1] - incoming[:, 1] * outgoing[:, 0]
@@ -214,7 +210,7 @@ def _with_runs(F: Ints, runs: list[Ints]) -> Ints:
     for run in runs:
         run_start, run_end = int(run[0]), int(run[-1])
         apex = table.get((run_start, run_end))
-        if apex is None:  # the outline crosses itself
+        if apex is None:
             continue
         gone.add(frozenset((run_start, run_end, apex)))
         corners = run.tolist()
@@ -226,7 +222,7 @@ def _with_runs(F: Ints, runs: list[Ints]) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class Polygons:
-    """Polygons on vertices V (n, 3): corners (c,), face after face, and sizes (f,), the number of corners of each."""
+    """Polygons on vertices V (n, 3): corners (c,), face after face, and sizes (f,), the number of corners of a face."""
 
     V: Floats
     corners: Ints
@@ -252,7 +248,7 @@ class CutPolygons:
     """Triangles of polygons.
     F      : (m, 3) vertex indices.
     owner  : (m,) the polygon of each triangle, ascending.
-    fanned : (p,) polygons that cross themselves; they are cut as fans from their first corners."""
+    fanned : (p,) polygons that cross themselves."""
 
     F: Ints
     owner: Ints
@@ -260,8 +256,7 @@ class CutPolygons:
 
 
 def triangles(mesh: Polygons) -> CutPolygons:
-    """Cut polygons into triangles. Polygons with fewer than three corners are dropped.
-    The vertices are not checked: a polygon with a missing or infinite vertex becomes a fan."""
+    """Cut polygons into triangles. Polygons with fewer than three corners are dropped."""
     start = np.concatenate([[0], np.cumsum(mesh.sizes)[:-1]]).astype(np.int64)
     of3, of4 = np.flatnonzero(mesh.sizes == 3), np.flatnonzero(mesh.sizes == 4)
     cuts = [mesh.corners[start[of3][:, None] + np.arange(3)], quad_triangles(mesh.V, mesh.corners, mesh.sizes, of4)]
@@ -280,7 +275,6 @@ def triangles(mesh: Polygons) -> CutPolygons:
 
 
 def _polygon_triangles(V: Floats, corners: Ints) -> tuple[Ints, Bools]:
-    """Return triangles (q, k - 2, 3) of q polygons (q, k), as corners 0..k-1, and True (q,) for crossed polygons."""
     q, k = corners.shape
     is_valid = (corners >= 0) & (corners < len(V))
     P = V[np.where(is_valid, corners, 0)] if len(V) else np.zeros((q, k, 3))

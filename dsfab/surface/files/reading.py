@@ -1,4 +1,4 @@
-"""Support for all readers of mesh files: limits on time and size, records of repairs, errors, text lines and curves."""
+"""Support for all readers of mesh files."""
 
 import codecs
 import difflib
@@ -22,30 +22,28 @@ from dsfab.core.messages import count_phrase, names_and_count
 from dsfab.core.units import UNIT_WORDS
 from dsfab.surface.files.polygons import Polygons
 
-DEFAULT_TRIANGLES = MOST_TRIANGLES  # Default limit on a file's triangles, the same as for meshes that dsfab creates.
+DEFAULT_TRIANGLES = MOST_TRIANGLES  # Default limit on a file's triangles.
 
 
 class MalformedFileError(ValueError):
-    """Error in the content of a file, in words for the user; `readable` adds the file's name."""
+    """Error in the content of a file, in words for the user."""
 
 
 @dataclass(frozen=True)
 class Budget:
-    """Limits of reading one file.
-    triangles : largest number of triangles.
-    started   : start of reading, seconds of the process's clock."""
+    """Limits of reading one file. started : start of reading, seconds of the process's clock."""
 
     triangles: int = DEFAULT_TRIANGLES
     started: float = field(default_factory=time.monotonic)
 
     @property
     def bytes(self) -> int:
-        """Largest size of the file, also when unpacked; text with normals and colours takes 350 bytes per triangle."""
+        """Largest size of the file, also when unpacked."""
         return 500 * self.triangles
 
     @property
     def seconds(self) -> float:
-        """Time limit for reading: six times the time that the slowest reader needs on a processor core of 2020."""
+        """Time limit for reading."""
         return max(20.0, 6e-5 * self.triangles)
 
     def require_triangles(self, count: int) -> None:
@@ -53,11 +51,11 @@ class Budget:
         self._require(count, self.triangles, "triangles")
 
     def require_vertices(self, count: int, what: str = "vertices") -> None:
-        """Raise SurfaceError if `count` is above three times the limit on triangles; `what` names the counted items."""
+        """Raise SurfaceError if `count` is above three times the limit on triangles."""
         self._require(count, 3 * self.triangles, what)
 
     def require_bytes(self, count: int, what: str = "bytes") -> None:
-        """Raise SurfaceError for more bytes than the limit; `what` names their kind."""
+        """Raise SurfaceError for more bytes than the limit."""
         self._require(count, self.bytes, what)
 
     def require_time(self) -> None:
@@ -71,7 +69,7 @@ class Budget:
 
 
 _LIFT = "make the mesh coarser, or raise the limits with --max-triangles N (surface.max_triangles in a preset)"
-"""Remedy in the messages about the limits of `Budget`."""
+"""Remedy in the messages about limits."""
 
 
 log = logging.getLogger(__name__)
@@ -79,12 +77,12 @@ log = logging.getLogger(__name__)
 
 @contextmanager
 def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
-    """Context manager for reading a file: it converts any exception to a SurfaceError with a message for the user.
-    smaller : remedy to state if memory is too small.    damaged : cause to state for an unknown error."""
+    """Convert any exception to a SurfaceError with a message for the user.
+    smaller : remedy for too little memory.    damaged : cause of an unknown error."""
     kind = path.suffix[1:].upper()
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # ignore warnings of parsers; real faults become a SurfaceError
+            warnings.simplefilter("ignore")
             yield
     except SurfaceError as error:
         raise SurfaceError(f"{path}: {error}") from None
@@ -103,10 +101,9 @@ def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
 class Content:
     """Things of one kind in a file, and what dsfab did with them.
     kind  : "mesh", "curve", "hidden object" ...
-    fate  : "taken": part of the surface. "marks": support, load or region. "beside": ignored, and no part of a
-            surface, such as curves. "dropped": ignored, though the user may expect these things in the surface.
-    about : words after the kind, such as a layer or a reason.
-    count : number of these things."""
+    fate  : "taken": part of the surface. "marks": support, load or region. "beside": ignored, no part of a surface.
+            "dropped": ignored, though the user may expect these things in the surface.
+    about : words after the kind, such as a layer or a reason."""
 
     kind: str
     fate: Literal["taken", "marks", "beside", "dropped"] = "taken"
@@ -120,26 +117,26 @@ class Content:
 
 
 def hidden_on(layer: str) -> Content:
-    """Return the inventory entry of an object that the file hides. layer : its layer; "" in files without layers."""
+    """Return the inventory entry of an object that the file hides. layer : "" in files without layers."""
     return Content("hidden object", "dropped", f"on layer {layer!r}" if layer else "")
 
 
 MARK_LAYERS = ("support", "load", "keep", "void")
-"""Layers whose points and curves are supports, loads and regions of a design."""
+"""Layers of supports, loads and regions of a design."""
 _OTHER_NAMES = {
     "support": ("auflager", "lager", "stuetze", "stütze", "stützen", "appui", "appuis", "apoyo", "apoyos", "appoggi"),
     "load": ("last", "lasten", "charge", "charges", "carga", "cargas", "carichi"),
     "void": ("opening", "openings", "öffnung", "öffnungen", "hole", "holes", "loch"),
 }
-"""Names that users give to the layers of `MARK_LAYERS`, also in other languages."""
+"""Names that users give to the layers of `MARK_LAYERS`."""
 
 
 ALIKE = 0.85
-"""Least similarity [difflib] at which a word is a misspelt layer name: "supports" is similar enough, "upload" not."""
+"""Least similarity [difflib] of a misspelt layer name."""
 
 
 def mark(kind: str, layer: str) -> Content:
-    """Return the inventory entry of an object on a layer; points and curves on one of `MARK_LAYERS` are marks."""
+    """Return the inventory entry of an object on a layer."""
     if layer.lower() in MARK_LAYERS:
         return Content(kind, "marks" if kind in ("curve", "point") else "beside", f"on layer {layer!r}")
     matches = (_mark_layer(word) for word in re.findall(r"[^\W\d_]+", layer.lower()))
@@ -149,13 +146,12 @@ def mark(kind: str, layer: str) -> Content:
 
 
 def _mark_layer(word: str) -> str:
-    """Return the layer of `MARK_LAYERS` that a user may mean by `word` in the name of another layer, else ""."""
     match = next((name for name, words in _OTHER_NAMES.items() if word in words), "")
     return match or "".join(difflib.get_close_matches(word, MARK_LAYERS, 1, ALIKE))
 
 
 def contents(counts: Counter[Content]) -> tuple[Content, ...]:
-    """Return a file's inventory from counts of its things. Over 5 hidden layers or unselected names form one entry."""
+    """Return a file's inventory from counts of its things."""
     shown = {thing: count for thing, count in counts.items() if count}
     for kind, start, plural in (("hidden object", "on layer ", "on {} layers"), (UNSELECTED, "of ", "of {} names")):
         similar = [thing for thing in shown if thing.kind == kind]
@@ -166,11 +162,11 @@ def contents(counts: Counter[Content]) -> tuple[Content, ...]:
 
 
 def ignored_clause(texts: Iterable[str]) -> str:
-    """Return the end of an error message: the things in the file that dsfab ignored."""
+    """Return the end of an error message: the ignored things in the file."""
     return "".join(f"; ignored: {text}" for text in texts)
 
 
-MANY_LAYERS = 5  # If objects are hidden on more layers than this, one line reports them all.
+MANY_LAYERS = 5  # Largest number of hidden layers that are reported one by one.
 UNSELECTED = "unselected part"  # Kind of the parts that the user did not name.
 Part = TypeVar("Part")
 
@@ -179,9 +175,7 @@ def selected_parts(
     parts: Iterable[tuple[Sequence[str], Part]], only: Sequence[str], counts: Counter[Content]
 ) -> Iterator[Part]:
     """Yield the parts of a file that the user names in `only`, and count other parts in `counts`.
-    parts : pairs of names and a part: the part's own names, then those of its layers, blocks or assemblies.
-    only  : the user's names, in upper or lower case; empty for all parts.
-    Raises SurfaceError for a name that the file lacks, or that fits several names."""
+    parts : pairs of names and a part.    only : the user's names; empty for all parts. Raises SurfaceError."""
     if not only:
         yield from (part for _, part in parts)
         return
@@ -214,10 +208,8 @@ ONLY_OPTION = "--only (surface.only in a preset)"
 @dataclass(frozen=True)
 class FileRecord:
     """Short texts about the content of one file.
-    read     : format and content, then doubts about the content.
-    repaired : differences between the surface and the file.
-    dropped  : content of the file that the surface lacks.
-    content  : inventory of the file."""
+    read     : format and content, then doubts.    repaired : differences between the surface and the file.
+    dropped  : content that the surface lacks.    content : inventory of the file."""
 
     read: tuple[str, ...] = ()
     repaired: tuple[str, ...] = ()
@@ -225,12 +217,12 @@ class FileRecord:
     content: tuple[Content, ...] = ()
 
     def also(self, repaired: tuple[str, ...] = (), dropped: tuple[str, ...] = ()) -> "FileRecord":
-        """Return the record with additional repairs and dropped parts."""
+        """Return the record with further repairs and dropped parts."""
         return replace(self, repaired=(*self.repaired, *repaired), dropped=(*self.dropped, *dropped))
 
     @property
     def surface_words(self) -> str:
-        """Words for the content of the surface, if it is more than faces: '2 meshes, 4 block insertions'."""
+        """Words for the content of the surface: '2 meshes, 4 block insertions'."""
         things = [thing for thing in self.content if thing.fate == "taken"]
         return ", ".join(thing.text for thing in things) if {thing.kind for thing in things} - {"face"} else ""
 
@@ -241,12 +233,12 @@ class FileRecord:
 
     @property
     def other_words(self) -> str:
-        """Words for content that is neither part of the surface nor a support, load or region: '2 curves, 1 point'."""
+        """Words for ignored content that is no part of a surface: '2 curves, 1 point'."""
         return ", ".join(thing.text for thing in self.content if thing.fate == "beside")
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Lines for the user: all texts except the first text of `read`, which states the format and the content."""
+        """Lines for the user: all texts except the first text of `read`."""
         kinds = ("read", self.read[1:]), ("repaired", self.repaired), ("dropped", self.dropped)
         return tuple(f"{kind}: {text}" for kind, texts in kinds for text in texts)
 
@@ -256,12 +248,10 @@ NOTHING_READ = FileRecord()
 
 @dataclass(frozen=True, eq=False)
 class PolygonFile:
-    """The polygons of a file, and remarks about the file.
-    doubts  : oddities that may be faults.
-    dropped : ignored parts.
-    unit    : unit in the file's comments.
+    """The polygons of a file.
+    doubts  : remarks on likely faults.    dropped : ignored parts.    unit : unit in the file's comments.
     up      : default up axis of the program that wrote the file, "y" or "z"; None if unknown.
-    content : inventory of the file besides its faces."""
+    content : inventory of the file."""
 
     mesh: Polygons
     doubts: tuple[str, ...] = ()
@@ -273,8 +263,8 @@ class PolygonFile:
 
 @dataclass(frozen=True, eq=False)
 class TriangleFile:
-    """Triangles of a file: vertices V (n, 3) in the file's unit, faces F (m, 3), and remarks about the file.
-    unit    : unit that the file declares, or None.    doubts : oddities that may be faults.
+    """Triangles of a file: vertices V (n, 3) in the file's unit, and faces F (m, 3).
+    unit    : unit that the file declares, or None.    doubts : remarks on likely faults.
     dropped : ignored parts.                           content : inventory of the file."""
 
     V: Floats
@@ -286,7 +276,7 @@ class TriangleFile:
 
 
 def declared_unit(word: str) -> str | None:
-    """Return the unit that a word such as 'Yards' names; None for "no unit". Return an unknown word in lower case."""
+    """Return the unit that a word such as 'Yards' names; None for "no unit". Unknown words stay, in lower case."""
     lower = word.lower()
     return None if lower in ("none", "unset", "unitless") else UNIT_WORDS.get(lower, lower)
 
@@ -302,25 +292,25 @@ def placed_points(points: Floats, place: Floats) -> Floats:
 
 
 def mesh_at(V: Floats, F: Ints, place: Floats) -> tuple[Floats, Ints]:
-    """Return a mesh after a transformation (4, 4); mirrored faces are reversed, as glTF and 3MF demand."""
+    """Return a mesh after a transformation (4, 4); mirrored faces are reversed."""
     return placed_points(V, place), F[:, ::-1] if is_mirrored(place) else F
 
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8", "UTF-8 with a byte order mark"),
-    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # before UTF-16, because this mark begins with the UTF-16 mark
+    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # before UTF-16, whose mark begins alike
     (codecs.BOM_UTF32_BE, "utf-32-be", "UTF-32 text"),
     (codecs.BOM_UTF16_LE, "utf-16-le", "UTF-16 text"),
     (codecs.BOM_UTF16_BE, "utf-16-be", "UTF-16 text"),
 )
 _UNIT = re.compile(rf"\bunits?\s*[:=]\s*[\"']?({'|'.join(UNIT_WORDS)})\b", re.IGNORECASE)
-"""Pattern of a comment with a unit: '# File units = inches', 'comment unit: mm'."""
+"""Pattern of a comment with a unit: '# File units = inches'."""
 _FILE_UNIT = re.compile(r"\bfile units?\s*=\s*[\"']?([^\W\d_]+)", re.IGNORECASE)
-"""Pattern of the comment in which programs declare a unit. It also finds units that dsfab does not know."""
+"""Pattern of the comment in which programs declare a unit."""
 _PROGRAMS = re.compile(r"\b(?:(SketchUp|Blender|Rhino)|(FreeCAD|AutoCAD|Revit|dsfab))\b", re.IGNORECASE)
-"""Programs whose OBJ files have y up by default (first group), and programs with z up."""
+"""Programs whose OBJ files have y up (first group) or z up."""
 
-BLOCK = 1 << 20  # Number of characters that are split into lines between two checks of the time.
+BLOCK = 1 << 20  # Number of characters between two checks of the time.
 
 
 @dataclass(frozen=True)
@@ -333,9 +323,9 @@ class TextFile:
     ended: bool
 
     def numbered_lines(self, budget: Budget) -> Iterator[tuple[int, str]]:
-        """Yield the line numbers from 1, and the lines. Raises SurfaceError if reading takes too long."""
+        """Yield line numbers from 1, and lines. Raises SurfaceError at the time limit."""
         number, position, text = 0, 0, self.text
-        while position <= len(text):  # blocks save memory, because a list of all lines is large
+        while position <= len(text):
             end = text.find("\n", position + BLOCK)
             end = len(text) if end < 0 else end
             budget.require_time()
@@ -345,20 +335,19 @@ class TextFile:
             position = end + 1
 
     def cut_off(self, part: str) -> tuple[str, ...]:
-        """Return a remark if the last line has no end: the file may be cut off within `part` ("a face"); else ()."""
+        """Return a remark if the last line has no end, else (). part : possible incomplete part ("a face")."""
         return () if self.ended else (f"the last line has no end: the file may be cut off within {part}",)
 
 
 def may_lack_digits(word: str, count: int) -> bool:
-    """Return whether `word`, an index at the end of a file, may have lost its last digits. count : largest index."""
+    """Return whether an index at the end of a file may have lost digits. count : largest index."""
     if not (word.isascii() and word.isdigit()):
         return True
-    return len(word) <= len(str(count)) and 10 * int(word) <= count  # lengths first: int() fails for 5000 digits
+    return len(word) <= len(str(count)) and 10 * int(word) <= count  # int() fails for 5000 digits
 
 
 def text_file(data: bytes) -> TextFile:
-    """Return the text in `data`: UTF-8, or the encoding that a byte order mark or zero bytes indicate.
-    An invalid byte becomes a letter that never occurs in a number. Raises MalformedFileError for incomplete UTF-16."""
+    """Return the text in `data`. Raises MalformedFileError for incomplete UTF-16."""
     encoding, doubt, skipped = "utf-8", "", 0
     for mark, name, word in _MARKS:
         if data.startswith(mark):
@@ -380,7 +369,7 @@ def text_file(data: bytes) -> TextFile:
 @dataclass(frozen=True)
 class CommentDeclarations:
     """Declarations in comments at the beginning of a file; None if missing.
-    unit : a key of METRES_PER, or an unknown unit in a comment 'File units = ...'.
+    unit : a key of METRES_PER, or an unknown unit.
     up   : default up axis of the program that wrote the file, "y" or "z"."""
 
     unit: str | None = None
@@ -388,7 +377,7 @@ class CommentDeclarations:
 
 
 def declarations_in_comments(text: str, marks: tuple[str, ...]) -> CommentDeclarations:
-    """Return the unit and the up axis from comments in a file's first 4096 characters; comments begin with `marks`."""
+    """Return the unit and the up axis from comments at the beginning of a file."""
     comments = "\n".join(line for line in text[:4096].split("\n") if line.lstrip().startswith(marks))
     unit, program = _UNIT.search(comments) or _FILE_UNIT.search(comments), _PROGRAMS.search(comments)
     return CommentDeclarations(
@@ -397,34 +386,32 @@ def declarations_in_comments(text: str, marks: tuple[str, ...]) -> CommentDeclar
 
 
 def float_of(word: str) -> float:
-    """Return the number in a text; raises ValueError for all other text, and for Python's own notation (1_0)."""
+    """Return the number in a text. Raises ValueError."""
     if "_" in word:
         raise ValueError
     return float(word)
 
 
 def whole_number(word: str) -> int:
-    """Return the whole number in a text; raises ValueError for all other text, and for Python's own notation (1_0)."""
+    """Return the whole number in a text. Raises ValueError."""
     if "_" in word:
         raise ValueError
     return int(word)
 
 
 CURVE_TOLERANCE = 2e-4  # Largest distance of a polygon from its curve, divided by the curve's size.
-LARGEST_NUMBER = 1e12  # Largest number in a drawing; libraries may loop endlessly on larger numbers.
+LARGEST_NUMBER = 1e12  # Largest number in a drawing.
 
 
 FAR = 100.0  # A mesh is far from the origin if a coordinate exceeds this times the mesh's largest dimension.
-DIGITS = 6  # Default number of digits with which C and C++ programs, such as gmsh, write coordinates.
+DIGITS = 6  # Default number of digits with which C programs write coordinates.
 COARSE_STEP, LARGEST_STEP = 0.02, 0.5
-"""Limits of the rounding step of the coordinates, divided by the mean edge.
-dsfab reports steps above `COARSE_STEP`. It refuses steps above `LARGEST_STEP`, which can turn faces over."""
+"""Smallest reported and largest accepted rounding step, divided by the mean edge."""
 
 
 def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, str]:
     """Return the largest rounding step of the coordinates V (n, 3) of faces F (m, 3), divided by the mean edge, and a
-    sentence about the step; 0 and "" for a fine step. Coordinates far from the origin may be rounded to coarse steps.
-    unit : unit of V, for the sentence."""
+    sentence about the step; 0 and "" for a fine step. unit : unit of V."""
     P = V[F].reshape(-1, 3)
     largest = np.abs(P).max(axis=0)
     if not np.isfinite(largest).all() or largest.max() <= FAR * np.ptp(P, axis=0).max():
@@ -432,7 +419,7 @@ def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, st
     tens = 10.0 ** (np.floor(np.log10(np.maximum(np.abs(P), 1e-300))) + 1 - DIGITS)
     if (P.astype(np.float32) == P).all():
         step, why = np.spacing(largest.astype(np.float32)).astype(np.float64), "32-bit numbers"
-        step *= (P % (2 * step)).any(axis=0)  # 0 on an axis where each coordinate is a multiple of two steps
+        step *= (P % (2 * step)).any(axis=0)  # 0 on an axis where all coordinates are multiples of two steps
     elif (np.abs(P / tens - np.rint(P / tens)) < 1e-6).all():
         step, why = tens.max(axis=0), f"{DIGITS} digits"
     else:
@@ -450,8 +437,7 @@ def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, st
 class Drawing:
     """Content of a drawing, in its unit.
     runs   : layer and points (k, 3) of each curve, and True if the file hides it.
-    layers : names of all layers.
-    unit   : unit of the file; None if missing or unknown.
+    layers : names of all layers.    unit : unit of the file; None if missing or unknown.
     points : layer and place (1, 3) of each single point, and True if the file hides it."""
 
     runs: tuple[tuple[str, Floats, bool], ...]
@@ -462,10 +448,8 @@ class Drawing:
 
 @dataclass(frozen=True)
 class DrawingBudget:
-    """Largest values for reading a drawing.    bytes : size of the file.    seconds : time.
-    entities : number of entities, including the entities of each inserted block.
-    points   : number of points of all curves.    depth : levels of nested blocks.
-    started  : start of reading, seconds of the process's clock."""
+    """Largest values for reading a drawing: size (bytes), time (seconds), entities, points of all curves.
+    depth   : levels of nested blocks.    started : start of reading, seconds of the process's clock."""
 
     bytes: int = 50_000_000
     entities: int = 50_000
@@ -475,7 +459,7 @@ class DrawingBudget:
     started: float = field(default_factory=time.monotonic)
 
     def require(self, kind: str, count: int) -> None:
-        """Raise SurfaceError if `count` of "bytes", "entities" or "points" exceeds the limit, or the time is over."""
+        """Raise SurfaceError if `count` of "bytes", "entities" or "points" is too large, or the time is over."""
         if count > getattr(self, kind):
             raise SurfaceError(f"the drawing has {count:,} {kind}, but {getattr(self, kind):,} is the limit; {_APART}")
         self.require_time()
@@ -486,12 +470,12 @@ class DrawingBudget:
             raise SurfaceError(f"reading the drawing took more than {self.seconds:.0f} s; {_APART}")
 
 
-_APART = "put the outlines into a separate drawing"  # Remedy in the messages about the limits of `DrawingBudget`.
+_APART = "put the outlines into a separate drawing"  # Remedy in messages about limits.
 
 
 def curve_points(spans: Floats, curve: Callable[[Floats], Floats]) -> Floats:
-    """Return points (k, 3) on a curve, so dense that the polyline follows the curve within `CURVE_TOLERANCE`.
-    spans : (s,) parameters at ends of the curve's parts, of up to 1024 chords each.    curve : parameters -> points."""
+    """Return points (k, 3) on a curve, within `CURVE_TOLERANCE`.
+    spans : (s,) parameters at ends of the curve's parts.    curve : parameters -> points."""
     count = 4
     while True:
         t = np.interp(np.arange(2 * count * (len(spans) - 1) + 1) / (2 * count), np.arange(len(spans)), spans)

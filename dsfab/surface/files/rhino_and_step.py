@@ -1,4 +1,4 @@
-"""Readers of 3DM (Rhino), STEP and BREP files. They use the libraries rhino3dm and OCCT."""
+"""Readers of 3DM (Rhino), STEP and BREP files."""
 
 import importlib.util
 import json
@@ -41,9 +41,8 @@ _KINDS = {
 
 
 def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
-    """Return the curves and points of a 3DM file (blocks expanded), with the names of its layers and its unit.
-    Raises SurfaceError if rhino3dm is missing or the file exceeds `budget`, MalformedFileError for a file of another
-    format. The library may crash on a damaged file; `read_rhino_in_process` survives a crash."""
+    """Return the curves and points of a 3DM file, with the names of its layers and its unit.
+    Raises MalformedFileError for an invalid file; SurfaceError for a file above `budget`, or without rhino3dm."""
     require_rhino()
     import rhino3dm
 
@@ -64,9 +63,8 @@ def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
 
 
 def read_rhino_meshes(path: Path, budget: DrawingBudget, only: Sequence[str] = ()) -> TriangleFile:
-    """Return the meshes of a 3DM file, and the meshes saved with its surfaces. Blocks are expanded.
-    only : names of the layers (also `A::B`), blocks and objects to read; by default all.
-    Raises SurfaceError for a file without any mesh or above `budget`, MalformedFileError for a damaged file."""
+    """Return the meshes of a 3DM file. only : names of layers, blocks and objects to read; by default all.
+    Raises MalformedFileError for a damaged file; SurfaceError for a file without meshes or above `budget`."""
     model = _model(path)
     drawing, parts, bare = _DrawnObjects(model, budget), list[tuple[Floats, Ints]](), 0
     named_parts = _by_selectable_names(list(drawing.surfaces())) if only else (((), x) for _, x in drawing.surfaces())
@@ -108,8 +106,8 @@ def _mesh_arrays(mesh: Any) -> tuple[Floats, Ints]:
 
 
 def read_rhino_json(text: str) -> TriangleFile:
-    """Return the mesh in Rhino's JSON text of a geometry, as Grasshopper sends it. The mesh has no unit.
-    Raises SurfaceError for other texts and for geometries that are not meshes."""
+    """Return the mesh, without a unit, in Rhino's JSON text of a geometry.
+    Raises SurfaceError for other texts."""
     require_rhino()
     import rhino3dm
 
@@ -139,7 +137,6 @@ _Surface = tuple[Any, list[Any] | None, Floats]
 
 
 def _by_selectable_names(parts: list[tuple[_Groups, _Surface]]) -> Iterator[tuple[tuple[str, ...], _Surface]]:
-    """Yield parts with the names that select them. The name of an outermost layer never selects an inner layer."""
     outermost = {layer[-1] for groups, _ in parts for layer in groups[::2]}
     for groups, part in parts:
         layers = [(x[0], *(name for name in x[1:-1] if name not in outermost), x[-1]) for x in groups[::2]]
@@ -147,9 +144,7 @@ def _by_selectable_names(parts: list[tuple[_Groups, _Surface]]) -> Iterator[tupl
 
 
 class _DrawnObjects:
-    """Iterator over the visible objects of a 3DM file; it yields the objects of a block at each insertion.
-    layers : names of each layer by its number: its path `A::B`, its own name, names of the layers above.
-    hidden_layers : true to include hidden layers.    counts : number of block insertions and hidden objects."""
+    """Iterator over the visible objects of a 3DM file."""
 
     def __init__(self, model: Any, budget: DrawingBudget, hidden_layers: bool = False) -> None:
         self.model, self.budget, self.count = model, budget, 0
@@ -166,7 +161,7 @@ class _DrawnObjects:
         self.counts = Counter[Content]()
 
     def surfaces(self) -> Iterator[tuple[_Groups, _Surface]]:
-        """Yield names (see `all`), geometry, meshes, matrix (4, 4) of each surface or mesh. Count other objects."""
+        """Yield names, geometry, meshes, matrix (4, 4) of each surface or mesh."""
         for groups, thing, place, _ in self.all():
             meshes, name = _meshes(thing), type(thing).__name__
             if meshes or meshes is None:
@@ -176,9 +171,7 @@ class _DrawnObjects:
                 self.counts[mark(kind, groups[0][1]) if name in _KINDS else Content(kind, "dropped")] += 1
 
     def all(self) -> Iterator[tuple[_Groups, Any, Floats, bool]]:
-        """Yield each object outside block definitions: names, geometry, matrix (4, 4), and True on a hidden layer.
-        The names form groups: names of the object's layer (see `layers`); the object's name. Each block insertion that
-        contains the object adds two groups, innermost first: names of its layer; names of insertion and block."""
+        """Yield each object: groups of names, geometry, matrix (4, 4), and True on a hidden layer."""
         self.budget.require("entities", len(self.model.Objects))
         objects = (thing for thing in self.model.Objects if not thing.Attributes.IsInstanceDefinitionObject)
         return self.objects(objects, np.eye(4), ())
@@ -186,7 +179,6 @@ class _DrawnObjects:
     def objects(
         self, things: Iterable[Any], place: Floats, blocks: _Groups, hidden: bool = False
     ) -> Iterator[tuple[_Groups, Any, Floats, bool]]:
-        """Yield the objects as `all` does. blocks : names of the block insertions around the objects, see `all`."""
         import rhino3dm
 
         if len(blocks) > 2 * self.budget.depth:  # `blocks` has two groups of names for each level of nested blocks
@@ -234,9 +226,9 @@ def _points(curve: Any) -> Floats:
 
 
 def read_occt(path: Path, only: Sequence[str] = ()) -> TriangleFile:
-    """Return triangles of all faces in a STEP file (in millimetres) or BREP file (without a unit).
-    Neighbouring faces share no vertices.    only : names of STEP parts and assemblies to read; by default all.
-    Raises MalformedFileError for a file that OCCT cannot read, and for a file without faces."""
+    """Return triangles of a STEP file (in millimetres) or BREP file (without a unit).
+    Neighbouring faces share no vertices.    only : names of STEP parts to read; by default all.
+    Raises MalformedFileError for an invalid file, and for a file without faces."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
@@ -335,7 +327,7 @@ def _compound(shapes: Iterable[Any]) -> Any:
 
 
 def _visible_parts(path: Path, counts: Counter[Content]) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Yield names and placed shape of each visible STEP part, see `_parts_in`. Add hidden parts to `counts`."""
+    """Yield names and shape of each visible STEP part."""
     from OCP.IFSelect import IFSelect_RetDone
     from OCP.STEPCAFControl import STEPCAFControl_Reader
     from OCP.TCollection import TCollection_ExtendedString
@@ -354,7 +346,6 @@ def _visible_parts(path: Path, counts: Counter[Content]) -> Iterator[tuple[tuple
 def _parts_in(
     label: Any, place: Any, outer_names: tuple[str, ...], counts: Counter[Content]
 ) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Yield names (of part and outer assemblies) and shape of each visible part. Count hidden parts and assemblies."""
     from OCP.TDF import TDF_Label
     from OCP.XCAFDoc import XCAFDoc_ColorTool, XCAFDoc_ShapeTool
 

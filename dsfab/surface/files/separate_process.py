@@ -1,6 +1,4 @@
-"""Separate process for the readers of 3DM, STEP, BREP and IFC files, with limits on time and memory.
-
-The libraries rhino3dm, OCCT and ifcopenshell may crash, or take much time and memory, on damaged files."""
+"""Separate process for the readers of 3DM, STEP, BREP and IFC files, with limits on time and memory."""
 
 import importlib.util
 import io
@@ -23,20 +21,20 @@ from dsfab.surface.files.reading import Budget, Content, Drawing, DrawingBudget,
 from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino_meshes, require_rhino
 
 GIB = 2**30
-MEMORY = {"drawing": GIB, "meshes": GIB, "cad": 4 * GIB, "ifc": 4 * GIB}  # Largest address space for reading, bytes.
-SECONDS = {"drawing": 3, "meshes": 6, "cad": 60, "ifc": 60}  # Processor seconds, and as many again for each 10 MB.
+MEMORY = {"drawing": GIB, "meshes": GIB, "cad": 4 * GIB, "ifc": 4 * GIB}  # Bytes.
+SECONDS = {"drawing": 3, "meshes": 6, "cad": 60, "ifc": 60}  # Processor seconds, and as many for each 10 MB.
 PROGRAM = "from dsfab.surface.files.separate_process import main; main()"
-TIME_OVER = -int(getattr(signal, "SIGXCPU", 24))  # Return code of a process that used up its processor seconds.
+TIME_OVER = -int(getattr(signal, "SIGXCPU", 24))  # Return code after the limit of processor seconds.
 LIBRARIES = {"drawing": "Rhino's library", "meshes": "Rhino's library", "cad": "OCCT", "ifc": "ifcopenshell"}
 
 
 def read_rhino_in_process(path: Path, budget: DrawingBudget) -> Drawing:
-    """Return the drawing in a 3DM file, as `read_rhino` does. Raises MalformedFileError also if the library crashes."""
+    """Return the drawing in a 3DM file. Raises MalformedFileError also if the library crashes."""
     require_rhino()
     try:
         answer = json.loads(_program_output("drawing", path, budget.seconds))
     except subprocess.TimeoutExpired:
-        budget.require_time()  # raises the usual error for an exceeded time limit
+        budget.require_time()
         raise
     _raise_refusal(answer)
     runs, points = (
@@ -47,7 +45,7 @@ def read_rhino_in_process(path: Path, budget: DrawingBudget) -> Drawing:
 
 
 def read_3dm(path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFile:
-    """Return the meshes of a 3DM file; vertices at the same place are merged. See also `read_rhino_meshes`."""
+    """Return the meshes of a 3DM file; vertices at the same place are merged."""
     require_rhino()
     mesh = foreign_triangles("meshes", path, budget, only)
     V, F = equal_merged(mesh.V, mesh.F)
@@ -55,20 +53,19 @@ def read_3dm(path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFi
 
 
 def read_cad(path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFile:
-    """Return the triangles of a STEP, BREP or IFC file, joined along common edges; see `read_occt` and `read_ifc`."""
+    """Return the triangles of a STEP, BREP or IFC file, joined along common edges."""
     is_ifc = path.suffix.lower() == ".ifc"
     if is_ifc:
         require_ifc()
     mesh = foreign_triangles("ifc" if is_ifc else "cad", path, budget, only)
-    V, became = merged_vertices(mesh.V, 1e-7)  # faces give slightly different points on a common edge
-    V, F = equal_merged(V, became[mesh.F])  # sorts the vertices, as readers of other formats do
+    V, became = merged_vertices(mesh.V, 1e-7)
+    V, F = equal_merged(V, became[mesh.F])
     is_triangle = (np.roll(F, 1, axis=1) != F).all(axis=1)
     return replace(mesh, V=V, F=F[is_triangle])
 
 
 def foreign_triangles(kind: str, path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFile:
-    """Return the triangles of a file that a separate process reads. kind : "meshes" (3DM), "cad" (STEP, BREP), "ifc".
-    only : names of the parts to read; by default all."""
+    """Return the triangles of a file from a separate process. kind : "meshes" (3DM), "cad" (STEP, BREP) or "ifc"."""
     try:
         answer = _program_output(kind, path, budget.seconds + SECONDS[kind], only)
     except subprocess.TimeoutExpired:
@@ -103,7 +100,7 @@ def _raise_refusal(answer: dict[str, Any]) -> None:
 
 
 def main() -> None:
-    """Read the file that the command's arguments name: kind, path, seconds, names of parts.
+    """Read the file of the command's arguments: kind, path, seconds, names of parts.
     Print the content: JSON for drawings, .npz for meshes."""
     kind, path, seconds, *only = sys.argv[1:]
     _limit(int(seconds), MEMORY[kind])

@@ -45,7 +45,7 @@ CHUNK = 1 << 14  # Number of triangles or XML elements between two checks of the
 
 def read_stl(data: bytes, budget: Budget) -> TriangleFile:
     """Return the triangles of an STL file, text or binary; vertices at the same place are merged.
-    Raises MalformedFileError if the file is incomplete or not STL, SurfaceError if it exceeds `budget`."""
+    Raises MalformedFileError for a damaged file, SurfaceError above the limits of `budget`."""
     count = struct.unpack_from("<I", data, 80)[0] if len(data) >= HEAD else -1
     announced = HEAD + EACH * count
     looks_like_text = b"facet" in data[:2000].replace(b"\0", b"").lower() or len(data) < HEAD
@@ -87,7 +87,7 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
     budget.require_triangles(len(numbers) // 9)
     doubts = file.doubts if ended else (*file.doubts, "the last line, endsolid, is missing: the file may be cut off")
     V, F = equal_merged(np.array(numbers).reshape(-1, 3), np.arange(len(numbers) // 3).reshape(-1, 3))
-    parts = len(_SOLID.findall(text))  # each part begins with the word solid, even if the part is not closed
+    parts = len(_SOLID.findall(text))
     counts = Counter({Content("face"): len(numbers) // 9, Content("part"): parts if parts > 1 else 0})
     return TriangleFile(V, F, doubts=doubts, content=contents(counts))
 
@@ -97,8 +97,8 @@ def _line_number(text: str, position: int) -> int:
 
 
 _NAMESPACES = "core material production beamlattice slice trianglesets".split()  # noqa: SIM905
-"""Words in the names of 3MF extensions that dsfab accepts: it reads these extensions, or they do not change shapes."""
-_TAKEN = ("model", "surface")  # Types of objects that belong to the model; other types help only the printing.
+"""Words in the names of 3MF extensions that dsfab accepts."""
+_TAKEN = ("model", "surface")  # Types of objects that belong to the model.
 _CURA_AIDS = ("support_mesh", "anti_overhang_mesh", "infill_mesh", "cutting_mesh")  # settings of an object [Cura 5]
 _ROOT = re.compile(r"""<[^<>]*/3dmodel["'][^<>]*>""")  # entry that names the root model, which may have any suffix
 _TARGET = re.compile(r"""Target\s*=\s*["']/*([^"']+)["']""", re.IGNORECASE)
@@ -107,9 +107,8 @@ Key = tuple[str, str]  # Name of a part of the file, and number of an object in 
 
 def read_3mf(data: bytes, budget: Budget, only: Sequence[str] = ()) -> TriangleFile:
     """Return the triangles of all objects on the build plate of a 3MF file, without printing aids such as supports.
-    only : names or part numbers of the objects and items to read; by default all.
-    Source: 3MF Consortium, core specification 1.4. Raises MalformedFileError for a damaged file, SurfaceError above the
-    limits of `budget`."""
+    only : names or part numbers of the objects to read.    Source: 3MF Consortium, core specification 1.4.
+    Raises MalformedFileError for a damaged file, SurfaceError above the limits of `budget`."""
     plate = _Plate(budget, _archive_texts(data, budget))
     for key in (*plate.unprinted, *(key for key, _, _ in plate.items)):
         plate.require_ends(key, 0)
@@ -123,8 +122,6 @@ def read_3mf(data: bytes, budget: Budget, only: Sequence[str] = ()) -> TriangleF
 
 @dataclass
 class _Object:
-    """An object: its names, coordinates, corners of triangles, and components with their transformations (4, 4)."""
-
     kind: str
     names: tuple[str, ...] = ()
     V: "array[float]" = field(default_factory=lambda: array("d"))
@@ -133,8 +130,7 @@ class _Object:
 
 
 class _Plate:
-    """Content of a 3MF file. items : object, transformation (4, 4) and part number of each item on the build plate.
-    triangles : number of triangles of each used object, including the objects inside it."""
+    """Content of a 3MF file. items : object, transformation (4, 4) and part number of each item."""
 
     def __init__(self, budget: Budget, texts: dict[str, bytes]) -> None:
         self.budget, self.count, self.open = budget, 0, _Object("")  # `open` is the object that is being read
@@ -229,7 +225,7 @@ class _Plate:
     def leaves(
         self, key: Key, place: Floats, outer_names: tuple[str, ...]
     ) -> Iterator[tuple[tuple[str, ...], tuple[Key, Floats]]]:
-        """Yield names, key and place (4, 4) of objects with a mesh: of the object `key` and of objects inside it."""
+        """Yield names, key and place (4, 4) of the objects with a mesh in the object `key`."""
         thing = self.objects[key]
         names = (*thing.names, *outer_names)
         if thing.kind not in _TAKEN:
@@ -244,7 +240,7 @@ class _Plate:
                 yield from self.leaves(part, place @ inner, names)
 
     def mesh(self, key: Key, place: Floats) -> tuple[Floats, Ints]:
-        """Return V (n, 3) and F (m, 3) of an object, without its components, after a transformation (4, 4)."""
+        """Return V (n, 3) and F (m, 3) of an object, without its components."""
         thing = self.objects[key]
         V, F = np.array(thing.V).reshape(-1, 3), np.array(thing.F, dtype=np.int64).reshape(-1, 3)
         is_model = np.ones(len(F), dtype=bool)
@@ -261,8 +257,8 @@ _AID = Content("printing aid", "dropped", "that only the slicer uses")
 
 def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int, int]]]:
     """Return the printing aids, such as supports, that the settings of a slicer program name.
-    texts : content of the archive's files, by name.    Keys: (object, component) for an aid that is a whole component,
-    with an empty list; (object, "") with the first and last triangle of each aid inside an object.
+    Keys: (object, component) for an aid that is a whole component, with an empty list; (object, "") with the first and
+    last triangle of each aid inside an object.
     Sources: Slic3r_PE_model.config [PrusaSlicer], model_settings.config [Bambu Studio, OrcaSlicer]."""
     aids: dict[tuple[str, str], list[tuple[int, int]]] = {}
     for name in ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config"):
@@ -278,7 +274,7 @@ def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int,
                         ends = int(part.attrib["firstid"]), int(part.attrib["lastid"])
                         aids.setdefault((thing.attrib["id"], ""), []).append(ends)
         except (ElementTree.ParseError, KeyError, ValueError):
-            continue  # if the list of printing aids cannot be read, all objects count as parts of the model
+            continue
     return aids
 
 
@@ -287,7 +283,7 @@ def _refuse_doctype(*_: object) -> None:
 
 
 def _place(values: dict[str, str]) -> Floats:
-    """Return the transformation (4, 4) of an item or component, transposed because 3MF multiplies row vectors."""
+    """Return the transformation (4, 4) of an item or component, transposed."""
     place = np.eye(4)
     if "transform" in values:
         place[:3] = np.array([float_of(word) for word in values["transform"].split()]).reshape(4, 3).T
@@ -298,7 +294,6 @@ def _archive_texts(data: bytes, budget: Budget) -> dict[str, bytes]:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
             size = sum(entry.file_size for entry in packed.infolist())
-            # compression shrinks numbers to a tenth, and repeated triangles to a hundredth
             if size > max(1 << 24, 60 * len(data)):
                 raise MalformedFileError(f"the file unpacks to {size / len(data):,.0f} times its size, unlike any mesh")
             budget.require_bytes(size, "bytes after unpacking")

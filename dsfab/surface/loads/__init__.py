@@ -1,1 +1,1 @@
-"""Supports, loads, load combinations and pattern regions, and the pickers that place them."""
+"""Supports, loads, combinations and pattern regions, and the pickers that place them."""

@@ -28,7 +28,7 @@ class OutlinedSurface:
     fixed: Bools
 
     def with_halved_edges(self, edges: Bools, places: Floats | None = None) -> "OutlinedSurface":
-        """Divide the edges in a mask (e,) in their middles, or at places (k, 3) on the outline."""
+        """Divide the edges in a mask (e,) in the middle, or at places (k, 3) on the outline."""
         surface = self.surface
         V, F, _ = halved_edges(surface.V, surface.F, surface.edges, edges)
         count = len(V) - surface.n
@@ -39,17 +39,17 @@ class OutlinedSurface:
         return OutlinedSurface(Surface(V, F), np.append(self.on, is_on_line), np.append(self.fixed, between))
 
     def with_moved_vertices(self, vertices: Ints, places: Floats) -> "OutlinedSurface":
-        """Move vertices (k,) to places (k, 3) on the outline, and mark them as vertices on the outline."""
+        """Move vertices (k,) to places (k, 3) on the outline."""
         V, on_line = self.surface.V.copy(), self.on.copy()
         V[vertices], on_line[vertices] = places, True
         return replace(self, surface=Surface(V, self.surface.F), on=on_line)
 
     def depth(self, extent: Extent) -> Floats:
-        """Return how deep (n,) the vertices lie inside a part of space, metres; 0 on the outline, negative outside."""
+        """Return the depth (n,) of the vertices inside a part of space, metres; negative outside."""
         return np.where(self.on, 0.0, extent.depth(self.surface.V))
 
     def with_divided_faces(self, faces: Ints, places: Floats, on_line: bool) -> "OutlinedSurface":
-        """Divide faces (k,) in three, at places (k, 3) inside. on_line : True if the places lie on the outline."""
+        """Divide faces (k,) at places (k, 3) inside. on_line : True if the places lie on the outline."""
         s, count = self.surface, len(faces)
         centre_vertices = s.n + np.arange(count)
         stay = np.delete(s.F, faces, axis=0)
@@ -68,8 +68,7 @@ class EdgeCrossings(NamedTuple):
 
 
 def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
-    """Return the points where the outline of a part of space crosses edges. Crossed edges have points on opposite sides
-    of the outline."""
+    """Return the points where the outline of a part of space crosses edges."""
     s, depth = outlined.surface, outlined.depth(extent)
     sign = np.sign(depth[s.edges.ends])
     edge = np.flatnonzero(sign.prod(axis=1) < 0)
@@ -94,7 +93,6 @@ def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
 
 
 def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats) -> Floats:
-    """Return the fraction of each edge from `end` to the last test point where the depth has the sign -`sign`."""
     a, b = s.V[s.edges.ends[edges, end]], s.V[s.edges.ends[edges, 1 - end]]
     shares = np.zeros(len(edges))
     for t in np.arange(1, TEST_POINTS + 1) / (TEST_POINTS + 1):
@@ -104,7 +102,7 @@ def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats)
 
 
 def with_corners(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Create a vertex at each corner of the outline, where two walls of `extent` and the surface meet."""
+    """Create a vertex at each corner of the outline."""
     tolerance = LINE_TOLERANCE * extent.width
     for a, b in extent.creases:
         for _ in range(64):
@@ -141,7 +139,7 @@ def _shares(corners: Floats, place: Floats) -> Floats:
 
 
 def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[OutlinedSurface, int]:
-    """Move vertices that are close to the outline onto it, along edges. Return also the number of moved vertices."""
+    """Move vertices onto an outline close to them. Return also the number of moved vertices."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     ends, size = s.edges.ends[crossed.edge], s.edge_lengths[crossed.edge]
     vertex = np.concatenate([ends[:, 0], ends[:, 1]])
@@ -165,8 +163,7 @@ def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[Ou
 
 
 def _may_move(outlined: OutlinedSurface, vertices: Ints, places: Floats, tolerance: float) -> Bools:
-    """Mark the vertices (k,) that may move to places (k, 3) without a visible change of the shape or its boundary.
-    tolerance : distance from faces and boundary that is always allowed, metres."""
+    """Return a mask of vertices (k,) that may move to places (k, 3)."""
     s, around = outlined.surface, _FacesAt.from_surface(outlined.surface)
     allowed = ~(outlined.fixed | outlined.on)[vertices]
     for k in np.flatnonzero(allowed):
@@ -214,10 +211,9 @@ def with_touched_vertices(outlined: OutlinedSurface, extent: Extent) -> Outlined
 
 
 def with_outline(surface: Surface, extent: Extent, fixed: Bools) -> OutlinedSurface:
-    """Return the surface with edges along the outline, where the border of a part of space meets the surface.
-    extent : part of space.    fixed : (n,) mask of vertices on earlier outlines, which stay in place.
-    Old vertices come first. Corners of the outline become vertices. Raises SurfaceError if the part of space is so
-    narrow that too many faces are needed."""
+    """Return the surface with edges along the border of a part of space.
+    fixed : (n,) mask of vertices that stay in place. Old vertices come first.
+    Raises SurfaceError if too many faces are needed."""
     outlined = OutlinedSurface(surface, np.zeros(surface.n, dtype=bool), fixed)
     outlined = with_corners(_refine(outlined, extent, _coarse_edges), extent)
     outlined = replace(outlined, on=outlined.on | (np.abs(extent.depth(outlined.surface.V)) <= 1e-9 * surface.size))
@@ -269,7 +265,7 @@ def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
 
 
 def _uneven_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Mark edges (e,) that the outline crosses more than once, and the edges of faces in which the outline curves."""
+    """Return a mask (e,) of edges to divide near the outline."""
     s, even = outlined.surface, LINE_TOLERANCE * extent.width
     depth, size = outlined.depth(extent), s.edge_lengths
     ends = s.edges.ends
@@ -296,7 +292,7 @@ def _border_edges(s: Surface, extent: Extent) -> Bools:
 
 
 def _turns_back(depth: Floats) -> Bools:
-    """Mark edges (k,) that cross an outline more than once. depth : (p, k) depth inside it at p points of each edge."""
+    """Return a mask (k,) of edges that cross an outline more than once. depth : (p, k) at p points of each edge."""
     sign = np.sign(depth)
     low, high = np.minimum.accumulate(sign), np.maximum.accumulate(sign)
     fell, rose = (high > 0) & (sign < 0), (low < 0) & (sign > 0)
@@ -307,7 +303,6 @@ def _turns_back(depth: Floats) -> Bools:
 
 
 def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
-    """Return faces that the outline crosses, and the outline's distance from the middle between its two crossings."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     place = np.full((len(s.edges.ends), 3), np.nan)
     place[crossed.edge] = crossed.place
@@ -318,7 +313,6 @@ def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
 
 
 def _divide_flat_faces(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Divide faces whose corners all lie on outlines at a new vertex off the outlines."""
     s, inner = outlined.surface, ~_outline_edges(outlined, extent)
     flat = np.flatnonzero((outlined.on | outlined.fixed)[s.F].all(axis=1))
     length = np.where(inner, s.edge_lengths, 0.0)[s.edges.of[flat]]

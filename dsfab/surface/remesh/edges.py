@@ -1,4 +1,4 @@
-"""Edge operations of remeshing: halving of long edges, collapse of short edges, flips."""
+"""Edge operations of remeshing: halving, collapse and flips."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -22,12 +22,12 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.remesh.features import CORNER, TOLERANCE, FeatureCurves
 from dsfab.surface.topology import EdgeTable, edge_table, faces_at, next_half_edge, on_boundary
 
-FREE, ON_CURVE, FIXED = 0, 1, 2  # Kinds of vertices: free on the surface, on a boundary or crease, fixed.
+FREE, ON_CURVE, FIXED = 0, 1, 2  # Vertices: free on the surface, on a boundary or crease, fixed.
 
 
 @dataclass(frozen=True, eq=False)
 class NetFaces:
-    """Faces F (m, 3) of a mesh during remeshing, and the edges of these faces."""
+    """Faces F (m, 3) of a mesh and their edges."""
 
     F: Ints
 
@@ -40,8 +40,8 @@ class NetFaces:
 class Net:
     """Mesh during remeshing: vertices V (n, 3), metres, and faces. Boundaries and creases are called curves.
     kind  : (n,) `FREE`, `ON_CURVE` or `FIXED`.    size : (n,) wanted edge length at each vertex, metres.
-    node  : (k,) the vertices along curves, curve after curve.
-    curve : (k,) the curve of each node.    at : (k,) position of each node along `FeatureCurves`, metres."""
+    node  : (k,) the vertices along curves.    curve : (k,) the curve of each node.
+    at    : (k,) position of each node along `FeatureCurves`, metres."""
 
     V: Floats
     faces: NetFaces
@@ -53,7 +53,7 @@ class Net:
 
     @classmethod
     def from_surface(cls, surface: Surface, curves: FeatureCurves, size: float) -> Self:
-        """Return the surface's own mesh as a `Net`, with the same wanted edge length `size` (m) at all vertices."""
+        """Return the surface's own mesh as a `Net`. size : wanted edge length, metres."""
         kind = np.full(surface.n, FREE)
         kind[curves.vertex] = ON_CURVE
         kind[curves.fixed] = FIXED
@@ -80,17 +80,17 @@ class Net:
 
     @property
     def links(self) -> Ints:
-        """Indices (l,) of the nodes (vertices along curves) that are followed by a node of the same curve."""
+        """Indices (l,) of nodes (vertices along curves) that are followed by a node of the same curve."""
         return np.flatnonzero(self.curve[1:] == self.curve[:-1])
 
     @property
     def link_ends(self) -> Ints:
-        """Ends (l, 2) of the edges along feature curves (boundaries and creases)."""
+        """Ends (l, 2) of the edges along boundaries and creases."""
         return np.stack([self.node[self.links], self.node[self.links + 1]], axis=1)
 
     @property
     def link_edges(self) -> Ints:
-        """Indices (l,) of the edges along feature curves (boundaries and creases)."""
+        """Indices (l,) of the edges along boundaries and creases."""
         return np.searchsorted(self.edges.ends @ (self.n, 1), np.sort(self.link_ends, axis=1) @ (self.n, 1))
 
     @property
@@ -112,10 +112,10 @@ class Net:
 
 
 def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) -> Bools:
-    """Mark the candidates (c,) for a mesh change that cost less than every other candidate at their vertices.
+    """Mark the candidates (c,) that cost less than every other candidate at the same vertices.
     touched : (c, k) vertices that each candidate changes.    n : number of vertices.
-    cost    : (c,) cost of each candidate, rounded to eight levels; a hash decides within a level [Knuth 1973].
-    edges   : (e, 2) edges of the mesh, to compare also candidates at neighbouring vertices; None: not compared."""
+    cost    : (c,) cost of each candidate; a hash decides between similar costs [Knuth 1973].
+    edges   : (e, 2) edges, to compare also candidates at neighbouring vertices."""
     if not len(cost):
         return np.zeros(0, dtype=bool)
     spread = np.ptp(cost)
@@ -124,12 +124,11 @@ def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) 
     return leading_candidates(order, touched, n, edges)
 
 
-LONGEST = 4 / 3  # Edges longer than this multiple of their wanted length are halved [Botsch and Kobbelt 2004].
+LONGEST = 4 / 3  # Largest length / wanted length of an edge [Botsch and Kobbelt 2004].
 
 
 def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Halve the long edges of the net once, and also edges along a curve that are too far from the curve.
-    edge : longest wanted edge length, metres; tolerances are fractions of this length."""
+    """Return the net with long edges halved once. edge : longest wanted edge length, metres."""
     length = edge_lengths(net.V, net.edges.ends)
     deviation, positions = curves.deviation(net.at[net.links], net.at[net.links + 1])
     missing = deviation > TOLERANCE * edge
@@ -140,8 +139,6 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _leading(net: Net, long: Bools, length: Floats) -> Bools:
-    """Return the mask `long` (e,) without edges shorter than 70 % of the longest marked edge in one of their faces.
-    Around thin faces, all edges shorter than the longest marked edge are left out."""
     faces = np.flatnonzero(faces_at(net.edges.of, long))
     edge = net.edges.of[faces]
     marked_length = np.where(long, length, -1.0)[edge]
@@ -153,8 +150,6 @@ def _leading(net: Net, long: Bools, length: Floats) -> Bools:
 
 
 def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions: Floats) -> Net:
-    """Divide the edges in the mask `halves` (e,) in the middle, or at positions on their curves.
-    split_positions : (l,) positions for edges along curves, metres; nan for the middle."""
     V, F, _ = halved_edges(net.V, net.F, net.edges, halves)
     added = len(V) - net.n
     size = np.concatenate([net.size, net.edge_sizes[halves]])
@@ -179,12 +174,12 @@ def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions
     )
 
 
-SHORTEST = 4 / 5  # Edges shorter than this share of their wanted length are collapsed [Botsch and Kobbelt 2004].
+SHORTEST = 4 / 5  # Least length / wanted length of an edge [Botsch and Kobbelt 2004].
 
 
 @dataclass(frozen=True, eq=False)
 class _Collapses:
-    """Vertices `gone` (c,) that merge with vertices `kept` (c,) at places `goal` (c, 3), metres."""
+    """Vertices (c,) that merge with other vertices."""
 
     kept: Ints
     gone: Ints
@@ -195,8 +190,7 @@ class _Collapses:
 
 
 def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, batches: int = 12) -> Net:
-    """Collapse the short edges of the net, in up to `batches` rounds.
-    edge : longest wanted edge length, metres; tolerances are fractions of this length."""
+    """Return the net with short edges collapsed. edge : longest wanted edge length, metres."""
     for batch in range(batches):
         collapses, cost = _candidates(net, curves, edge, backwards=batch % 2 == 1)
         pairs = np.stack([collapses.kept, collapses.gone], axis=1)
@@ -209,8 +203,6 @@ def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, bat
 
 
 def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -> tuple[_Collapses, Floats]:
-    """Return possible collapses of short edges, and their costs (c,): length divided by wanted length.
-    Two free vertices meet halfway; otherwise, the vertex of the higher `kind` stays."""
     edges = net.edges
     cost = edge_lengths(net.V, edges.ends) / net.edge_sizes
     chosen = np.flatnonzero(cost < SHORTEST)
@@ -227,7 +219,6 @@ def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -
 
 
 def _keeps_curves(net: Net, curves: FeatureCurves, target: Ints, gone: Ints, edge: float) -> Bools:
-    """Mark curve vertices `gone` (c,) that may merge into `target` (c,), with a short new edge near the curve."""
     position = np.zeros(net.n, dtype=np.int64)
     position[net.node] = np.arange(len(net.node))
     k = np.clip(position[gone], 1, max(len(net.node) - 2, 1))
@@ -290,7 +281,7 @@ def _merge_vertices(net: Net, collapses: _Collapses) -> Net:
     return replace(net, V=V, faces=faces, size=size, node=node, at=net.at[stays], curve=curve)
 
 
-LEAST_ANGLE = np.radians(25)  # Radians. A flip must not reduce the smallest angle below this.
+LEAST_ANGLE = np.radians(25)  # Smallest angle after a flip, radians.
 
 
 def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
@@ -322,14 +313,13 @@ def _valence_gain(net: Net, quad: Ints) -> Floats:
     ideal = np.where(free, 6, valence)
     ideal[on_boundary(edges, net.n) & free] = 4
     excess = valence - ideal
-    decrease = np.where(free, 2 * excess - 1, 0)  # excess^2 - (excess - 1)^2
+    decrease = np.where(free, 2 * excess - 1, 0)
     increase = np.where(free, -2 * excess - 1, 0)
     a, b, c, d = quad.T
     return np.asarray(decrease[a] + decrease[b] + increase[c] + increase[d], dtype=np.float64)
 
 
 def _delaunay_gain(angles: Floats, pairs: Ints) -> Floats:
-    """Return the sum (q,) of the two angles opposite each edge, given by its half-edges (q, 2), minus pi, radians."""
     first_angle, second_angle = angles.ravel()[next_half_edge(pairs.T, 2)]
     return np.asarray(first_angle + second_angle - np.pi - 1e-6)
 
@@ -339,7 +329,6 @@ def _face_angles(V: Floats, F: Ints) -> Floats:
 
 
 def _sound(V: Floats, quad: Ints) -> Bools:
-    """Mark the edges (q,) that may flip: no face turns by over 37 degrees, and no angle becomes too small."""
     a, b, c, d = quad.T
     old_faces, new_faces = ((a, b, c), (b, a, d)), ((a, d, c), (d, b, c))
     before = area_vectors(V, np.stack(old_faces[0], axis=1)) + area_vectors(V, np.stack(old_faces[1], axis=1))
@@ -355,7 +344,7 @@ def _sound(V: Floats, quad: Ints) -> Bools:
 
 
 def angles_at(V: Floats, apex: Ints, first_end: Ints, second_end: Ints) -> Floats:
-    """Return the angles (q,) at vertices `apex` between the directions to two further vertices, radians."""
+    """Return the angles (q,) at vertices `apex` (q,) between the directions to two vertices, radians."""
     u, v = V[first_end] - V[apex], V[second_end] - V[apex]
     x, y, z = u.T
     r, s, t = v.T
@@ -364,35 +353,34 @@ def angles_at(V: Floats, apex: Ints, first_end: Ints, second_end: Ints) -> Float
 
 
 def with_ears_flipped(surface: Surface) -> Surface:
-    """Return the surface with the inner edge of each ear flipped, so that the new edge starts at the ear's tip.
-    An ear is a flat triangle with two border edges, and an angle over 150 degrees between these edges, at the tip."""
+    """Return the surface with the inner edge of each ear flipped.
+    An ear is a flat triangle with two border edges, and an angle over 150 degrees between these edges."""
     edges, n = surface.edges, surface.n
     pairs = np.concatenate([edges.pairs, edges.pairs[:, ::-1]])
     bare = edges.boundary[edges.of].reshape(-1, 3).sum(axis=1) == 2
     quad = quads(surface.F, pairs)
     a, b, c, d = quad.T
-    alike = surface.F.ravel()[pairs[:, 1]] == b  # true if both faces have the same orientation
+    alike = surface.F.ravel()[pairs[:, 1]] == b  # same orientation
     ear = bare[pairs[:, 0] // 3] & ~bare[pairs[:, 1] // 3] & alike & has_new_diagonal(quad, edges, n)
     ear &= angles_at(surface.V, c, a, b) > np.radians(150.0)
     for start, end in ((a, b), (b, a)):  # no new face may turn over
         ear &= angles_at(surface.V, start, end, c) + angles_at(surface.V, start, end, d) < np.pi
     chosen = np.flatnonzero(ear)
-    chosen = chosen[np.unique(pairs[chosen, 1] // 3, return_index=True)[1]]  # only one flip for each inner face
+    chosen = chosen[np.unique(pairs[chosen, 1] // 3, return_index=True)[1]]
     if not len(chosen):
         return surface
     return Surface(surface.V, with_other_diagonals(surface.F, pairs[chosen], quad[chosen]))
 
 
 LOW = 1 / 8
-"""Largest height of a low border face / length of its border edge. The normals of low faces have large errors."""
+"""Largest height of a low border face / length of the border edge."""
 
 
 def without_rim_slivers(surface: Surface, smooth: bool = False) -> Surface:
     """Return the surface without very thin faces at the border, which have wrong normals.
-    Faces lower than `TOLERANCE` times their border edge are removed; the new border passes through the third corner.
-    smooth : also collapse faces lower than `LOW` times their border edge, at a curved border."""
+    smooth : also collapse faces lower than `LOW` times the border edge, at a curved border."""
     chosen, _, _, tip = _low_border_faces(surface, TOLERANCE)
-    chosen = chosen[np.unique(tip, return_index=True)[1]]  # remove only one face at each vertex
+    chosen = chosen[np.unique(tip, return_index=True)[1]]
     surface = Surface(surface.V, np.delete(surface.F, chosen, axis=0)) if len(chosen) else surface
     while smooth and (onto := _collapsed_tips(surface)) is not None:
         used, F = np.unique(contracted_faces(surface.F, onto), return_inverse=True)
@@ -401,11 +389,10 @@ def without_rim_slivers(surface: Surface, smooth: bool = False) -> Surface:
 
 
 def _low_border_faces(surface: Surface, ratio: float) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return the faces (c,) with only one border edge a-b and a height below `ratio` times this edge, lowest first.
-    Return also the vertices a (c,), b (c,), and the inner corner (c,), which is not on the border."""
+    """Return low border faces (c,), lowest first, both ends (c,), (c,) of border edges, and third corners (c,)."""
     V, F, edges = surface.V, surface.F, surface.edges
     bare = edges.boundary[edges.of].reshape(-1, 3)
-    side = bare.argmax(axis=1)  # the border edge starts at corner `side`
+    side = bare.argmax(axis=1)
     a, b, tip = (F[np.arange(len(F)), (side + k) % 3] for k in range(3))
     height = 2 * surface.areas / edge_lengths(V, np.stack([a, b], axis=1)) ** 2
     low = (height < ratio) & (bare.sum(axis=1) == 1) & ~on_boundary(edges, surface.n)[tip]
@@ -416,16 +403,14 @@ def _low_border_faces(surface: Surface, ratio: float) -> tuple[Ints, Ints, Ints,
 
 
 def _collapsed_tips(surface: Surface) -> Ints | None:
-    """Return the vertex (n,) onto which each vertex merges, to remove low faces at a curved border; None if no merge.
-    The inner corner of a low face merges with the nearer end of the border edge. A corner stays at a crease, at a side
-    of the bounding box, and where another face would become low or turn much."""
+    """Return the vertex (n,) onto which each vertex merges; None if no merge."""
     V, F, edges, n = surface.V, surface.F, surface.edges, surface.n
     faces, a, b, tip = _low_border_faces(surface, LOW)
     to_a, to_b = (edge_lengths(V, np.stack([tip, end], axis=1)) for end in (a, b))
     end = np.where(to_a < to_b, a, b)
     sharp = sharp_edges(surface)
     creased = np.bincount(edges.ends[sharp].ravel(), minlength=n)
-    by_tilt = sharp[edges.of.reshape(-1, 3)[faces]].sum(axis=1)  # creases along edges of the low face, due to its tilt
+    by_tilt = sharp[edges.of.reshape(-1, 3)[faces]].sum(axis=1)
     turn, explained = _border_turns(surface, faces, a, b, tip)
     fits = (creased[tip] <= by_tilt) & explained
     fits &= ((V[tip] > V.min(axis=0)) & (V[tip] < V.max(axis=0))).all(axis=1) | (np.ptp(V, axis=0) == 0).any()
@@ -433,7 +418,7 @@ def _collapsed_tips(surface: Surface) -> Ints | None:
     fits &= meets_link_condition(edges, np.searchsorted(edges.ends @ (n, 1), keys), n)
     candidate = np.full(n, -1)
     candidate[tip] = np.arange(len(tip))
-    fits &= candidate[tip] == np.arange(len(tip))  # use only one low face at each tip
+    fits &= candidate[tip] == np.arange(len(tip))
     for corner in range(3):
         changed = np.flatnonzero(candidate[F[:, corner]] >= 0)
         number, triangles = candidate[F[changed, corner]], F[changed].copy()
@@ -450,8 +435,7 @@ def _collapsed_tips(surface: Surface) -> Ints | None:
 
 
 def _border_turns(surface: Surface, faces: Ints, a: Ints, b: Ints, tip: Ints) -> tuple[Floats, Bools]:
-    """Return the angle (c,), radians, by which the border bends out of the surface at border edges a-b of low faces,
-    and True (c,) where this bend explains the height of the inner corner `tip` (c,) over the edge."""
+    """Return the angle (c,), radians, of the border at low faces, and True (c,) where this bend explains the height."""
     V, F, edges = surface.V, surface.F, surface.edges
     weighted = np.zeros((surface.n, 3))
     rest = np.delete(np.arange(len(F)), faces)
@@ -459,7 +443,7 @@ def _border_turns(surface: Surface, faces: Ints, a: Ints, b: Ints, tip: Ints) ->
         np.add.at(weighted, corner, area_vectors(V, F[rest]))
     normal = unit_vectors(weighted[tip])
     along = unit_vectors(V[b] - V[a])
-    slope = np.zeros((surface.n, 3))  # sum of the directions from a border vertex to its border neighbours
+    slope = np.zeros((surface.n, 3))
     for start, stop in (edges.ends[edges.boundary].T, edges.ends[edges.boundary].T[::-1]):
         np.add.at(slope, start, unit_vectors(V[stop] - V[start]))
     slope[lengths(slope) > 2 * np.sin(np.radians(CORNER) / 2) + 1e-6] = 0.0

@@ -1,4 +1,4 @@
-"""Boundaries, creases and corners as curves, which remeshing preserves."""
+"""Boundaries, creases and corners as curves."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,13 +13,13 @@ from dsfab.surface.topology import link_components
 
 TOLERANCE = 1 / 50  # Largest move of boundaries and creases, in edge lengths.
 CORNER = 30.0  # Least bend of a curve at a corner, degrees.
-DULL = 0.6 * CREASE  # A short crease is left out if the mean normals on its two sides differ by less, degrees.
-FINE = 1 / 80  # Largest averaging radius for a scan's normals in `design_features`, divided by its box's diagonal.
+DULL = 0.6 * CREASE  # Largest difference of mean normals beside a slight crease, degrees.
+FINE = 1 / 80  # Largest averaging radius for normals / diagonal of the bounding box.
 
 
 class SmoothVertices(NamedTuple):
     """Vertices (k,) where two edges of a line meet.    edges : (k, 2) indices of the edges.
-    turn : (k,) bend of the line at the vertex, radians.    arm : (k,) length of the shorter edge."""
+    turn : (k,) bend of the line, radians.    arm : (k,) length of the shorter edge."""
 
     vertex: Ints
     edges: Ints
@@ -28,7 +28,7 @@ class SmoothVertices(NamedTuple):
 
 
 def vertices_of_two_edges(V: Floats, ends: Ints) -> SmoothVertices:
-    """Return the vertices of V (n, 3) at which exactly two of the edges `ends` (e, 2) meet."""
+    """Return the vertices of V (n, 3) at which exactly two edges of `ends` (e, 2) meet."""
     order = np.argsort(ends.ravel(), kind="stable")
     vertex = ends.ravel()[order]
     start = np.flatnonzero(np.diff(vertex, prepend=-1))
@@ -42,9 +42,8 @@ def vertices_of_two_edges(V: Floats, ends: Ints) -> SmoothVertices:
 
 
 def design_features(surface: Surface, edge: float) -> Bools:
-    """Mark the edges (e,) on boundaries, seams and creases, without short, slight creases from slivers or noise.
-    A crease is slight if the mean normals on its two sides differ by less than `DULL`.
-    edge : wanted edge length of a new mesh, metres; a crease is short below about two such lengths."""
+    """Mark the edges (e,) on boundaries, seams and creases, without short, slight creases.
+    edge : wanted edge length of a new mesh, metres."""
     sharp = sharp_edges(surface)
     marks = border_edges(surface) | sharp
     crease = np.flatnonzero(sharp)
@@ -79,17 +78,16 @@ def _mean_bends(surface: Surface, crease: Ints, radius: float) -> Floats:
     u, v = (np.einsum("ck,cki->ci", weight * on_side, surface.normals[near_faces]) for on_side in (side > 0, side <= 0))
     bend = np.arctan2(lengths(np.cross(u, v)), np.einsum("ci,ci->c", u, v))
     slight = np.minimum(lengths(u), lengths(v)) < TOLERANCE * radius * surface.edge_lengths[crease]
-    return np.where(slight, 0, bend)  # the normal of one very narrow face at the boundary is unreliable
+    return np.where(slight, 0, bend)
 
 
 @dataclass(frozen=True, eq=False)
 class FeatureCurves:
-    """The boundaries and creases of a surface as curves between corners. All curves share an axis of arc length.
-    points : (p, 3) the vertices along all curves, curve after curve, metres.
+    """The boundaries and creases of a surface as curves. All curves share an axis of arc length.
+    points : (p, 3) the vertices along all curves, metres.
     at     : (p,) position of each point on the axis, metres.
-    curve  : (p,) number of each point's curve.
-    vertex : (p,) vertex of the surface at each point.
-    fixed  : (q,) vertices of the surface that stay: corners, and extremes in x, y or z."""
+    curve, vertex : (p,) curve of each point, and vertex of the surface.
+    fixed  : (q,) vertices of the surface that stay."""
 
     points: Floats
     at: Floats
@@ -98,22 +96,22 @@ class FeatureCurves:
     fixed: Ints
 
     def place(self, positions: Floats) -> Floats:
-        """Return the points (k, 3) of the curves at positions (k,) on the axis of arc length, metres."""
+        """Return the points (k, 3) of the curves at positions (k,) on the axis, metres."""
         k = np.clip(np.searchsorted(self.at, positions, side="right"), 1, len(self.at) - 1)
         t = np.clip((positions - self.at[k - 1]) / (self.at[k] - self.at[k - 1]), 0, 1)[:, None]
         return (1 - t) * self.points[k - 1] + t * self.points[k]
 
     def points_between(self, start: Floats, end: Floats) -> tuple[Ints, Ints]:
-        """Return pairs as two arrays (j,): the index of an interval, and the index of a curve point inside it.
-        start, end : (k,) ends of the intervals on the axis of arc length, metres."""
+        """Return pairs (j,), (j,): index of an interval, and index of a curve point in this interval.
+        start, end : (k,) ends of the intervals on the axis, metres."""
         low, high = np.searchsorted(self.at, start, side="right"), np.searchsorted(self.at, end, side="left")
         count = np.maximum(high - low, 0)
         which = np.repeat(np.arange(len(start)), count)
         return which, np.arange(len(which)) - (np.cumsum(count) - count)[which] + low[which]
 
     def deviation(self, start: Floats, end: Floats) -> tuple[Floats, Floats]:
-        """Return the largest distance (k,) of the curve from each chord, metres, and the position (k,) of the farthest
-        point. start, end : (k,) positions of the chords' ends on the axis of arc length, metres."""
+        """Return the largest distance (k,) of the curve from each chord, and the position (k,) of this distance.
+        start, end : (k,) ends of the chords on the axis of arc length, metres."""
         which, point = self.points_between(start, end)
         distance = distances_from_segments(self.points[point], self.place(start)[which], self.place(end)[which])
         largest = np.zeros(len(start))
@@ -125,8 +123,8 @@ class FeatureCurves:
 
 
 def feature_curves(surface: Surface, edge: float) -> FeatureCurves:
-    """Return the boundaries and creases of a surface, and the seams of a one-sided surface.
-    edge : wanted edge length of a new mesh, metres; short, slight creases are left out, see `design_features`."""
+    """Return the boundaries, creases and seams of a surface, without short, slight creases.
+    edge : wanted edge length of a new mesh, metres."""
     ends = surface.edges.ends[design_features(surface, edge)]
     extremes = np.concatenate([surface.V.argmin(axis=0), surface.V.argmax(axis=0), surface.pinches])
     corners = np.zeros(surface.n, dtype=bool)
@@ -139,7 +137,7 @@ def feature_curves(surface: Surface, edge: float) -> FeatureCurves:
     vertex, curve = np.concatenate(chains), np.repeat(np.arange(len(chains)), [len(chain) for chain in chains])
     points = surface.V[vertex]
     step = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1)
-    step[np.diff(curve, prepend=0) > 0] = surface.size  # a gap in arc length between two successive curves
+    step[np.diff(curve, prepend=0) > 0] = surface.size  # gap between curves
     return FeatureCurves(points, np.cumsum(step), curve, vertex, fixed)
 
 
@@ -153,7 +151,6 @@ def _corners(V: Floats, ends: Ints, edge: float) -> Bools:
 
 
 def _chains(ends: Ints, corners: Bools) -> list[Ints]:
-    """Return the vertices (k,) of each curve from corner to corner, or of each closed curve, along edges (e, 2)."""
     around: dict[int, list[int]] = {}
     for a, b in ends.tolist():
         around.setdefault(a, []).append(b)

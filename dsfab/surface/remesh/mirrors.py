@@ -1,4 +1,4 @@
-"""Mirror symmetries of a surface. dsfab remeshes one side of the mirrors and copies the new mesh to all other sides."""
+"""Mirror symmetries of a surface, for remeshing."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -16,9 +16,9 @@ from dsfab.surface.remesh.smoothing import NearestOnSurface, SmoothPatches
 from dsfab.surface.topology import euler_characteristic, half_edges, link_components, misoriented_edges, pieces
 
 LARGEST_GROUP = 240  # Largest number of elements of a symmetry group.
-MATRIX_TOLERANCE = 1e-6  # Two matrices count as equal if no entry differs by more than this.
-INERTIA_TOLERANCE = 1e-2  # Moments of inertia count as equal within this fraction of the largest moment.
-FAR_TOLERANCE = 1e-3  # Distances count as equal within this fraction of the surface's size.
+MATRIX_TOLERANCE = 1e-6  # Largest difference of entries of equal matrices.
+INERTIA_TOLERANCE = 1e-2  # Largest relative difference of equal moments of inertia.
+FAR_TOLERANCE = 1e-3  # Largest difference of equal distances / size of the surface.
 
 
 def mirror(normal: Floats) -> Floats:
@@ -32,7 +32,7 @@ def centroid(surface: Surface) -> Floats:
 
 
 def round_axis(surface: Surface, axes: Floats) -> Floats | None:
-    """Return the first of `axes` (3, 3) for which the other two have nearly equal second moments of area, or None."""
+    """Return the first of `axes` (3, 3) with nearly equal second moments along both others, or None."""
     x = surface.centroids - centroid(surface)
     inertia = [float(surface.areas @ (x @ axis) ** 2) for axis in axes]
     for k in range(3):
@@ -43,16 +43,14 @@ def round_axis(surface: Surface, axes: Floats) -> Floats | None:
 
 
 def far_directions(x: Floats, size: float, count: int = 1) -> Floats:
-    """Return unit vectors (k, 3) from the origin to the farthest of the points x (n, 3).
-    count : least number k of vectors; k is larger if several points are equally far."""
+    """Return unit vectors (k, 3) to the farthest of the points x (n, 3). count : least number k."""
     distance = lengths(x)
     farthest = np.flatnonzero(distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * size)
     return np.asarray(x[farthest] / distance[farthest, None])
 
 
 def planes_through(axis: Floats, directions: Floats) -> Iterator[Floats]:
-    """Yield normals (3,) of planes that contain an axis. Each plane mirrors the first of `directions` (d, 3) onto one
-    of the first 24 directions, or onto its opposite."""
+    """Yield normals (3,) of possible mirror planes through an axis. directions : (d, 3), mirrored onto each other."""
     for direction in directions[:24]:
         for through in (directions[0] + direction, np.cross(axis, directions[0] + direction)):
             if (length := np.linalg.norm(through)) > INERTIA_TOLERANCE:
@@ -76,9 +74,9 @@ def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) 
     return elements[:count].copy()
 
 
-IMAGE_TOLERANCE = 1 / 20  # Largest distance of a surface from its mirror image, divided by the edge length.
-ROUND_ANGLES = (0.7, 1.9)  # A surface is round if planes at these angles (radians) to a mirror plane are also mirrors.
-MOST_SIDES = 16  # Largest number of mirrored sectors around an axis; with more sectors, only two mirrors are used.
+IMAGE_TOLERANCE = 1 / 20  # Largest distance of a surface from its mirror image, in edge lengths.
+ROUND_ANGLES = (0.7, 1.9)  # Angles (radians) from a mirror plane to further mirror planes of a round surface.
+MOST_SIDES = 16  # Largest number of mirrored sectors around an axis.
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,14 +93,14 @@ class Mirrors:
     @classmethod
     def from_surface(cls, nearest_on: NearestOnSurface, edge: float, smooth: bool) -> Self | None:
         """Return the mirrors of a surface; None without mirrors, or for a surface that is not oriented.
-        edge   : edge length of the new mesh, metres; tolerances are fractions of this length.
-        smooth : true to compare the smooth surface through the vertices, false to compare the facets."""
+        edge   : edge length of the new mesh, metres.
+        smooth : True to compare a smooth surface through the vertices."""
         if len(misoriented_edges(nearest_on.surface.F, nearest_on.surface.edges)):
             return None
         look = _MirrorTest(nearest_on.surface, nearest_on, edge, smooth)
         group, normals = np.eye(3)[None], list[Floats]()
         for normal in _candidate_mirrors(look):
-            with suppress(OverflowError):  # inexact mirror planes can generate too many images
+            with suppress(OverflowError):
                 group, normals = _mirror_group([*normals, normal], 2 * MOST_SIDES), [*normals, normal]
         if not normals:
             return None
@@ -119,14 +117,14 @@ class _MirrorTest:
 
     @cached_property
     def centre(self) -> Floats:
-        """Middle (3,) of the bounding box, metres. A coordinate far from the centroid is replaced by the centroid's."""
+        """Middle (3,) of the surface, metres."""
         middle = (self.surface.V.min(axis=0) + self.surface.V.max(axis=0)) / 2
         area = centroid(self.surface)
         return np.where(np.abs(middle - area) < IMAGE_TOLERANCE * self.edge, middle, area)
 
     @cached_property
     def places_on(self) -> Callable[[Floats], tuple[Floats, Floats]]:
-        """Function from points (k, 3) to the nearest points (k, 3) of the surface and their normals (k, 3)."""
+        """Function from points (k, 3) to the nearest points (k, 3) of the surface and normals (k, 3)."""
         surface, find = self.surface, self.find
         patches = SmoothPatches(surface) if self.smooth else None
 
@@ -149,11 +147,11 @@ class _MirrorTest:
         return np.concatenate([a, a[line] + t[:, None] * (b - a)[line]])
 
     def holds(self, normal: Floats) -> bool:
-        """Return whether the surface coincides with its mirror image. normal : (3,) unit normal of the mirror plane."""
+        """Return whether the surface has a mirror plane with the unit normal (3,)."""
         s, R, limit = self.surface, mirror(normal), IMAGE_TOLERANCE * self.edge
         if np.ptp(s.V @ normal) < self.edge:
             return False
-        step = max(s.n // 100, 1)  # test a sample of the vertices first
+        step = max(s.n // 100, 1)  # test a sample first
         for points in (s.V[::step], s.V):
             image = self._image(points, R)
             if lengths(self.places_on(image)[0] - image).max() > limit:
@@ -220,12 +218,12 @@ def _mirror_group(normals: list[Floats], largest: int) -> Floats:
     return generated_group([mirror(normal) for normal in normals], largest)
 
 
-PLANE_TOLERANCE = 1e-3  # Tolerance, in edge lengths, for vertices on mirror planes and for coinciding mirror images.
+PLANE_TOLERANCE = 1e-3  # Tolerance for vertices on mirror planes, in edge lengths.
 
 
 @dataclass(frozen=True, eq=False)
 class Chamber:
-    """The part of a surface on one side of all mirror planes.    whole : the surface.
+    """The part of a surface (`whole`) on one side of all mirror planes.
     toward : (k, 3) unit normals of the planes, towards the part.    edge : edge length of the new mesh, metres."""
 
     whole: Surface
@@ -235,13 +233,13 @@ class Chamber:
 
     @classmethod
     def from_mirrors(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
-        """Return one of the equal parts of a surface between mirrors. A rotated surface gives the same part."""
+        """Return the part of a surface between mirrors."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
         return cls(surface, mirrors, np.where(mirrors.normals @ mix < 0, -1.0, 1.0)[:, None] * mirrors.normals, edge)
 
     @cached_property
     def piece(self) -> Surface | None:
-        """The part of the surface on the side `toward` of all mirror planes; None if a face lies in a mirror plane."""
+        """The part of the surface between the mirror planes; None if a face lies in a mirror plane."""
         V, F = self.whole.V, self.whole.F
         for normal in self.toward:
             cut = _positive_side(V - self.mirrors.centre, F, normal, PLANE_TOLERANCE * self.edge)
@@ -251,20 +249,20 @@ class Chamber:
         return Surface(V, F) if len(F) else None
 
     def planes_of(self, V: Floats) -> Bools:
-        """Return a mask (k, p): True where a mirror plane contains a point of V (p, 3), within rounding errors."""
+        """Return a mask (k, p): True where a mirror plane contains a point of V (p, 3)."""
         return np.asarray(np.abs(self.toward @ (V - self.mirrors.centre).T) < 1e-9 * self.whole.size)
 
     def moved_into_planes(self, V: Floats, planes: Bools) -> Floats:
-        """Return points V (p, 3), moved into mirror planes. planes : (k, p) True if a point belongs to a plane."""
+        """Return points V (p, 3), moved into the mirror planes that `planes` (k, p) marks."""
         moved = V.copy()
-        for _ in range(2 * len(self.toward)):  # a point that moves into one plane can leave another plane
+        for _ in range(2 * len(self.toward)):
             for normal, in_plane in zip(self.toward, planes, strict=True):
                 moved[in_plane] -= np.outer((moved[in_plane] - self.mirrors.centre) @ normal, normal)
         return moved
 
     def all_sides(self, V: Floats, F: Ints) -> tuple[Surface, Ints] | None:
         """Join mirrored copies of a part V (p, 3), F; return the whole surface, and each vertex's index in V (n,).
-        Return None if the topology or the length of the boundary would change."""
+        Return None if the topology would change."""
         n, centre = len(V), self.mirrors.centre
         images = [(V - centre) @ R.T + centre for R in self.mirrors.group]
         faces = [F[:, ::-1] if np.linalg.det(R) < 0 else F for R in self.mirrors.group]
@@ -289,7 +287,7 @@ class Chamber:
         if surface.edges.count.max() > 2 or facts(surface) != facts(original):
             return False
         new_length, old_length = (float(s.edge_lengths[s.edges.boundary].sum()) for s in (surface, original))
-        return abs(new_length - old_length) <= 0.05 * old_length  # new edges may shorten a curved boundary
+        return abs(new_length - old_length) <= 0.05 * old_length
 
 
 def _positive_side(x: Floats, F: Ints, normal: Floats, tolerance: float) -> tuple[Floats, Ints] | None:

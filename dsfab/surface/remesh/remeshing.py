@@ -33,7 +33,7 @@ from dsfab.surface.remesh.smoothing import (
 )
 from dsfab.surface.topology import crowded_edge_fault, repeated_face_fault
 
-SHARP_ANGLE = 20.0  # A mirrored mesh is always kept if its smallest angle is above this, degrees.
+SHARP_ANGLE = 20.0  # Smallest angle at which a mirrored mesh is always kept, degrees.
 
 
 def remeshed_surface(
@@ -41,19 +41,13 @@ def remeshed_surface(
 ) -> Surface:
     """Return the surface with nearly equilateral triangles whose edges are about `edge` metres long.
 
-    finest : least edge length on curved parts, metres; 0 for no shorter edges on curved parts.
-    smooth : true for new vertices on the smooth surface through the old vertices, false for new vertices on old facets.
-    sizes  : fields of wanted edge lengths, metres, each on a mesh of this surface; the shortest length counts.
+    finest : least edge length on curved parts, metres; 0 for no shorter edges.
+    smooth : True for new vertices on a smooth surface [Vlachos et al. 2001], False for vertices on old facets.
+    sizes  : fields of wanted edge lengths, metres; the shortest length counts.
     - Boundaries, and creases of more than 30 degrees, move by at most a fiftieth of `edge`. Corners do not move.
-    - The bounding box, the numbers of pieces and holes, and the orientation of the faces do not change.
-    - Creases from noise, and very thin triangles (slivers) at the border, are removed.
-    - Edges are shorter between close boundaries or creases.
-    - With `finest`, normals rotate by about 15 degrees along an edge. Equal surfaces give equal meshes.
-    - Without `sizes`, a surface with mirror symmetries (within a twentieth of `edge`) gets an exactly symmetric mesh.
-      The bounding box of this mesh is exact to a fiftieth of `edge`.
-    Source of the smooth surface: [Vlachos et al. 2001]. Raises SurfaceError for
-    - invalid lengths, and edges that are longer than the surface or need over `MOST_TRIANGLES` triangles;
-    - repeated faces, and edges of more than two faces."""
+    - Without `sizes`, a surface with mirror symmetries gets an exactly symmetric mesh.
+    Raises SurfaceError for invalid lengths, edges that are longer than the surface, over `MOST_TRIANGLES` triangles,
+    repeated faces, and edges of more than two faces."""
     _check(surface, edge, finest)
     mirrored = not sizes  # sizes may differ between mirrored sides
     if finest:
@@ -67,7 +61,7 @@ def remeshed_surface(
         return by_sides
     net = _net(nearest_to, sizes, edge)
     direct = Surface(_on_smooth_surface(net, nearest_to).V if smooth else net.V, net.F)
-    # the mirrored mesh can be worse, because a mirror plane along a pointed tip halves the angle of the tip
+    # a mirror plane halves the angle of a pointed tip
     return by_sides if by_sides and _smallest_angle(by_sides) > 0.9 * _smallest_angle(direct) else direct
 
 
@@ -76,7 +70,7 @@ def _smallest_angle(surface: Surface) -> float:
 
 
 def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
-    """Return the surface, remeshed on one side of its mirrors and copied; None without mirrors, or for small parts."""
+    """Return the surface, remeshed on one side of mirrors and copied, or None."""
     surface = nearest_on.surface
     mirrors = Mirrors.from_surface(nearest_on, edge, smooth)
     chamber = Chamber.from_mirrors(surface, mirrors, edge) if mirrors else None
@@ -96,13 +90,12 @@ def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Se
     whole_net = Net(every.V, NetFaces(every.F), net.kind[original], none, net.at[:0], none, net.size[original])
     V = with_vertices_at(whole_net, _places_on_curves(whole_net, nearest_on, edge, smooth), whole_net.at).V
     box, new_box = ((x.min(axis=0), x.max(axis=0)) for x in (surface.V, V))
-    with suppress(SurfaceError):  # at a narrow tip, two vertices may move to one corner
+    with suppress(SurfaceError):  # two vertices of a narrow tip may move to one corner
         return Surface(V, every.F) if np.abs(np.subtract(box, new_box)).max() < TOLERANCE * edge else None
     return None
 
 
 def _places_on_curves(net: Net, nearest_on: NearestOnSurface, edge: float, smooth: bool) -> Floats:
-    """Return places (n, 3): vertices on curves move onto near curves; unless `smooth`, other vertices onto faces."""
     surface = nearest_on.surface
     lines = surface.edges.ends[design_features(surface, edge)]
     goal = net.V.copy() if smooth else _places(net.V, nearest_on, smooth)
@@ -147,7 +140,6 @@ def _even_net(
 
 
 def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Halve long edges until no long edge remains, with flips and collapses after each round."""
     net = with_short_edges_collapsed(net, curves, edge)
     for _ in range(60):
         finer = with_long_edges_halved(net, curves, edge)
@@ -159,7 +151,6 @@ def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _shortest_lengths(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
-    """Return the shortest wanted edge length (k,), metres, of several fields `sizes` at points (k, 3)."""
     candidates = []
     for tree in trees:
         if tree_lengths := [field.length for field in sizes if field.surface is tree.surface]:

@@ -1,4 +1,4 @@
-"""Wanted edge lengths of a new mesh: by curvature, by a field, and near curves."""
+"""Wanted edge lengths of a new mesh."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -18,16 +18,15 @@ CHANGE_PER_EDGE = 0.25  # Largest change of a field along an edge, divided by th
 
 
 class SizeField(NamedTuple):
-    """Wanted edge lengths (n,), metres, at the vertices of a surface; linear on its faces."""
+    """Wanted edge lengths (n,), metres, at the vertices of a surface."""
 
     surface: Surface
     length: Floats
 
 
 def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
-    """Return edge lengths (n,), metres, from `finest` to `edge`, along which the normal rotates by 15 degrees.
-    The rotation per metre is the largest eigenvalue of a curvature tensor, averaged over a vertex and its neighbours,
-    without creases [Cohen-Steiner and Morvan 2003]."""
+    """Return edge lengths (n,), metres, along which the normal rotates by 15 degrees [Cohen-Steiner and Morvan 2003].
+    All lengths lie between `finest` and `edge`."""
     two = surface.edges.count == 2
     shared = np.flatnonzero(two)[~feature_edges(surface)[two]]
     ends = surface.edges.ends[shared]
@@ -40,10 +39,7 @@ def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
 
 def change_sizes(surface: Surface, field: Floats, edge: float, finest: float) -> Floats:
     """Return edge lengths (n,), metres, along which a tensor field changes by a quarter of its root mean square.
-    All lengths lie between `finest` and `edge`.    field : (m, 3, 3) tensors in the planes of the faces.
-    1. Each vertex gets the mean tensor of its faces [Zienkiewicz and Zhu 1987].
-    2. The slope of an edge is the difference of the tensors at its ends, in one plane, divided by its length.
-    3. The squared gradient at a vertex is twice the mean squared slope of the edges around the vertex."""
+    All lengths lie between `finest` and `edge`.    field : (m, 3, 3) tensors [Zienkiewicz and Zhu 1987]."""
     vertex_tensors, normal, ends = _at_vertices(surface, field), surface.vertex_normals, surface.edges.ends
     a, b = ends.T
     slope = ((_transported_tensors(vertex_tensors[b], normal[b], normal[a]) - vertex_tensors[a]) ** 2).sum(axis=(1, 2))
@@ -64,7 +60,6 @@ def _at_vertices(surface: Surface, field: Floats) -> Floats:
 
 
 def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
-    """Return sums (n, k) of edge values (e, k) around each vertex and its neighbours, divided by the area there."""
     n = surface.n
     around = adjacency(surface.edges, n) + eye_array(n)
     total = np.stack([np.bincount(ends.ravel(), np.repeat(x, 2), minlength=n) for x in values.T], axis=1)
@@ -94,7 +89,7 @@ CHORD_SHARES = 0.85 ** np.arange(19)  # Trial lengths of a curve's chords, as fr
 
 
 def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | float) -> Net:
-    """Return the net with wanted edge lengths that change gradually, and that are shorter at narrow places.
+    """Return the net with wanted edge lengths.
     chords : (p,) largest edge lengths at the points of the curves (boundaries, creases), metres.
     base   : (n,) or a number, largest edge lengths, metres."""
     size = np.broadcast_to(np.asarray(base, dtype=np.float64), (net.n,)).copy()
@@ -111,7 +106,7 @@ def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | f
 
 
 def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
-    """Return edge lengths `size` (n,), metres, reduced until they grow by at most `GRADE` per metre along edges."""
+    """Return edge lengths (n,), metres, reduced until lengths grow by at most `GRADE` per metre along edges."""
     length = GRADE * edge_lengths(V, ends)
     a, b = ends.T
     while True:
@@ -124,7 +119,7 @@ def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
 
 
 def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
-    """Return vertices at narrow places between curves, the widths there (m), and the growth of the widths per metre."""
+    """Return vertices at narrow places, the widths there (m), and the growth of the widths per metre."""
     constrained, edges, along = net.kind > FREE, net.edges, net.along_curves
     length = edge_lengths(net.V, edges.ends)
     is_along = along[edges.of]
@@ -149,8 +144,6 @@ def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
 
 
 def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
-    """Return each `width`, divided by the distance from the corner where the curves through the vertices `start` and
-    `end` meet; 0 if the curves do not meet."""
     corner, distances = _corners(net)
     slope = np.zeros(len(start))
     for i in range(2):
@@ -162,8 +155,7 @@ def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
 
 
 def _corners(net: Net) -> tuple[Ints, Floats]:
-    """Return the two end corners (n, 2) of the curve through each vertex, -1 without a curve; and the distances (n, 2)
-    along the curve from the vertex to these corners, metres."""
+    """Return the two end corners (n, 2) of the curve through each vertex, or -1, and their distances (n, 2)."""
     corner, distances = np.full((net.n, 2), -1), np.zeros((net.n, 2))
     ends = np.searchsorted(net.curve, net.curve), np.searchsorted(net.curve, net.curve, side="right") - 1
     for i, end in enumerate(ends):
@@ -175,8 +167,7 @@ def _corners(net: Net) -> tuple[Ints, Floats]:
 
 
 def chord_lengths(curves: FeatureCurves, edge: float) -> Floats:
-    """Return the longest edge length (p,), metres, at each point of the curves, up to `edge`, at which an edge deviates
-    from the curve by at most 0.8 x `TOLERANCE` x `edge`."""
+    """Return the longest edge length (p,), metres, at each point of the curves, at most `edge`."""
     longest = np.full(len(curves.at), edge * CHORD_SHARES[-1])
     open_ = np.arange(len(curves.at))
     is_last = np.append(np.diff(curves.curve) > 0, True) if len(curves.at) else np.zeros(0, dtype=bool)

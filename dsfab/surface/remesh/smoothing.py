@@ -1,4 +1,4 @@
-"""Smooth patches through the vertices of a mesh, and moves of vertices that make the triangles more even."""
+"""Smooth patches through the vertices of a mesh, and moves of vertices for even triangles."""
 
 from dataclasses import replace
 from functools import cached_property
@@ -14,12 +14,11 @@ from dsfab.surface.remesh.edges import FIXED, FREE, Net
 from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
 from dsfab.surface.topology import corner_fans
 
-CORNERS = ((0, 1), (1, 2), (2, 0))  # First and second corner of each half-edge of a face.
+CORNERS = ((0, 1), (1, 2), (2, 0))  # Corners of each half-edge of a face.
 
 
 class SmoothPatches:
-    """A smooth curved patch over each face of a surface [point-normal triangles, Vlachos et al. 2001].
-    Patches go through the vertices. At boundaries and creases (sharp edges), they keep the straight mesh edges."""
+    """A smooth curved patch over each face of a surface [point-normal triangles, Vlachos et al. 2001]."""
 
     def __init__(self, surface: Surface) -> None:
         self._V, self._F = surface.V, surface.F
@@ -28,7 +27,7 @@ class SmoothPatches:
         self._controls = _controls(surface.V[surface.F], normals, features[surface.edges.of])
 
     def points(self, face: Ints, place: Floats) -> Floats:
-        """Return points (k, 3) of the curved patches, metres. place : (k, 3) points of the flat faces (k,), metres."""
+        """Return points (k, 3) of the patches, metres. place : (k, 3) points of the flat faces (k,), metres."""
         P = self._V[self._F[face]]
         b = barycentric(P, place)
         controls = self._controls[face]
@@ -60,8 +59,6 @@ def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
 
 
 def _corner_normals(surface: Surface, features: Bools) -> Floats:
-    """Return normals (m, 3, 3) at the corners of faces: means over the faces at the vertex, weighted by their angles.
-    features : (e,) mask of creases and boundaries. Faces beyond a crease do not count."""
     fan = corner_fans(surface.F, surface.edges, apart=features).ravel()
     count = int(fan.max()) + 1
     weighted = (face_angles(surface.V, surface.F)[:, :, None] * surface.normals[:, None]).reshape(-1, 3)
@@ -70,7 +67,7 @@ def _corner_normals(surface: Surface, features: Bools) -> Floats:
 
 
 class NearestOnSurface:
-    """Search for the nearest places on a surface. The first search builds a tree of boxes."""
+    """Search for the nearest places on a surface."""
 
     def __init__(self, surface: Surface) -> None:
         self.surface = surface
@@ -90,9 +87,7 @@ class NearestOnSurface:
 
 
 def with_even_vertices(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Return a mesh (net) with vertices moved so that triangles become more even. edge : wanted edge length, metres.
-    A vertex moves in its tangent plane to a weighted mean of the centres of its faces (weight: area / squared wanted
-    edge length). A vertex on a boundary or a crease moves along this curve."""
+    """Return a net with vertices moved for even triangles. edge : wanted edge length, metres."""
     V, F, n = net.V, net.F, net.n
     doubled = area_vectors(V, F)
     weight = lengths(doubled) / net.size[F].mean(axis=1) ** 2
@@ -109,7 +104,7 @@ def with_even_vertices(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def with_vertices_on(net: Net, nearest: NearestOnSurface) -> Net:
-    """Return the mesh with its free vertices (not on boundaries or creases) moved onto the surface of `nearest`."""
+    """Return the net with the free vertices moved onto the surface of `nearest`."""
     goal, free = net.V.copy(), np.flatnonzero(net.kind == FREE)
     goal[free] = nearest(net.V[free])[1]
     return with_vertices_at(net, goal, net.at)
@@ -137,12 +132,12 @@ def _even_steps(net: Net, curves: FeatureCurves, edge: float) -> Floats:
 
 
 def with_vertices_at(net: Net, goal: Floats, positions: Floats) -> Net:
-    """Return the mesh with its vertices at new places, `goal` (n, 3), metres.
+    """Return the net with vertices at new places `goal` (n, 3), metres.
     A vertex stays where it is if its move would rotate a face by over 60 degrees.
-    positions : (k,) arc lengths, metres, of the vertices on boundaries and creases at their new places."""
+    positions : (k,) arc lengths, metres, of the vertices on boundaries and creases."""
     old_areas, V = area_vectors(net.V, net.F), goal.copy()
     face = np.arange(len(net.F))
-    retreats = 6  # rounds that move vertices of over-rotated faces back; after these rounds, all vertices move back
+    retreats = 6  # rounds that move vertices of rotated faces back
     for k in range(retreats + 1):
         new_areas = area_vectors(V, net.F[face])
         was = old_areas[face]

@@ -1,4 +1,4 @@
-"""Shapes like the models in Madan, Jacobson and Levin's paper: figures, bridge, twisty tower and Boy's surface."""
+"""Shapes like the models in Madan, Jacobson and Levin's paper."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -40,9 +40,8 @@ def _above_ground(field: Field, k: float) -> Field:
 
 @shape
 def camel_head(height: Length = 1.0, edge: Length = 0.028) -> Surface:
-    """A camel's head on its neck. The foot of the neck is open; its boundary is in the plane z = 0.
-    With long edges, the shape has no mouth, no nostrils, and solid ears.
-    height : height from the boundary to about the tips of the ears, metres."""
+    """A camel's head on its neck. The open foot is in the plane z = 0.
+    height : from the foot to about the tips of the ears, metres."""
     neck = limb([(-0.26, 0, -0.15), (-0.25, 0, 0.06), (-0.17, 0, 0.3), (-0.09, 0, 0.55), (-0.05, 0, 0.74)],
         [0.165, 0.155, 0.135, 0.12, 0.11], 0.1)  # fmt: skip
     skull = ellipsoid((0.02, 0, 0.79), (0.17, 0.115, 0.105))
@@ -84,7 +83,6 @@ def _ear(wide: float) -> Field:
 @shape
 def duck_ring(length: Length = 1.86, edge: Length = 0.06) -> Surface:
     """A swimming ring with the head and the tail of a duck, genus 1. The duck looks towards -x; y is up.
-    The shape resembles the model Bob of Keenan Crane's 3D Model Repository.
     length : length from beak to tail, metres."""
 
     def ring(P: Floats) -> Floats:
@@ -106,7 +104,7 @@ def duck_ring(length: Length = 1.86, edge: Length = 0.06) -> Surface:
 
 @shape
 def mouse(length: Length = 0.12, edge: Length = 0.0028) -> Surface:
-    """A computer mouse, genus 0. The wheel and two buttons are at the +x end; the left button (+y) is pressed."""
+    """A computer mouse, genus 0. The buttons are at the +x end."""
     shell = smooth_union([ellipsoid((0, 0, 0), (0.5, 0.29, 0.27)), ellipsoid((-0.12, 0, 0), (0.37, 0.27, 0.34))], 0.15)
     well = ellipsoid((0.27, 0, 0.26), (0.15, 0.07, 0.09))
     wheel = ellipsoid((0.27, 0, 0.17), (0.1, 0.045, 0.1))
@@ -130,7 +128,7 @@ def _rising(t: Floats) -> Floats:
 
 @shape
 def climbing_hold(width: Length = 0.2, edge: Length = 0.0055) -> Surface:
-    """A climbing hold, genus 1. Its flat back is at x = 0, its grip at the top; a bolt hole runs along x."""
+    """A climbing hold, genus 1. The flat back is at x = 0; a bolt hole runs along x."""
     lump = smooth_union(
         [ellipsoid((0.03, 0, -0.06), (0.3, 0.5, 0.3)), ellipsoid((0.2, 0, 0.14), (0.16, 0.4, 0.15))], 0.12
     )
@@ -143,7 +141,7 @@ def climbing_hold(width: Length = 0.2, edge: Length = 0.0055) -> Surface:
 
 @shape
 def turkey(height: Length = 0.5, edge: Length = 0.016) -> Surface:
-    """A turkey with its tail spread, sitting on the feathers of its base, genus 0."""
+    """A turkey with a spread tail, genus 0."""
     body = ellipsoid((-0.02, 0, 0.36), (0.32, 0.25, 0.28))
     breast = ball((0.13, 0, 0.37), 0.22)
     base = ellipsoid((-0.03, 0, 0.05), (0.27, 0.23, 0.16))
@@ -170,7 +168,7 @@ def _feather(angle: float) -> list[Point]:
 
 @shape
 def pirate(height: Length = 1.8, edge: Length = 0.036) -> Surface:
-    """A pirate with a cocked hat, a cutlass, a hook and a wooden leg, genus 0, standing on two feet at z = 0."""
+    """A pirate with a cocked hat, a cutlass, a hook and a wooden leg, genus 0, on z = 0."""
     coat = limb([(-0.01, 0, 0.42), (0, 0, 0.56), (0, 0, 0.7)], [0.12, 0.088, 0.1])
     shoulders = ellipsoid((0, 0, 0.725), (0.08, 0.16, 0.06))
     neck = limb([(0, 0, 0.75), (0.01, 0, 0.84)], [0.05, 0.045])
@@ -214,7 +212,7 @@ OPENINGS = (0.22, 0.5, 0.78)  # Heights of the tower's openings, as shares of it
 
 @shape
 def bridge(span: Length = 30.0, rise: Annotated[float, Gt(0.02), Le(0.25)] = 0.13, edge: Length = 0.5) -> Surface:
-    """A bridge along x, genus 0: a deck, an arch, and a wall between deck and arch. It stands on z = 0.
+    """A bridge along x, genus 0: a deck, an arch, and a wall between deck and arch, on z = 0.
     span : length of the deck, metres.
     rise : rise of the arch's underside, divided by the span."""
     crown = rise + 0.075
@@ -268,7 +266,7 @@ def twisty_tower(
 
 def twisted_solid(field: Field, turn: float) -> Field:
     """Twist a solid about the z axis, by `turn` radians per unit of height.
-    field : function of points (k, 3) that returns their approximate distances (k,) from the solid."""
+    field : function of points (k, 3) that returns approximate distances (k,) from the solid."""
 
     def field_there(P: Floats) -> Floats:
         c, s = np.cos(turn * P[:, 2]), np.sin(turn * P[:, 2])
@@ -282,9 +280,7 @@ LOWEST, HIGHEST = -0.4426307, 2.0  # Heights of the lowest points and of the pea
 
 @shape
 def boys_surface(height: Length = 3.0, edge: Length = 0.16) -> Surface:
-    """Boy's surface, parametrised by Bryant and Kusner [Kusner 1987] over the unit disc. It stands on z = 0, peak up.
-    Opposite points of the unit circle have the same place but are different vertices, so the mesh is a disc.
-    The surface crosses itself. No solid of constant thickness exists at the triple point, where three layers meet."""
+    """Boy's surface over the unit disc [Kusner 1987], on z = 0. The mesh is a disc, and the surface crosses itself."""
     check_density(4 * height**2, edge)
     chart = BoyChart(height)
     rows = 24
@@ -297,7 +293,7 @@ def boys_surface(height: Length = 3.0, edge: Length = 0.16) -> Surface:
 
 @dataclass(frozen=True)
 class BoyChart:
-    """Boy's surface as a function of points of the unit disc (real and imaginary part of a complex number)."""
+    """Boy's surface as a function of points of the unit disc."""
 
     height: float
 
@@ -313,7 +309,7 @@ class BoyChart:
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
         """Return the disc coordinates (k, 2) of surface points that move by about `step` (k, 3), metres.
-        X : (k, 2) disc coordinates before the move. border : (k,) marks of points that stay on the unit circle."""
+        X : (k, 2) disc coordinates before the move.    border : (k,) marks of points that stay on the unit circle."""
         small = 1e-6
         places = self.place(X)
         J = np.stack([(self.place(X + small * e) - places) / small for e in np.eye(2)], axis=2)

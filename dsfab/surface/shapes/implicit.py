@@ -1,4 +1,4 @@
-"""Solids as implicit functions, smooth unions of solids, and even triangles on their surfaces."""
+"""Solids as implicit functions, and even triangles on their surfaces."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -23,13 +23,13 @@ from dsfab.surface.shapes.meshing import check_density
 from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults, on_boundary, smoothing_neighbours
 
 LONGEST, SHORTEST = 4 / 3, 4 / 5  # Edges over 4/3 of the wanted length are halved, edges under 4/5 collapse.
-ROUNDS, POLISH = 5, 10  # First 5 rounds add and remove vertices; then 10 rounds only flip edges and move vertices.
-LEAST_TURN_COSINE = 0.3  # Cosine of the largest rotation of a face in one step, about 70 degrees.
-FOLDED = -0.5  # Largest cosine of the angle between the normals of two faces in a fold (120 degrees).
+ROUNDS, POLISH = 5, 10  # Numbers of rounds: first with, then without new vertices.
+LEAST_TURN_COSINE = 0.3  # Cosine of the largest rotation of a face in one step.
+FOLDED = -0.5  # Largest cosine of the angle between the normals of two faces in a fold.
 
 
 class MeshChart(Protocol):
-    """A smooth surface whose points have k coordinates X (n, k): for example two parameters, or x, y and z."""
+    """A smooth surface with coordinates X (n, k)."""
 
     def place(self, X: Floats) -> Floats:
         """Return the points (n, 3), metres, of the surface at coordinates X (n, k)."""
@@ -37,16 +37,14 @@ class MeshChart(Protocol):
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
         """Return the coordinates (n, k) of points moved by about `step` (n, 3), metres.
-        border : (n,) marks of points on the border, which stay on the border."""
+        border : (n,) points that stay on the border."""
         ...
 
 
 def remeshed_chart(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[Floats, Ints]:
     """Mesh a smooth surface with nearly equilateral triangles. Return vertices (n, 3), metres, and faces (m', 3).
-    chart : the smooth surface.    edge : wanted edge length, metres.
-    X     : (k, c) vertices of a first mesh of the surface (oriented manifold), in the chart's coordinates.
-    F     : (m, 3) faces of the first mesh. The new mesh has the same genus and boundaries.
-    Raises SurfaceError if the edge is too long for details of the surface."""
+    edge : wanted edge length, metres. Raises SurfaceError.
+    X, F : (k, c) vertices, in the chart's coordinates, and (m, 3) faces of a first mesh (oriented manifold)."""
     for round_ in range(ROUNDS):
         before = len(F)
         X, F = _split(chart, X, F, LONGEST * edge)
@@ -68,7 +66,6 @@ def remeshed_chart(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[F
 
 
 def _too_long(why: str) -> SurfaceError:
-    # the message omits the length, because shapes are scaled later
     return SurfaceError(f"the edge is too long for the shape's details ({why}); use a shorter edge")
 
 
@@ -188,7 +185,7 @@ def _relax(chart: MeshChart, X: Floats, F: Ints) -> Floats:
 
 Field = Callable[[Floats], Floats]  # Points (q, 3) -> approximate distances (q,) from a solid, m; negative inside.
 Point = Sequence[float] | Floats
-EDGE_CORRECTION = 0.9  # Remeshing makes edges too long; the wanted length is multiplied by this.
+EDGE_CORRECTION = 0.9  # Factor on the wanted length, because remeshing makes edges too long.
 
 
 def _norm(Q: Floats) -> Floats:
@@ -196,14 +193,14 @@ def _norm(Q: Floats) -> Floats:
 
 
 def ball(centre: Point, radius: float) -> Field:
-    """Return the signed distance from a ball as a function of points (q, 3); lengths in metres."""
+    """Return the signed distance from a ball as a function of points (q, 3), metres."""
     c = np.array(centre)
     return lambda P: _norm(P - c) - radius
 
 
 def ellipsoid(centre: Point, radii: Point, axes: Floats | None = None) -> Field:
-    """Return the approximate signed distance from an ellipsoid as a function of points (q, 3); lengths in metres.
-    axes : (3, 3) unit directions of the three radii, in rows; by default x, y, z."""
+    """Return the approximate signed distance from an ellipsoid as a function of points (q, 3), metres.
+    axes : (3, 3) unit directions of the radii, in rows; by default x, y, z."""
     c, r, R = np.array(centre), np.array(radii), np.eye(3) if axes is None else axes
 
     def field(P: Floats) -> Floats:
@@ -216,8 +213,8 @@ def ellipsoid(centre: Point, radii: Point, axes: Floats | None = None) -> Field:
 
 def limb(points: Sequence[Point], radii: Sequence[float], soft: float = 0.3) -> Field:
     """Return the approximate signed distance from a tube with round ends as a function of points (q, 3).
-    points, radii : corners of the tube's middle line, and its radius at each corner; the radius is linear in between.
-    soft          : width of the fillets at the corners, divided by the smallest radius."""
+    points, radii : corners of the middle line, and the radius at each corner.
+    soft          : width of the fillets, divided by the smallest radius."""
     parts = [_cone(*ends) for ends in zip(points[:-1], points[1:], radii[:-1], radii[1:], strict=True)]
     return smooth_union(parts, soft * min(radii)) if len(parts) > 1 else parts[0]
 
@@ -237,8 +234,8 @@ def _cone(a: Point, b: Point, at_a: float, at_b: float) -> Field:
 
 
 def rounded_box(centre: Point, halves: Point, rounding: float, axes: Floats | None = None) -> Field:
-    """Return the signed distance from a box with rounded edges as a function of points (q, 3); lengths in metres.
-    halves : half of each side length, roundings included.    rounding : radius of the edges.
+    """Return the signed distance from a box with rounded edges as a function of points (q, 3), metres.
+    halves : half of each side length.    rounding : radius of the edges.
     axes   : (3, 3) unit directions of the sides, in rows; by default x, y, z."""
     c, h, R = np.array(centre), np.array(halves) - rounding, np.eye(3) if axes is None else axes
 
@@ -250,12 +247,12 @@ def rounded_box(centre: Point, halves: Point, rounding: float, axes: Floats | No
 
 
 def smooth_minimum(a: Floats, b: Floats, k: float) -> Floats:
-    """Return a smooth minimum (n,) of a and b (n,). Where they differ by k or more, it is exact [Quilez 2013]."""
+    """Return a smooth minimum (n,) of a and b (n,) [Quilez 2013]."""
     return np.asarray(np.minimum(a, b) - np.maximum(k - np.abs(a - b), 0) ** 2 / (4 * k))
 
 
 def smooth_union(fields: Sequence[Field], k: float) -> Field:
-    """Unite solids, each given as a signed distance of points (q, 3), with fillets about k metres wide between them."""
+    """Unite solids, given as signed distances of points (q, 3), with fillets about k metres wide."""
 
     def field(P: Floats) -> Floats:
         value = fields[0](P)
@@ -268,13 +265,13 @@ def smooth_union(fields: Sequence[Field], k: float) -> Field:
 
 def smooth_difference(field: Field, cut: Field, k: float) -> Field:
     """Cut the solid `cut` out of the solid `field`; the edge is rounded by about k metres.
-    The solids and the result are signed distances as functions of points (q, 3)."""
+    The solids are signed distances of points (q, 3)."""
     return lambda P: -smooth_minimum(-field(P), cut(P), k)
 
 
 def mirror_union(field: Field, axis: int = 1) -> Field:
-    """Replace the half of a solid with negative coordinates along `axis` by the mirror image of the positive half.
-    The solid and the result are signed distances as functions of points (q, 3)."""
+    """Unite the positive half of a solid along `axis` and its mirror image.
+    The solid is a signed distance of points (q, 3)."""
 
     def field_of_both(P: Floats) -> Floats:
         Q = P.copy()
@@ -286,11 +283,11 @@ def mirror_union(field: Field, axis: int = 1) -> Field:
 
 @dataclass(frozen=True)
 class LevelSet:
-    """The surface on which a function of x, y, z (`field`) is zero. Its border, if any, is at z = floor."""
+    """The surface on which a function of x, y, z (`field`) is zero. A border is at z = floor."""
 
     field: Field
     reach: float
-    """Length, metres; a point moves by at most half of `reach` in one Newton step."""
+    """Length, metres; a step moves points by at most half of `reach`."""
     floor: float | None = None
 
     def place(self, X: Floats) -> Floats:
@@ -298,8 +295,8 @@ class LevelSet:
         return X
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """Return the points X + step (n, 3), metres, moved onto the surface by two Newton steps.
-        border : (n,) marks of points on the border, which keep z = floor."""
+        """Return the points X + step (n, 3), metres, moved onto the surface.
+        border : (n,) points that keep z = floor."""
         P = X + step
         down = border & (self.floor is not None)
         if self.floor is not None:
@@ -318,20 +315,18 @@ def skin(field: Field, low: Point, high: Point, edge: float, floor: float | None
     """Return the surface of a solid as a mesh of even triangles about `edge` metres wide, normals outward.
     field     : approximate signed distance from the solid, metres, a function of points (q, 3).
     low, high : corners of a box around the solid, metres.
-    floor     : None for a closed surface, or the height (m) of a level plane at which the surface ends with a boundary.
-    Raises SurfaceError if `edge` is too long for the solid's details, or so short that the mesh is too large."""
+    floor     : height (m) of the border; None for a closed surface. Raises SurfaceError for a wrong `edge`."""
     bottom, top = np.array(low, dtype=np.float64), np.array(high, dtype=np.float64)
     if floor is not None:
         bottom[2] = floor
     x, y, z = size = top - bottom
     check_density(2 * float(x * y + y * z + z * x), edge)
-    # coarser cells lose details; finer cells only give edges that collapse again
     cells = np.maximum(np.ceil(size / (1.3 * edge)), 4).astype(int)
     nodes = [np.linspace(a, b, n + 1) for a, b, n in zip(bottom, top, cells, strict=True)]
     z, y, x = np.meshgrid(nodes[2], nodes[1], nodes[0], indexing="ij")
     grid = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
     value = field(grid)
-    # a grid node on the surface itself would create triangles without area
+    # a grid node on the surface would create triangles without area
     value = np.where(np.abs(value) < 1e-3 * edge, 1e-3 * edge, value)
     V, F, _ = igl.marching_cubes(value, grid, *(len(n) for n in nodes), 0.0)
     if Surface(V, F).volume < 0:

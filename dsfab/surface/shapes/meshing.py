@@ -1,4 +1,4 @@
-"""Triangles between rows or rings of vertices, and checks of a shape's arguments."""
+"""Triangles between rows or rings of vertices."""
 
 import functools
 import inspect
@@ -19,7 +19,7 @@ ROW = np.sqrt(3) / 2  # Ratio of height to edge of an equilateral triangle.
 
 
 def shape(function: Callable[P, Surface]) -> Callable[P, Surface]:
-    """Decorate a function that returns a surface: arguments outside their annotated bounds raise SurfaceError."""
+    """Decorate a function that returns a surface. Arguments outside their bounds raise SurfaceError."""
     bounds = {
         name: [m for m in getattr(parameter.annotation, "__metadata__", ()) if isinstance(m, (Gt, Ge, Lt, Le))]
         for name, parameter in inspect.signature(function, eval_str=True).parameters.items()
@@ -58,7 +58,7 @@ def _check(what: str, value: object, bound: object) -> None:
 
 
 def check_density(area: float, edge: float) -> None:
-    """Raise SurfaceError if a mesh of an area (m2) with this edge length (m) has over two million vertices."""
+    """Raise SurfaceError if a mesh of an area (m2) with this edge length (m) has too many vertices."""
     vertices = area / (ROW * edge**2)
     if vertices > 2_000_000:
         raise SurfaceError(f"edge = {edge:g} m would give about {vertices:.2g} vertices; use a longer edge")
@@ -66,17 +66,17 @@ def check_density(area: float, edge: float) -> None:
 
 def pieces_of(length: float, edge: float, multiple: int = 1, least: int = 1) -> int:
     """Return the number of parts, about `edge` long, into which to divide a length.
-    The number is a multiple of `multiple` and at least `least`."""
+    multiple : divisor of this number.    least : least number."""
     return max(least, multiple * round(length / (edge * multiple)))
 
 
 def staggered_rows(columns: int, rows: int) -> tuple[Floats, Ints]:
-    """Mesh the unit square with `rows` rows of triangles between lines of vertices. Return vertices (n, 2) and faces.
+    r"""Mesh the unit square with `rows` rows of triangles. Return vertices (n, 2) and faces.
 
     x---x---x      even lines: columns + 1 vertices
-    |\\ / \\ / \\ |     odd lines: one vertex more, half edges at both ends
+    |\ / \ / \ |     odd lines: one vertex more, half edges at both ends
     o-o---o-o
-    |/ \\ / \\ / |     an even number of rows makes the mesh symmetric in both directions
+    |/ \ / \ / |
     x---x---x"""
     even_row = np.arange(columns + 1) / columns
     odd_row = np.concatenate([[0.0], (np.arange(columns) + 0.5) / columns, [1.0]])
@@ -94,8 +94,7 @@ def staggered_rows(columns: int, rows: int) -> tuple[Floats, Ints]:
 
 
 def ring_turns(counts: Ints) -> list[Floats]:
-    """Return the angles (k,) of the vertices of each ring, 0 to 1 for a full turn. counts : vertices of each ring.
-    Neighbouring rings with equal counts differ by half a step."""
+    """Return the angles (k,) of the vertices of each ring, 0 to 1 for a full turn. counts : vertices of each ring."""
     turns, shift = [], 0.0
     for j, count in enumerate(counts):
         shift = 0.5 - shift if j and count == counts[j - 1] else 0.0
@@ -104,8 +103,7 @@ def ring_turns(counts: Ints) -> list[Floats]:
 
 
 def ring_faces(turns: list[Floats], closed: bool = False) -> Ints:
-    """Return faces (m, 3) that fill the bands between neighbouring rings of vertices.
-    Faces are counter-clockwise if later rings lie outside. A ring of one vertex is a pole.
+    """Return faces (m, 3) between neighbouring rings of vertices, counter-clockwise if later rings lie outside.
     turns  : angles (k,) of the vertices of each ring, 0 to 1 for a full turn.
     closed : true to join the last ring to the first."""
     start = np.cumsum([0] + [len(t) for t in turns])

@@ -1,4 +1,4 @@
-"""Roof shapes: plate, barrel vault, hypar, elliptic paraboloid, and pavilion on a few feet."""
+"""Roof shapes."""
 
 from collections.abc import Callable
 from typing import Annotated
@@ -14,8 +14,7 @@ from dsfab.surface.shapes.meshing import ROW, Length, check_density, pieces_of, 
 
 @shape
 def plate(length: Length = 6.0, width: Length = 4.0, edge: Length = 0.12) -> Surface:
-    """A flat rectangle: length along x, width along y, centred on the origin at z = 0.
-    The mesh is symmetric in x and y, in rows of nearly equilateral triangles."""
+    """A flat rectangle: length along x, width along y, centred on the origin at z = 0."""
     check_density(length * width, edge)
     uv, F = staggered_rows(pieces_of(length, edge), pieces_of(width, ROW * edge, multiple=2, least=2))
     x, y = (uv - 0.5).T * [[length], [width]]
@@ -24,8 +23,7 @@ def plate(length: Length = 6.0, width: Length = 4.0, edge: Length = 0.12) -> Sur
 
 @shape
 def barrel_vault(length: Length = 10.0, span: Length = 8.0, rise: Length = 2.5, edge: Length = 0.22) -> Surface:
-    """A vault of circular section: length along x, span along y, supports at z = 0, height `rise` at the crown.
-    Area: length x radius x opening angle, for radius = (span^2 / 4 + rise^2) / (2 rise)."""
+    """A vault of circular section: length along x, span along y, lower edges at z = 0, height `rise`."""
     radius = (span**2 / 4 + rise**2) / (2 * rise)
     half = np.arctan2(span / 2, radius - rise)
     check_density(2 * half * radius * length, edge)
@@ -38,8 +36,7 @@ def barrel_vault(length: Length = 10.0, span: Length = 8.0, rise: Length = 2.5, 
 
 @shape
 def hypar(side: Length = 8.0, rise: Length = 3.0, edge: Length = 0.22) -> Surface:
-    """A hyperbolic paraboloid over a square: two opposite corners at z = 0, the other two corners at z = rise.
-    Equation: z = rise (1/2 + 2 x y / side^2), with two sets of straight rulings."""
+    """A hyperbolic paraboloid over a square: two opposite corners at z = 0, the others at z = rise."""
     if rise > 4 * side:
         raise SurfaceError(f"hypar: rise = {rise:g} m is more than four times its side of {side:g} m; use a lower rise")
     check_density(side**2 * (1 + rise / side), edge)
@@ -52,10 +49,9 @@ def hypar(side: Length = 8.0, rise: Length = 3.0, edge: Length = 0.22) -> Surfac
 def elliptic_paraboloid(
     length: Length = 12.0, width: Length = 8.0, rise: Length = 1.6, crown: Length = 0.8, edge: Length = 0.22
 ) -> Surface:
-    """A parabola moved along a second parabola, over a rectangle: length along x, width along y, corners at z = 0.
+    """A parabola moved along a second parabola: length along x, width along y, corners at z = 0.
     rise  : height of the middle.    edge : edge length at the middle.
-    crown : height of the middles of the two long sides. The middles of the short sides are at rise - crown.
-    Equation: z = rise - crown (2 x / length)^2 - (rise - crown) (2 y / width)^2."""
+    crown : height of the middles of the two long sides."""
     if crown >= rise:
         raise SurfaceError(
             f"elliptic_paraboloid: crown = {crown:g} m, the height of the long sides, must be less than "
@@ -76,9 +72,8 @@ def elliptic_paraboloid(
 def mesh_region(rim: Floats, inside: Callable[[Floats, float], Bools], edge: float) -> tuple[Floats, Ints]:
     """Mesh a region of the plane. Return vertices (n, 2), first the points `rim`, and counter-clockwise faces (m, 3).
     rim    : (k, 2) points along the boundary of the region, about `edge` apart.
-    inside : function of points (q, 2) and a distance; it marks the points at least this far inside the boundary.
-    Method: Delaunay triangles of the boundary points and a hexagonal lattice."""
-    from scipy.spatial import Delaunay  # imported here, because the import takes a tenth of a second
+    inside : function of points (q, 2) and a distance; marks points at least this far inside the boundary."""
+    from scipy.spatial import Delaunay
 
     reach = int(np.ceil(2 * np.abs(rim).max() / edge)) + 2
     i, j = (x.ravel() for x in np.meshgrid(np.arange(-reach, reach + 1), np.arange(-reach, reach + 1)))
@@ -101,13 +96,11 @@ def pavilion(
     foot: Length = 1.6,
     edge: Length = 0.28,
 ) -> Surface:
-    """A spherical shell on feet, with an arch between neighbouring feet (example: Saarinen's Kresge Auditorium, 1955).
+    """A spherical shell on feet, with an arch between neighbouring feet.
     span    : diameter of the circle through the feet, at z = 0.
     rise    : height of the crown.
     opening : height of the middle of each arch.
-    feet    : number of feet.
-    foot    : width of each foot along the circle.
-    At each arch, a plane cuts the sphere. The shell is symmetric about every foot; normals point up."""
+    foot    : width of each foot along the circle."""
     _check(span, rise, opening, feet, foot)
     radius = (span**2 / 4 + rise**2) / (2 * rise)
     check_density(2 * np.pi * radius * rise, edge)
@@ -142,10 +135,9 @@ class _Wedge:
 
     def __init__(self, half: float, half_foot: float, ground: float, top: float, edge: float) -> None:
         self.half, self.half_foot, self.ground, self.edge = half, half_foot, ground, edge
-        # the circle of the arch goes through the end of the foot, the mirror image of this end, and the arch's top
         across, along = ground * np.sin(half - half_foot), ground * np.cos(half - half_foot)
         dip = along - top
-        if abs(dip) < 1e-3 * ground:  # curve a nearly straight arch a little, to keep its radius finite
+        if abs(dip) < 1e-3 * ground:
             dip, top = 1e-3 * ground, along - 1e-3 * ground
         self.radius = (across**2 + dip**2) / (2 * abs(dip))
         self.bend = np.sign(dip)
@@ -153,7 +145,7 @@ class _Wedge:
         self.centre = self.to_centre * np.array([np.cos(half), np.sin(half)])
 
     def rim(self) -> tuple[Floats, Ints, Ints]:
-        """Return the sector's outline (k, 2), and the indices of its points on each of its two straight sides."""
+        """Return the outline (k, 2), and the indices of points on both straight sides."""
         ray = np.linspace(0, self.ground, 1 + self._count(self.ground))
         back = np.linspace(self.top, 0, 1 + self._count(self.top))[1:-1]
         foot = np.linspace(0, self.half_foot, 1 + self._count(self.ground * self.half_foot))[1:]

@@ -1,4 +1,4 @@
-"""Round shapes: dome, cylinder, catenoid, tower, sphere and torus."""
+"""Round shapes."""
 
 from typing import Annotated
 
@@ -40,8 +40,7 @@ def dome(span: Length = 10.0, rise: Length = 3.0, oculus: Annotated[float, Ge(0)
 @shape
 def catenoid(waist: Length = 1.5, rim: Length = 6.0, edge: Length = 0.2) -> Surface:
     """A trumpet-shaped canopy: the catenoid r = a cosh(z / a), a minimal surface, normals up.
-    It begins at z = 0 with the radius a = waist. It ends at the height h = a arccosh(rim / a) with the radius `rim`.
-    Area: pi a (h + a/2 sinh(2 h / a))."""
+    The radius is a = waist at z = 0, and `rim` at the top."""
     if rim < 1.05 * waist:
         raise SurfaceError(f"catenoid: rim = {rim:g} m must be wider than 1.05 x waist = {waist:g} m")
     height = waist * np.arccosh(rim / waist)
@@ -61,10 +60,8 @@ def tower(
     edge: Length = 0.6,
 ) -> Surface:
     """A twisting tube with a rounded square plan, standing on z = 0, open at foot and top, normals outward.
-    width      : width of the plan at the foot.
-    taper      : width of the plan at the top, divided by `width`.
-    twist      : rotation of the plan from foot to top, degrees.
-    squareness : exponent p of the plan |x|^p + |y|^p = 1: 2 is a circle, 4 a rounded square."""
+    taper      : width of the plan at the top, divided by `width`.    twist : rotation from foot to top, degrees.
+    squareness : exponent p of the plan |x|^p + |y|^p = 1: 2 is a circle."""
     x, y, around = _superellipse(squareness)
     check_density(0.5 * (1 + taper) * around * width / 2 * height, edge)
     if abs(np.radians(twist)) * width / 2 > 1.5 * height:
@@ -92,9 +89,8 @@ def _superellipse(p: float) -> tuple[Floats, Floats, float]:
 
 
 def surface_of_revolution(r: Floats, z: Floats, edge: float, outward: bool = False) -> Surface:
-    """Return the surface of revolution of a profile, with a ring of vertices about `edge` apart at each profile point.
-    r, z    : (k,) radii and heights of the profile points, metres; radius 0 is a pole.
-    outward : true to flip the normals. Without a flip, they point up where the radius grows along the profile."""
+    """Return the surface of revolution of a profile. r, z : (k,) radii and heights, metres; radius 0 is a pole.
+    outward : true to flip the normals. Without a flip, normals point up where the radius grows along the profile."""
     counts: Ints = np.array([pieces_of(2 * np.pi * x, edge, multiple=6, least=6) if x else 1 for x in r])
     turns = ring_turns(counts)
     angle = 2 * np.pi * np.concatenate(turns)
@@ -106,8 +102,8 @@ def surface_of_revolution(r: Floats, z: Floats, edge: float, outward: bool = Fal
 
 @shape
 def sphere(radius: Length = 2.0, edge: Length = 0.2) -> Surface:
-    """A sphere around the origin: an icosahedron with every edge divided in f parts, projected onto the sphere.
-    It has 10 f^2 + 2 vertices, the two poles among them, and 20 f^2 faces [class I subdivision, Clinton 1971]."""
+    """A sphere around the origin: an icosahedron with every edge divided, projected onto the sphere
+    [class I subdivision, Clinton 1971]."""
     area = 4 * np.pi * radius**2
     check_density(area, edge)
     corners, faces = _icosahedron()
@@ -152,7 +148,7 @@ def _subdivide(corners: Floats, faces: Ints, f: int) -> tuple[Floats, Ints]:
 @shape
 def torus(major: Length = 3.0, minor: Length = 1.2, edge: Length = 0.22) -> Surface:
     """A ring around the z axis: a tube of radius `minor` along a circle of radius `major`, normals outward.
-    Area: 4 pi^2 major minor. Volume: 2 pi^2 major minor^2. Raises SurfaceError if minor is 0.95 major or more."""
+    Raises SurfaceError if minor is 0.95 major or more."""
     if minor >= 0.95 * major:
         raise SurfaceError(f"torus: minor = {minor:g} m leaves no hole; use less than 0.95 x major = {major:g} m")
     check_density(4 * np.pi**2 * major * minor, edge)

@@ -1,4 +1,4 @@
-"""Extras of a solid, `[[thickening.extra]]` in a preset: feet, ring beams, holes, trimming, splitting."""
+"""Extras of a solid, `[[thickening.extra]]` in a preset."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -21,9 +21,7 @@ Extra = Feet | Ring | Holes | Trim | SplitBodies
 
 
 def with_extras(solid: Solid, extras: Sequence[Extra], base: Base) -> Solid:
-    """Apply extras (feet, ring beams, holes, ...) to a solid in their order.
-    If rounding makes faces intersect, `notes` of the result gives their number.
-    Raises SolidError if an extra has no effect or removes everything, or if the result is not a solid."""
+    """Apply extras (feet, ring beams, holes, ...) to a solid in order. Raises SolidError."""
     if not extras:
         return solid
     import manifold3d

@@ -1,4 +1,4 @@
-"""Bodies for extras of a solid, such as feet and holes: boxes, rods, unions. `Base` has the surface and the sheet."""
+"""Bodies for extras of a solid, such as feet and holes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """A surface, and the sheet that was cut from this surface; they give the places of feet, ring beams and holes.
+    """A surface, and the sheet that was cut from this surface.
     between : function that turns marks (n,) of the surface's vertices into marks (n',) of the sheet's vertices."""
 
     surface: Surface
@@ -27,8 +27,7 @@ class Base:
     between: Callable[[Bools], Bools]
 
     def parts(self, marks: Bools) -> list[Floats]:
-        """Return the sheet's points (k, 3), metres, where vertices of the surface are marked (n,).
-        Connected faces with these points form a part; the list has an array for each part."""
+        """Return points (k, 3), metres, of each connected part of the sheet at marked vertices (n,) of the surface."""
         marked = self.between(marks)
         touching = marked[self.sheet.F].any(axis=1)
         if not touching.any():
@@ -42,7 +41,7 @@ class Base:
         return points
 
     def nearest(self, point: Floats) -> str:
-        """Return the coordinates of the sheet's vertex nearest to a point (3,), metres, as text for a message."""
+        """Return the coordinates of the sheet's vertex nearest to a point (3,), metres, as text."""
         x, y, z = self.sheet.V[cKDTree(self.sheet.V).query(point)[1]]
         return f"({x:.4g}, {y:.4g}, {z:.4g})"
 
@@ -58,7 +57,7 @@ def positive(extra: object, *names: str) -> None:
 
 
 def unit(vector: Vector, whose: str) -> Floats:
-    """Return the vector (3,) scaled to length 1. Raises SolidError, with the vector's name `whose`, if it is zero."""
+    """Return the vector (3,) scaled to length 1. Raises SolidError if the vector is zero."""
     length = float(np.linalg.norm(vector))
     if not length > 0:
         raise SolidError(f"{whose} is a zero vector; give a direction")
@@ -79,7 +78,7 @@ def united_bodies(bodies: list["manifold3d.Manifold"]) -> "manifold3d.Manifold":
 
 
 def drill(point: Floats, axis: Floats, diameter: float, length: float) -> "manifold3d.Manifold":
-    """Return a cylinder for a hole: its centre at a point (3,), its axis along `axis` (3,); lengths in metres."""
+    """Return a cylinder for a hole: centre (3,), axis (3,), diameter and length in metres."""
     import manifold3d
 
     z = unit((float(axis[0]), float(axis[1]), float(axis[2])), "thickening.extra: axis")

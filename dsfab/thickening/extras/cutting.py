@@ -20,8 +20,7 @@ class Holes:
     """`kind = "holes"`: round holes through the solid, all in one direction.
     at       : middles of the holes: points on the sheet, metres.
     diameter : diameter of the holes, metres.
-    axis     : direction of the holes.
-    depth    : length of each hole, metres; half of it lies on each side of the point."""
+    depth    : length of each hole, metres; half on each side of the point."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     at: tuple[Vector, ...]
@@ -31,7 +30,7 @@ class Holes:
     kind: Literal["holes"] = "holes"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Return the solid with a hole at each point of `at`; raises SolidError for a hole that meets no material."""
+        """Return the solid with holes. Raises SolidError for a hole that meets no material."""
         positive(self, "diameter", "depth")
         for number, point in enumerate(self.at, 1):
             drilled = solid - drill(np.array(point), np.array(self.axis), self.diameter, self.depth)
@@ -58,8 +57,7 @@ class Trim:
     kind: Literal["trim"] = "trim"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Return the part of the solid behind the plane (on the side opposite to `normal`) and inside the box.
-        Raises SolidError if neither plane nor box is given, or if a value is missing."""
+        """Return the part of the solid behind the plane and inside the box. Raises SolidError for missing values."""
         plane, corners = (self.point, self.normal), (self.low, self.high)
         if (None in plane and any(plane)) or (None in corners and any(corners)) or not (any(plane) or any(corners)):
             raise SolidError("thickening.extra 'trim' needs point and normal of a plane, or low and high of a box")
@@ -75,12 +73,11 @@ class Trim:
 
 @dataclass(frozen=True)
 class SplitBodies:
-    """`kind = "split"`: cut the solid into parts that fit a machine, and move the parts away from each other.
-    bed   : largest size of a part along x, y, z, metres. Cuts divide the solid equally along each axis.
-    apart : gap between neighbouring parts after the move, metres.
+    """`kind = "split"`: cut the solid into parts that fit a machine, and move the parts apart.
+    bed   : largest size of a part along x, y, z, metres.
+    apart : gap between parts after the move, metres.
     dowel : diameter of dowel holes in the cut faces, metres; 0 for no dowels.
-    deep  : depth of a dowel hole in each of the two parts, metres.
-    A cut face has a hole at its widest place, if its width there is at least twice the dowel's diameter."""
+    deep  : depth of a dowel hole in a part, metres."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     bed: Vector
@@ -90,7 +87,7 @@ class SplitBodies:
     kind: Literal["split"] = "split"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Return the solid in parts that fit the bed, with holes for dowels. Raises SolidError for invalid options."""
+        """Return the solid in parts that fit the bed. Raises SolidError for invalid options."""
         positive(self, "apart")
         if min(self.bed) <= 0 or self.dowel < 0 or (self.dowel > 0) != (self.deep > 0):
             raise SolidError("thickening.extra 'split': set bed to positive lengths; set dowel and deep, or neither")
@@ -111,7 +108,7 @@ class SplitBodies:
         return np.asarray(np.linspace(low, high, int(np.ceil((high - low) / bed - 1e-9)) + 1))
 
     def _drills(self, solid: "manifold3d.Manifold", axis: int, levels: list[Floats]) -> list["manifold3d.Manifold"]:
-        turned = solid.rotate([[0, 90, 0], [90, 0, 0], [0, 0, 0]][axis])  # the axis is now parallel to z
+        turned = solid.rotate([[0, 90, 0], [90, 0, 0], [0, 0, 0]][axis])
         ups = [(2, 1), (0, 2), (0, 1)][axis]
         drills = []
         for level in levels[axis][1:-1]:

@@ -33,7 +33,7 @@ class Feet:
     kind: Literal["feet"] = "feet"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Return the solid united with its feet; raises SolidError if no vertex picked by `at` is on the sheet."""
+        """Return the solid with its feet. Raises SolidError if no vertex picked by `at` is on the sheet."""
         positive(self, "height", "margin", "sink")
         blocks = []
         for points in base.parts(self.at.vertices(base.surface)):
@@ -48,13 +48,13 @@ class Feet:
         return standing
 
 
-STRAIGHT = 1e-9  # A loop is straight at a vertex if its unit direction and unit normal change by less than this.
+STRAIGHT = 1e-9  # Largest change of unit direction and unit normal at a straight vertex of a loop.
 
 
 @dataclass(frozen=True)
 class Ring:
     """`kind = "ring"`: a beam along boundary loops of the uncut surface, united with the solid.
-    width  : size of the beam along the surface, metres; half of it lies on each side of the boundary.
+    width  : size of the beam along the surface, metres.
     height : size of the beam normal to the surface, metres.
     at     : picker of vertices; a loop with a picked vertex has a beam. By default, all loops have beams."""
 
@@ -97,8 +97,8 @@ def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifol
 
 
 def bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
-    """Return the k bends of a boundary loop: points (k, 3), metres, unit directions (k, 3) and unit normals (k, 3).
-    Each bend begins a straight side of the loop, with this direction. The normal is that of the surface beside it.
+    """Return the bends of a boundary loop: points (k, 3), metres, unit directions (k, 3) and unit normals (k, 3).
+    Each bend begins a straight side of the loop, with this direction.
     The cross product normal x direction points into the surface."""
     V, edges = surface.V, surface.edges
     ends = np.sort(np.stack([loop, np.roll(loop, -1)], axis=1), axis=1)
@@ -116,13 +116,12 @@ def bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
 
 
 def closed_bar(P: Floats, along: Floats, normal: Floats, width: float, height: float) -> tuple[Floats, Ints]:
-    """Return the mesh of a rectangular bar along a closed polyline: vertices (4 k, 3), m, and outward faces (8 k, 3).
+    """Return the mesh of a rectangular bar along a closed polyline: vertices (4 k, 3), m, outward faces (8 k, 3).
     P      : (k, 3) corners of the polyline, metres.
-    along  : (k, 3) unit directions of the sides that begin at these corners.
-    normal : (k, 3) unit normals of these sides; the bar's height is along the normals.
-    At corners, the bar is mitred, with a constant width."""
+    along, normal : (k, 3) unit directions and unit normals of the sides that begin at these corners.
+    height : size along the normals, metres."""
     before = np.roll(along, 1, axis=0)
-    sharpest = 0.2  # smallest cosine of half the bend angle; a mitre is then five bar widths long
+    sharpest = 0.2  # smallest cosine of half the bend angle
     middle = before + along
     cosine = np.maximum(np.linalg.norm(middle, axis=1) / 2, sharpest)
     middle /= np.maximum(np.linalg.norm(middle, axis=1, keepdims=True), sharpest)

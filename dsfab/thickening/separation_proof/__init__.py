@@ -1,11 +1,10 @@
 """Proof, without a test of pairs, that most of a thickened sheet cannot intersect itself.
 
-A prism is the solid over a face. A grid of boxes divides the faces. The prisms of each box lie in a cylinder along the
-mean normal of the box's faces (the axis). A box and the boxes around it form a block. The prisms of a box meet no
-other prisms if the projections of the prisms along the axis do not overlap. Two conditions ensure this:
+A prism is the solid over a face. A grid of boxes divides the faces. The axis of a box is the mean normal of its faces.
+A box and the boxes around it form a block. The prisms of a box meet no other prisms under two conditions:
 
 1. All skin normals of the block are within 90 degrees of the axis.
-2. Seen along the axis, the rim of the block's faces goes exactly once around the cylinder, without entering it."""
+2. Seen along the axis, the rim of the block's faces goes exactly once around the prisms of the box."""
 
 from dataclasses import dataclass
 
@@ -21,11 +20,11 @@ from dsfab.thickening.skin import is_fine, rounding_step
 
 @dataclass(frozen=True, eq=False)
 class OffsetLayer:
-    """A surface and its mesh after the cut, both with half-thickness vectors.
-    uncut   : the surface before the cut; an edge-manifold mesh, faces consistently oriented.
+    """A surface and its mesh after the cut, with half-thickness vectors.
+    uncut   : the surface before the cut; edge-manifold, consistently oriented.
     D       : (n, 3) half-thickness vectors of `uncut`, metres.
-    cells   : the mesh after the cut; its faces, called cells, are material or void.
-    carried : (n', 3) half-thickness vectors of `cells`, metres, interpolated from D.
+    cells   : the mesh after the cut, material and void.
+    carried : (n', 3) half-thickness vectors of `cells`, metres.
     parent  : (m',) the face of `uncut` that contains each cell."""
 
     uncut: Surface
@@ -37,7 +36,7 @@ class OffsetLayer:
 
     @property
     def shift(self) -> int:
-        """Distance of the solid's middle layer from the surface, divided by half the thickness: 0, 1 or -1."""
+        """Distance of the solid's middle layer from the surface / half the thickness: 0, 1 or -1."""
         return SHIFT[self.side]
 
 
@@ -49,9 +48,9 @@ class Boxes:
     """Boxes of a grid that divide the faces of a surface into groups.
     of     : (m,) number of the box of each face.
     place  : (k, 3) place of each box in the grid.
-    radius : (k,) radius of a cylinder along the box's axis that contains the thickened faces of the box, metres.
+    radius : (k,) radius of a cylinder that contains the thickened faces of the box, metres.
     middle, axis : (k, 3) middle (metres) and mean normal of the faces of each box.
-    grid   : number of the box at each place, -1 for boxes without faces, with a border of `REACH` empty boxes.
+    grid   : number of the box at each place, -1 for boxes without faces.
     key    : (k,) place of each box in the flattened grid."""
 
     of: Ints
@@ -63,14 +62,13 @@ class Boxes:
     key: Ints
 
     def neighbours(self, box: Ints, step: Ints) -> Ints:
-        """Return the numbers (k,) of the boxes that lie `step` (3,) grid places from boxes (k,); -1 without a box."""
+        """Return the numbers (k,) of the boxes `step` (3,) grid places away from boxes (k,); -1 without a box."""
         _, ny, nz = self.grid.shape
         return np.asarray(self.grid.ravel()[self.key[box] + (step[0] * ny + step[1]) * nz + step[2]])
 
 
 def boxes_of(layer: OffsetLayer, error: float, count: int) -> Boxes:
-    """Sort the faces of the uncut surface into about `count` equal boxes, each larger than any thickened face.
-    error : bound of the rounding errors of coordinates, metres."""
+    """Sort the faces of the uncut surface into about `count` equal boxes. error : bound of rounding errors, metres."""
     uncut = layer.uncut
     middle = uncut.centroids
     size = lengths(layer.D) * (1 + abs(layer.shift))
@@ -97,12 +95,12 @@ def boxes_of(layer: OffsetLayer, error: float, count: int) -> Boxes:
 
 
 def block_steps() -> list[Ints]:
-    """Return the grid steps (3,) from a box to itself and to all boxes around it, up to `REACH` along each axis."""
+    """Return the grid steps (3,) from a box to itself and to all boxes around."""
     along = np.arange(-REACH, REACH + 1)
     return list(np.stack(np.meshgrid(along, along, along), axis=-1).reshape(-1, 3))
 
 
-CHUNK = 1 << 14  # Number of cells processed together, because they fit the processor's cache.
+CHUNK = 1 << 14  # Number of cells processed together.
 
 Three = tuple[Floats, Floats, Floats]
 
@@ -110,8 +108,8 @@ Three = tuple[Floats, Floats, Floats]
 def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Floats, Floats]:
     """Return three properties of prisms (thickened cells). error : bound of the rounding errors, metres.
     1. A mask (m',) of the prisms that may be folded.
-    2. For each box (k,), the smallest cosine of the angles between its axis and the skin normals of its prisms.
-    3. The radius (m',) of each prism: largest distance from its middle to its corners, metres."""
+    2. The smallest cosine (k,) between the axis of each box and the skin normals of the prisms.
+    3. The radius (m',) of each prism, metres."""
     F, m = layer.cells.F, layer.cells.m
     upper = np.ascontiguousarray((layer.cells.V + (layer.shift + 1) * layer.carried).T)
     lower = np.ascontiguousarray((layer.cells.V + (layer.shift - 1) * layer.carried).T)
@@ -130,9 +128,6 @@ def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Float
 
 
 def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
-    """Return for each prism: True if it may be folded, its smallest cosine, and its radius; see `prisms`.
-    upper, lower : (xyz, 3, m) corners of the skins.    axis : (xyz, m) axis of each prism's box.
-    Errors e of corners give errors <= 3 r^2 e in determinants of vectors of length r, 4 s e in normals of sides s."""
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]
     reach = np.sqrt(np.maximum((A**2).sum(axis=0), (B**2).sum(axis=0)).max(axis=0)) + error
@@ -161,8 +156,8 @@ def _dot(a: Three, b: Floats | Three) -> Floats:
 
 
 def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
-    """Return a mask (k,) of the boxes whose axis is within 90 degrees of all skin normals in the box and around it.
-    cosine : (k,) smallest cosine of the angles between a box's axis and the skin normals in the box."""
+    """Return a mask (k,) of the boxes whose axis is within 90 degrees of all skin normals nearby.
+    cosine : (k,) smallest cosine between a box's axis and its skin normals."""
     spread = np.arccos(np.clip(cosine, -1, 1))
     visible = spread < np.pi / 2
     every = np.arange(len(visible))
@@ -175,8 +170,7 @@ def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
 
 
 def boxes_with_simple_rims(layer: OffsetLayer, boxes: Boxes, accepted: Bools, error: float) -> Bools:
-    """Return a mask (k,) of the `accepted` boxes around whose cylinder the rim of the block goes exactly once.
-    The block is the box and the boxes around it; the cylinder contains the thickened faces of the box."""
+    """Return a mask (k,) of the `accepted` boxes around whose cylinder the rim of the block goes exactly once."""
     uncut = layer.uncut
     thick = lengths(layer.D) * (1 + abs(layer.shift)) + error
     accepted, turns = accepted.copy(), np.zeros(len(boxes.axis), dtype=np.int64)
@@ -229,9 +223,7 @@ def _rims(uncut: Surface, boxes: Boxes, accepted: Bools) -> list[tuple[Ints, Int
 
 
 def proven_cells(layer: OffsetLayer) -> Bools:
-    """Return a mask (m',) of the cells whose prism (thickened cell) surely meets no other prism.
-    This also holds for vertices rounded to single precision (if `is_fine`), and for all diagonals of a prism's sides.
-    With more than 5 % folded prisms, no cell is marked."""
+    """Return a mask (m',) of the cells whose prism (thickened cell) surely meets no other prism."""
     cells, uncut = layer.cells, layer.uncut
     if len(misoriented_edges(uncut.F, uncut.edges)):
         return np.zeros(cells.m, dtype=bool)
@@ -239,7 +231,7 @@ def proven_cells(layer: OffsetLayer) -> Bools:
     if is_fine(uncut.V, layer.D):
         error += rounding_step(uncut.V, layer.D)
     sure = np.zeros(cells.m, dtype=bool)
-    for count in (1000, 8000):  # numbers of boxes; more boxes prove more cells free of intersections
+    for count in (1000, 8000):  # numbers of boxes
         boxes = boxes_of(layer, error, count)
         folded, cosine, reach = prisms(layer, boxes, error)
         if folded.mean() > 0.05:
@@ -256,7 +248,7 @@ def proven_cells(layer: OffsetLayer) -> Bools:
 def _cells_near_folds(layer: OffsetLayer, folded: Bools, reach: Floats) -> Bools:
     middle = layer.cells.centroids + layer.shift * layer.carried[layer.cells.F].mean(axis=1)
     bad = np.flatnonzero(folded)
-    size = 2.1 * reach  # a sphere of radius `reach` around `middle` contains the prism of a cell
+    size = 2.1 * reach
     lists = cKDTree(middle).query_ball_point(middle[bad], size[bad] + size.max())
     result = np.zeros(len(folded), dtype=bool)
     result[np.concatenate([np.asarray(row, dtype=np.int64) for row in lists])] = True

@@ -16,7 +16,7 @@ from dsfab.workshop.bars.lattice import BAR_CLEARANCE
 from dsfab.workshop.parts import NAME_SHARE, NODE_LETTERS, FlatPart, Fold, Hole, half_plane_clip, label, text_length
 
 BOLT_SPACINGS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
-"""Distances in bolt diameters: fold to first bolt, bolt to bolt, bolt to plate's end. The first fitting row is used."""
+"""Distances in bolt diameters: fold to first bolt, bolt to bolt, bolt to plate's end."""
 LEG_NAME = "ground"  # name of a plate's arm that stands on the ground
 
 
@@ -31,7 +31,7 @@ class BarStock:
 
     @property
     def lever(self) -> float:
-        """Distance between the middles of a bar and of the plate beneath it (m)."""
+        """Distance between the middles of a bar and of a plate (m)."""
         return (self.bar + self.plate) / 2
 
     def bolt_stations(self, bar: LatticeBar) -> tuple[tuple[float, ...], float]:
@@ -45,7 +45,7 @@ class BarStock:
 
 
 def bar_part(bar: LatticeBar, nodes: tuple[str, str], stock: BarStock) -> FlatPart:
-    """Return a bar as a flat part, cut from a board of the bar's thickness. nodes : names of the nodes at its ends."""
+    """Return a bar as a flat part. nodes : names of the nodes."""
     L, half, clear = bar.length, bar.bay.width / 2, BAR_CLEARANCE * stock.bolt
     low, high = (clear if end.root else 0.0 for end in bar.ends)
     P = np.array([[low, -half], [L - high, -half], [L - high, half], [low, half]])
@@ -63,7 +63,6 @@ def bar_part(bar: LatticeBar, nodes: tuple[str, str], stock: BarStock) -> FlatPa
 
 
 def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats, float]]:
-    """Yield half planes a . x <= b that keep a bar clear of its neighbours. x : metres along, and left of, the bar."""
     for side, gap in ((1, end.after), (-1, end.before)):
         if 0 < gap < np.pi:
             c, s = np.cos(gap / 2), np.sin(gap / 2)
@@ -72,7 +71,7 @@ def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats
 
 
 def mitre_length(bar: LatticeBar, end: BarEnd, stock: BarStock) -> float:
-    """Return the length (m) that the oblique cuts (mitres) at an end remove from the more shortened side of a bar."""
+    """Return the length (m) that the oblique cuts at an end remove from a bar."""
     half = bar.bay.width / 2
     cuts = [(b - abs(a[1]) * half) / a[0] for a, b in _mitres(end, stock, BAR_CLEARANCE * stock.bolt)]
     return float(np.clip(max(cuts, default=0.0), 0.0, bar.length))
@@ -95,7 +94,7 @@ def _bar_marks(bar: LatticeBar, nodes: tuple[str, str], inner: tuple[float, floa
 
 
 def plate_part(joint: Joint, lattice: BarLattice, stock: BarStock) -> FlatPart:
-    """Return the unfolded plate of a node; its first arm points to the right."""
+    """Return the unfolded plate of a node as a flat part."""
     arms = plate_arms(joint, lattice, stock)
     outline = _plate_outline(joint, arms)
     holes = [Hole(np.zeros(2), stock.bolt, joint.node.id)]
@@ -109,7 +108,7 @@ def plate_part(joint: Joint, lattice: BarLattice, stock: BarStock) -> FlatPart:
 
 
 def plate_arms(joint: Joint, lattice: BarLattice, stock: BarStock) -> "list[PlateArm]":
-    """Return the arms of a node's plate counter-clockwise: an arm for each bar, and the leg to the ground, if any."""
+    """Return the arms of a node's plate, counter-clockwise."""
     arms = [PlateArm.from_bar(joint, lattice.bars[k], side, stock) for k, side in joint.bars]
     if joint.leg is None:
         return arms
@@ -125,8 +124,7 @@ def plate_arms(joint: Joint, lattice: BarLattice, stock: BarStock) -> "list[Plat
 @dataclass(frozen=True)
 class PlateArm:
     """Arm of a flat node plate.
-    bar     : name of the bar on the arm.    azimuth : direction of the arm, counter-clockwise, radians.
-    dip     : angle of the fold, radians.    after   : angle to the next arm, radians.
+    azimuth : direction, counter-clockwise.    dip : angle of the fold.    after : angle to the next arm (radians).
     fold, holes, end, root : metres from the node to the fold, the holes, the arm's end, and the bar's beginning."""
 
     bar: str
@@ -140,7 +138,7 @@ class PlateArm:
 
     @classmethod
     def from_bar(cls, joint: Joint, bar: LatticeBar, side: int, stock: BarStock) -> "PlateArm":
-        """Return the arm of a node's plate for a bar. side : 0 or 1, the end of the bar at this node."""
+        """Return the arm of a node's plate for a bar. side : end of the bar, 0 or 1."""
         end, (stations, end_distance) = bar.ends[side], stock.bolt_stations(bar)
         setback = stock.lever * np.tan(end.dip / 2)
         holes = tuple(end.root - 2 * setback + r for r in stations)

@@ -3,8 +3,8 @@
        n                     n    normal of a node; its plate is square to n, below the bars
        |   dip               e    distance from the node to the beginning of the bar's line, where the arm is folded
 -------+--e--·.._            dip  angle of the bar below the plane of the plate
-     plate      ··.._        m    normal of the bar: n without its component along the bar; the twist is the
-                 bar          ·   angle between the normals of both ends
+     plate      ··.._        m    normal of the bar: n without its component along the bar
+                 bar          ·
 
 A leg is a further arm of the plate; it points down along the surface. Beyond its fold it is level, with anchors."""
 
@@ -23,8 +23,8 @@ from dsfab.workshop.bars.lattice import BAR_CLEARANCE, LEAST_BAR, Bay, Lattice, 
 from dsfab.workshop.layers import END_DISTANCE, Layering
 from dsfab.workshop.parts import NODE_LETTERS, FlatPart, Fold, Hole, label, text_length
 
-FLAT_SINE = np.sin(np.radians(5.0))  # sine of the smallest slope at which node plates at supports get legs
-LEAST_SIDE, ARM_SHARE = 1.5, 0.45  # half width of an arm: at least 1.5 bolt diameters, usually 0.45 member widths
+FLAT_SINE = np.sin(np.radians(5.0))  # sine of the smallest slope of node plates with legs
+LEAST_SIDE, ARM_SHARE = 1.5, 0.45  # half width of an arm: in bolt diameters, in member widths
 ANCHOR_SPACINGS = (3.0, 4.0, 3.0)
 """Distances in anchor diameters: fold to first anchor, first to second anchor, second anchor to the leg's end."""
 
@@ -33,7 +33,7 @@ ANCHOR_SPACINGS = (3.0, 4.0, 3.0)
 class Leg:
     """Leg of a node plate.
     way    : (3,) unit direction of the leg in the plane of the plate.
-    fold   : angle by which the leg is folded towards the normal of the plate, radians.
+    fold   : angle towards the normal of the plate, radians.
     anchor : diameter of the leg's anchors, metres."""
 
     way: Floats
@@ -58,7 +58,7 @@ class Leg:
 class Footing:
     """Supports of a structure on the ground.
     supports : (q, 3) supported points, metres.    up : (3,) upward unit vector.
-    reach    : metres; a node stands on a support within `reach` plus 0.75 times the width of the node's widest member.
+    reach    : metres; a node stands on a support closer than `reach` plus 0.75 member widths.
     anchor   : diameter of the anchors, metres."""
 
     supports: Floats
@@ -71,21 +71,21 @@ class Footing:
 
     @classmethod
     def from_supports(cls, surface: Surface, load: LoadCase, up: Floats, anchor: float) -> "Footing | None":
-        """Return the supports of a surface on the ground; None without supports, or if the anchors' diameter is 0."""
+        """Return the supports of a surface on the ground; None without supports, or if `anchor` is 0."""
         points = surface.V[load.fixed.any(axis=1) | load.spring.any(axis=1)]
         return cls(points, up, float(surface.mean_edge), anchor) if len(points) and anchor else None
 
     def legs(self, points: Floats, normals: Floats, widths: Sequence[float]) -> dict[int, Leg | None]:
-        """Return, by node number, the leg of each node near a support; None where the slope is under 5 degrees.
-        points, normals : (q, 3) of all nodes. widths : (q,) width of the widest member at each node, metres."""
+        """Return, by node number, the leg of each node near a support; None where the slope is too small.
+        points, normals : (q, 3) of all nodes. widths : (q,) widths of the widest members, metres."""
         away = np.asarray(cKDTree(self.supports).query(points)[0])
         legs: dict[int, Leg | None] = {}
-        limits = self.reach + 0.75 * np.asarray(widths)  # largest distance from a node to its support (m)
+        limits = self.reach + 0.75 * np.asarray(widths)
         for k in np.flatnonzero(away < limits).tolist():
             n = normals[k]
             down = (n @ self.up) * n - self.up
             steep = float(np.linalg.norm(down))
-            outward = n @ self.up > 0  # a plate whose normal points down folds upwards
+            outward = n @ self.up > 0
             angle = float(np.arctan2(steep, abs(float(n @ self.up)))) * (1 if outward else -1)
             legs[k] = Leg(down / steep, angle, self.anchor) if steep > FLAT_SINE else None
         return legs
@@ -130,7 +130,7 @@ def _leg_plate(
 
 
 def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
-    """Return sentences on plates with anchored legs folded by `folds` (radians), and on nodes `flat` without a leg."""
+    """Return sentences on plates with folded legs, and on nodes `flat` without a leg."""
     angles = [abs(float(np.degrees(fold))) for fold in folds]
     sentences = []
     if angles:
@@ -145,7 +145,7 @@ def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
 
 
 SQUARE_ANGLE = np.radians(70.0)
-"""Smallest angle between bars with square ends. Bars at sharper angles have mitres, to begin closer to the node."""
+"""Smallest angle between bars with square ends. Bars at sharper angles have mitres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +154,7 @@ class BarEnd:
     azimuth : angle about the node's normal, counter-clockwise from the node's first bar, radians.
     dip     : angle below the plane of the node, radians.
     before, after : angles to the next bars, clockwise and counter-clockwise, radians; 2 pi for a single bar.
-    root    : distance from the node to the place where the bar's centre line begins, metres."""
+    root    : distance from the node to the beginning of the bar's centre line, metres."""
 
     node: int
     azimuth: float
@@ -166,8 +166,8 @@ class BarEnd:
 
 @dataclass(frozen=True, eq=False)
 class LatticeBar:
-    """Straight bar that replaces a bay (part of a member between two nodes).
-    points  : (2, 3) ends of the bar's centre line, metres.    normals : (2, 3) normals of the bar at its ends.
+    """Straight bar that replaces a part of a member between two nodes.
+    points  : (2, 3) ends of the bar's centre line, metres.    normals : (2, 3) normals at these ends.
     sagitta : largest distance of the member's axis from the bar, metres."""
 
     bay: Bay
@@ -198,11 +198,11 @@ class LatticeBar:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """Node with its bars and its plate.
+    """Node with bars and a plate.
     bars : pairs of a bar number and an end, counter-clockwise; end 0: the bar begins at this node, 1: it ends here.
     half : half width of the plate's arms, metres.
     root : approximate distance from the node to the folds, metres.
-    leg  : arm of the plate that stands on the ground, if any (see `Leg`)."""
+    leg  : arm of the plate that stands on the ground, if any."""
 
     node: LatticeNode
     bars: tuple[tuple[int, int], ...]
@@ -220,14 +220,13 @@ class BarLattice:
     lattice: Lattice
 
     def azimuth(self, joint: Joint, direction: Floats) -> float:
-        """Return the angle (radians), 0 to 2 pi, from a joint's first bar to a direction (3,), counter-clockwise."""
+        """Return the angle (radians), 0 to 2 pi, counter-clockwise from a joint's first bar to a direction (3,)."""
         (k, side), n = joint.bars[0], joint.node.normal
         x = _level_directions((self.bars[k].direction * (1 - 2 * side))[None], n[None])[0]
         return float(np.mod(np.arctan2(direction @ np.cross(n, x), direction @ x), 2 * np.pi))
 
     def with_legs(self, footing: Footing) -> "tuple[BarLattice, list[str]]":
-        """Return the lattice with legs at supports, and names of nodes without a leg.
-        A node has no leg if the surface is too flat, or if a bar is in the way."""
+        """Return the lattice with legs at supports, and names of nodes without a leg."""
         joined = [k for k, joint in enumerate(self.joints) if joint.node.joined]
         nodes = [self.joints[k].node for k in joined]
         points, normals = (np.array([getattr(node, name) for node in nodes]) for name in ("point", "normal"))
@@ -249,8 +248,7 @@ class BarLattice:
 
 @dataclass(frozen=True, eq=False)
 class _BayEnds:
-    """The 2 b ends of b bays (parts of members between two nodes).
-    node, width : (2 b,) node number, and width of the bay, metres.    opposite : (2 b,) index of the other end."""
+    """The ends of parts of members between two nodes."""
 
     node: Ints
     width: Floats
@@ -262,7 +260,7 @@ class _BayEnds:
 
 
 def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: float) -> BarLattice:
-    """Return bars for all bays of a lattice. thickness : of the bars (m). bolt : diameter of the bolts (m)."""
+    """Return bars for all bays of a lattice. bolt : diameter of the bolts (m)."""
     ends = np.array([bay.ends for bay in lattice.bays], dtype=np.int64).reshape(-1, 2)
     count = len(ends)
     opposite, widths = np.roll(np.arange(2 * count), count), np.tile([bay.width for bay in lattice.bays], 2)
@@ -272,7 +270,6 @@ def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: fl
     joined = np.array([node.joined for node in lattice.nodes], dtype=bool)
     chord = P[bay_ends.node[bay_ends.opposite]] - P[bay_ends.node]
     level = _level_directions(chord, N[bay_ends.node])
-    # a bar's angle below the node's plane is about 1.5 times that of the straight line between its nodes
     lean = 1.5 * thickness / 2 * np.sin(np.abs(bay_ends.dip(chord, N)))
     orders = [_counter_clockwise(np.flatnonzero(bay_ends.node == k), level, N[k]) for k in range(len(P))]
     lengths = np.linalg.norm(chord, axis=1)
@@ -310,7 +307,7 @@ def _counter_clockwise(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints,
 
 
 def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
-    notch = 0.9  # distance of the corner between two arms from the node, divided by the bars' distance from the node
+    notch = 0.9
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2
     clear = half / float(np.tan(max(sharpest, SQUARE_ANGLE) / 2)) + BAR_CLEARANCE * bolt + float(lean.max())
@@ -322,7 +319,7 @@ def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: flo
 def _bar_roots(P: Floats, N: Floats, bay_ends: _BayEnds, root: Floats, rounds: int = 30) -> Floats:
     node_points = P[bay_ends.node]
     roots = node_points
-    for _ in range(rounds):  # each round moves the beginnings of the bars much less than the round before
+    for _ in range(rounds):
         level = _level_directions(roots[bay_ends.opposite] - node_points, N[bay_ends.node])
         roots = node_points + root[bay_ends.node][:, None] * level
     return roots

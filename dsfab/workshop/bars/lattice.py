@@ -1,4 +1,4 @@
-"""The lattice of a structure of bars: nodes of a graph of members, and the bays that bars can span between them."""
+"""The lattice of a structure of bars: nodes, and bays (parts of members between nodes)."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ LEAST_BAR = 4.0  # length of the shortest bar on a plate, in bolt diameters
 
 @dataclass(frozen=True, eq=False)
 class LatticeNode:
-    """Node of bars: one node of the graph, or several nodes that are too close for bars between them.
+    """Node of bars: one node of the graph, or several close nodes.
     id     : name of the first node, or "A07 end 1" for a free end of a member.
     nodes  : names of all nodes.
     point  : (3,) place of the node, metres.    normal : (3,) normal of the surface there.
@@ -40,7 +40,7 @@ class LatticeNode:
 
 @dataclass(frozen=True)
 class Bay:
-    """Part of a member between two nodes: name "A07.3", member, numbers of the nodes, arc lengths (m), width (m)."""
+    """Part of a member between two nodes; lengths in metres."""
 
     id: str
     member: str
@@ -51,9 +51,9 @@ class Bay:
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """Nodes and bays (parts of members between nodes) of a structure of bars.
-    parallel : names of bays left out because another bay joins the same two nodes.
-    rings    : names of closed members with fewer than three nodes, which cannot become bars."""
+    """Nodes and bays of a structure of bars.
+    parallel : names of bays left out because another bay joins the same nodes.
+    rings    : names of closed members with fewer than three nodes."""
 
     nodes: tuple[LatticeNode, ...]
     bays: tuple[Bay, ...]
@@ -70,14 +70,13 @@ class _RawBay:
 
 
 def member_lattice(graph: MemberGraph, bolt: float) -> Lattice:
-    """Return the nodes and bays (parts between nodes) of the members that have an axis; bolt : bolt diameter (m).
-    Raises PatternError if more than a tenth of the bays is too short for bars."""
+    """Return the nodes and bays of the members that have an axis; bolt : bolt diameter (m). Raises PatternError."""
     places = {node.id: (node.point, _smooth_normal(graph, node)) for node in graph.nodes}
     members = [member for member in graph.members if becomes_bars(member)]
     raw_bays = [raw_bay for member in members for raw_bay in _member_bays(graph, member, places, bolt)]
     keys = list(dict.fromkeys(key for raw_bay in raw_bays for key in raw_bay.ends))
     group, short = _place_groups(keys, raw_bays, places, bolt)
-    if short > 0.1 * len(raw_bays):  # above a tenth, bars would no longer follow the pattern
+    if short > 0.1 * len(raw_bays):
         raise PatternError(
             f"{short} of {len(raw_bays)} bays are too short for a bar with a bolt of {length(bolt)} at each end; take "
             "workshop.route = 'strips', a larger spacing, narrower members or a smaller workshop.bolt"
@@ -132,8 +131,6 @@ def _member_bays(
 def _place_groups(
     keys: list[str], raw_bays: list[_RawBay], places: dict[str, tuple[Floats, Floats]], bolt: float
 ) -> tuple[Ints, int]:
-    """Return the group (k,) of each node in `keys`, and the number of bays that are too short for bars.
-    The two nodes of a short bay belong to the same group, and so do free ends whose bars would overlap."""
     number = {key: k for k, key in enumerate(keys)}
     half = np.zeros(len(keys))
     ends = np.array([[number[key] for key in raw_bay.ends] for raw_bay in raw_bays], dtype=np.int64).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""The parts of a structure of bars, and their places in the structure."""
+"""The parts of a structure of bars."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,8 +17,7 @@ from dsfab.workshop.plates import plate_parts
 
 @dataclass(frozen=True, eq=False)
 class BarPlan:
-    """Bars in space, their stock, and all parts: bars, node plates and discs.
-    legless : names of supported nodes whose plates have no leg."""
+    """Bars in space and all parts. legless : names of supported nodes whose plates have no leg."""
 
     bar_lattice: BarLattice
     stock: BarStock
@@ -27,7 +26,7 @@ class BarPlan:
 
     @property
     def too_short(self) -> tuple[str, ...]:
-        """Names of bars that are too short for a bolt at each end."""
+        """Names of bars that are too short for two bolts."""
         return tuple(bar.bay.id for bar in self.bar_lattice.bars if not self.stock.bolt_stations(bar)[0])
 
     @property
@@ -37,7 +36,7 @@ class BarPlan:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Sentences for the builder on the bars and plates, and on bars that are impossible or left out."""
+        """Sentences for the builder on the bars and plates."""
         folds = [joint.leg.fold for joint in self.bar_lattice.joints if joint.leg]
         return (*_possibility_lines(self), *leg_lines(folds, self.legless), *_omission_lines(self))
 
@@ -45,7 +44,7 @@ class BarPlan:
 def bar_plan(graph: MemberGraph, normals: Floats, stock: BarStock, footing: Footing | None = None) -> BarPlan:
     """Return the bars, node plates, and discs (plates for members that do not become bars) of a graph.
     normals : (n, 3) at the vertices of the graph's sheet.    footing : supports at which plates get legs, or None.
-    Raises PatternError if nodes are too close to each other for bars."""
+    Raises PatternError for nodes without space for bars."""
     lattice = bar_lattice(graph, member_lattice(graph, stock.bolt), stock.bar, stock.bolt)
     lattice, legless = lattice.with_legs(footing) if footing else (lattice, [])
     nodes = lattice.lattice.nodes
@@ -125,13 +124,12 @@ def _names(names: tuple[str, ...]) -> str:
 
 
 BAR_QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
-"""Corners of a bar's six sides, in order as seen from outside.
-The number of a corner is a sum: 1 for up, 2 for left, and 4 for the end of the bar."""
+"""Corners of a bar's six sides, in order as seen from outside. Numbers: 1 for up + 2 for left + 4 for the bar's end."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedPart:
-    """Part in space: its name, its member, and quads (q, 4, 3) in metres; two corners of a quad may coincide."""
+    """Part in space: quads (q, 4, 3) in metres."""
 
     id: str
     member: str
@@ -139,7 +137,7 @@ class PlacedPart:
 
 
 def bar_body(bar: LatticeBar, stock: BarStock) -> tuple[Floats, Ints]:
-    """Return vertices (8, 3) in metres and triangles (12, 3) of a bar without its mitres."""
+    """Return vertices (8, 3) in metres and triangles (12, 3) of a bar with straight ends."""
     d, half = bar.direction, bar.bay.width / 2
     clear = [BAR_CLEARANCE * stock.bolt if end.root else 0.0 for end in bar.ends]
     middles = bar.points + np.array([clear[0], -clear[1]])[:, None] * d
@@ -150,7 +148,7 @@ def bar_body(bar: LatticeBar, stock: BarStock) -> tuple[Floats, Ints]:
 
 
 def placed_parts(plan: BarPlan) -> list[PlacedPart]:
-    """Return all bars, then all node plates, each at its place in the structure."""
+    """Return all bars, then all node plates, in their places."""
     lattice, stock = plan.bar_lattice, plan.stock
     bars = [PlacedPart(bar.bay.id, bar.bay.member, bar_body(bar, stock)[0][BAR_QUADS]) for bar in lattice.bars]
     joints = [joint for joint in lattice.joints if joint.node.joined]

@@ -1,7 +1,4 @@
-"""Parts nested on sheets for the least cost; with spyrrow, on fewer sheets if possible.
-
-Spyrrow packs parts on a strip as short as possible, in a separate process. With spyrrow, dsfab moves the parts of the
-least used sheet to other sheets. `least_clearance` checks each result. If the check fails, the old nest stays."""
+"""Parts nested on sheets for the least cost; with spyrrow, on fewer sheets if possible."""
 
 import importlib.util
 import json
@@ -49,12 +46,11 @@ class NestedSheet:
 def nest_parts(
     parts: Sequence[FlatPart], stock: Sequence[SheetSize], gap: float, grain: bool = False, prices: Sequence[float] = ()
 ) -> list[NestedSheet]:
-    """Nest (arrange) all parts on sheets of the stock at low cost, or with little sheet area if there are no prices.
+    """Nest (arrange) all parts on sheets of the stock at low cost. Raises PatternError if a part fits on no sheet.
     stock  : lengths and widths of the sheets, metres.
-    gap    : least distance between parts, and between parts and the edges of sheets, metres.
-    grain  : true if parts of members must lie lengthwise on the sheets.
-    prices : price of a sheet of each size.
-    dsfab takes the best of several trials. Raises PatternError for a part that fits on no sheet."""
+    gap    : least distance between parts, and from the edges of sheets, metres.
+    grain  : true if parts of members must lie lengthwise.
+    prices : price of a sheet of each size."""
     grid, costs = column_grid(stock, gap, grain), _costs(stock, prices)
     box_area = float(sum((part.size[0] + gap) * (part.size[1] + gap) for part in parts))
     cheapest: list[NestedSheet] | None = None
@@ -129,13 +125,12 @@ def _fill_by_value(
 def stack_parts(
     parts: Sequence[FlatPart], stock: Sequence[SheetSize], gap: float, limit: int, grain: bool = False
 ) -> list[NestedSheet] | None:
-    """Nest (arrange) parts on sheets, faster than `nest_parts`; None if over `limit` sheets are necessary.
-    stock, gap, grain : as for `nest_parts`."""
+    """Nest (arrange) parts on sheets quickly; None if over `limit` sheets are necessary.
+    stock : lengths and widths of the sheets, metres.    gap : least distance, metres."""
     return _fill_sheets(parts, False, stock, column_grid(stock, gap, grain), limit)
 
 
 def _largest_first(parts: Sequence[FlatPart]) -> list[FlatPart]:
-    # long and bowed parts come first, because short parts fit between them
     keys = [(-round(float(part.size[0] * part.size[1]), 4), -float(part.size[0]), part.id) for part in parts]
     return [parts[k] for k in sorted(range(len(parts)), key=keys.__getitem__)]
 
@@ -168,8 +163,7 @@ def _fill_sheets(
 def least_clearance(outlines: Sequence[Floats], size: tuple[float, float], enough: float) -> float:
     """Return the smallest distance (m) between closed polygons (k, 2), and between polygons and the sheet's edges.
     The distance is 0 if polygons overlap, and negative if a polygon extends beyond an edge.
-    size   : length and width of the sheet, metres.
-    enough : polygons whose bounding boxes are at least this far apart, in metres, are not compared."""
+    enough : larger distances (m) are not measured."""
     boxes = [(P.min(axis=0), P.max(axis=0)) for P in outlines]
     distances = [float(min(low.min(), (np.array(size) - high).min())) for low, high in boxes]
     for (P, (a, b)), (Q, (c, d)) in combinations(zip(outlines, boxes, strict=True), 2):
@@ -204,8 +198,8 @@ def require_spyrrow() -> None:
 
 
 def with_fewer_sheets(sheets: Sequence[NestedSheet], gap: float, grain: bool = False) -> list[NestedSheet]:
-    """Return the same parts on fewer sheets if possible. grain : true if parts of members must lie lengthwise."""
-    # the limit counts trials, not seconds: results must not depend on the machine
+    """Return the same parts on fewer sheets if possible. grain : true if parts must lie lengthwise."""
+    # the limit counts trials: results must not depend on the machine
     remaining, tries = list(sheets), iter(range(24))
     while len(remaining) > 1:
         fewer = _without_least(remaining, gap, grain, tries)
@@ -249,7 +243,6 @@ def _with_part(sheet: NestedSheet, part: FlatPart, gap: float, grain: bool) -> N
 
 
 def _by_spyrrow(parts: Sequence[FlatPart], size: tuple[float, float], gap: float, grain: bool) -> list[NestedPart]:
-    # with a margin, because spyrrow computes in single precision, and `contours` omit some corners
     separation = gap + 1e-5 + 2 * OUTLINE_TOLERANCE
     items = [[part.contours[0].tolist(), _allowed_turns(part, size[1] - 2 * gap, grain)] for part in parts]
     job = {"items": items, "height": size[1], "length": size[0], "gap": separation, "seed": 1}

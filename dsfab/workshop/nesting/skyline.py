@@ -1,4 +1,4 @@
-"""A partly filled sheet: shapes of parts in narrow columns, the skyline of its parts, and the gaps below them."""
+"""A partly filled sheet."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -15,11 +15,10 @@ ROUNDING = 1e-9  # tolerance for rounding errors (m)
 
 @dataclass(frozen=True, eq=False)
 class PartShape:
-    """Shape of a rotated part: heights of its lower and upper edge in the k narrow columns that the part covers.
+    """Shape of a rotated part: heights of its lower and upper edge in k narrow columns.
     turn         : rotation, radians.
     low, size    : (2,) lowest corner and size of the rotated part's box, metres.
-    lower, upper : (k,) heights of the edges, moved outwards by half of the gap between parts, metres.
-    top          : highest value in `upper`.    total : sum of `lower`.    thick : largest value of upper - lower."""
+    lower, upper : (k,) heights of the edges, moved outwards by half of the gap between parts, metres."""
 
     part: FlatPart
     turn: float
@@ -45,14 +44,14 @@ class ColumnGrid:
 
 
 def column_grid(stock: Sequence[tuple[float, float]], gap: float, grain: bool = False) -> ColumnGrid:
-    """Return the grid of narrow columns into which nesting divides sheets. stock : their lengths and widths (m)."""
-    step = min(0.01, max(max(size) for size in stock) / 250)  # column width (m), at most 1/250 of the longest sheet
+    """Return the narrow columns into which nesting divides sheets. stock : lengths and widths of sheets (m)."""
+    step = min(0.01, max(max(size) for size in stock) / 250)  # column width (m)
     return ColumnGrid(gap, step, max(min(size) for size in stock) - 2 * gap + ROUNDING, grain)
 
 
 def part_shapes(part: FlatPart, grid: ColumnGrid, boxes: bool) -> list[PartShape]:
-    """Return the shapes of a part in all permitted rotations; a part that is too long cannot lie across the sheet.
-    boxes : true to use the bounding box of the part instead of its outline, without turns by 180 degrees."""
+    """Return the shapes of a part in all permitted rotations.
+    boxes : true to use the bounding box of the part instead of its outline."""
     turns = (0.0, np.pi / 2) if boxes else (0.0, np.pi, np.pi / 2, -np.pi / 2)
     shapes = [_shape(part, turn, boxes, grid.gap, grid.step) for turn in turns[:1]]
     only_along = part.size[0] > grid.tallest or (grid.grain and bool(part.member))
@@ -113,7 +112,7 @@ def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Float
 
 @dataclass(frozen=True, eq=False)
 class NestedPart:
-    """Part rotated by a multiple of a right angle (radians) and moved to its place on a sheet (m)."""
+    """Part with its rotation (radians) and its place on a sheet (m)."""
 
     part: FlatPart
     turn: float
@@ -126,8 +125,7 @@ class NestedPart:
 
 @dataclass(eq=False)
 class SheetGap:
-    """Free space below a part. floor, ceiling : (k,) lowest and highest y in k columns from column `begin` on (m).
-    high : largest height (m)."""
+    """Free space below a part. floor, ceiling : (k,) lowest and highest y in columns from `begin` on (m)."""
 
     begin: int
     floor: Floats
@@ -136,7 +134,7 @@ class SheetGap:
 
     @classmethod
     def from_columns(cls, begin: int, floor: Floats, ceiling: Floats, grid: ColumnGrid) -> "list[SheetGap]":
-        """Return a gap for each run of columns between floor (k,) and ceiling (k,) that has room for a part."""
+        """Return the gaps between floor (k,) and ceiling (k,) that have room for a part."""
         high, least = ceiling - floor, grid.gap + 0.02  # smallest useful height and width of a gap, metres
         bounds = np.flatnonzero(np.diff(np.concatenate([[0], high > least, [0]])))
         return [
@@ -150,9 +148,7 @@ class SheetGap:
 class OpenSheet:
     """Partly filled sheet; lengths in metres, areas in m2.
     skyline : (k,) used height of each of k columns.
-    lowest  : lowest value of the skyline.
-    refused : length, width and area of parts that did not fit; larger parts are not tried again.
-    gaps    : gaps below the skyline."""
+    refused : length, width and area of parts that did not fit."""
 
     size: tuple[float, float]
     skyline: Floats
@@ -164,8 +160,8 @@ class OpenSheet:
 
 
 def empty_sheet(size: tuple[float, float], grid: ColumnGrid) -> OpenSheet:
-    """Return an empty sheet of the size (length, width), metres, divided into the columns of `grid`."""
-    columns = int(np.ceil((size[0] - grid.gap) / grid.step))  # the last column may extend beyond the sheet's edge
+    """Return an empty sheet of the size (length, width), metres."""
+    columns = int(np.ceil((size[0] - grid.gap) / grid.step))
     return OpenSheet(size, np.full(columns, grid.gap / 2), size[0] * size[1], grid.gap / 2)
 
 
@@ -177,7 +173,7 @@ class _PartPlace(NamedTuple):
 
 
 def place_part(sheet: OpenSheet, turns: list[PartShape], grid: ColumnGrid) -> bool:
-    """Put a part on a sheet if it fits, and return whether it fits. turns : shapes of the part in its rotations."""
+    """Put a part on a sheet if it fits, and return whether it fits. turns : shapes of the part."""
     a, b, area = float(turns[0].size[0]), float(turns[0].size[1]), turns[0].part.area
     if sheet.free_area < area or any(a >= x and b >= y and area >= z for x, y, z in sheet.refused):
         return False
@@ -209,7 +205,7 @@ def _best_on_skyline(sheet: OpenSheet, turns: list[PartShape], grid: ColumnGrid)
         k = len(shape.lower)
         if k > len(sheet.skyline) or sheet.lowest + shape.size[1] + gap > top + step:
             continue
-        if k not in cached:  # rotation by 180 degrees keeps the number k of the shape's columns
+        if k not in cached:
             column_runs = _column_windows(sheet.skyline, k)
             cached[k] = column_runs, column_runs.sum(axis=1)
         windows, sums = cached[k]

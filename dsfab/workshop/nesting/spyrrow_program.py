@@ -1,4 +1,4 @@
-"""Program that nests parts on a sheet by spyrrow, in a separate process, because bad input can crash it.
+"""Program that nests parts on a sheet by spyrrow, in a separate process.
 
     python -P spyrrow_program.py JOB.json
 
@@ -18,7 +18,7 @@ from typing import Any
 
 
 def main(path: str) -> None:
-    """Print the first arrangement of the parts that is not longer than the sheet. Equal `seed`s give equal results."""
+    """Print the first arrangement of the parts that fits on the sheet."""
     import spyrrow
 
     job = json.loads(Path(path).read_text(encoding="utf-8"))

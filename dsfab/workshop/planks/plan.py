@@ -1,8 +1,7 @@
-"""The parts of a structure of planks, developed along the normals of the surface.
+"""The parts of a structure of planks.
 
-A plank is the ruled surface P(s) + y N(s), with the normal -B = -N x T on the axis (symbols as in `StripCourse`).
-The flat part is cut along a curve of curvature kn. When it is built, it bends by kg out of its plane and twists by tg.
-The twist strains the edges of a plank of depth h by tg^2 h^2 / 8."""
+A plank is the ruled surface P(s) + y N(s). The flat part is cut along a curve of curvature kn.
+When it is built, it bends by kg out of its plane and twists by tg."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -25,16 +24,15 @@ from dsfab.workshop.strips import is_strip
 
 
 def upright_course(course: StripCourse, depth: float) -> StripCourse:
-    """Return the course (stations on the axis) of an upright plank, from the course of a strip flat on the surface.
-    The plank's faces are normal to the surface; its width `depth` (m) is along the surface normals."""
+    """Return the course (stations on the axis) of an upright plank from a flat course.
+    depth : width of the plank, metres."""
     B = np.cross(course.N, course.T)
     half = np.full(len(course.s), depth / 2)
     return replace(course, N=-B, kg=course.kn, kn=-course.kg, left=half, right=half)
 
 
 def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, StripCourse], dict[str, StripCourse]]:
-    """Return the courses (built parts of axes) of all planks, and also the courses shorter than their members.
-    A course is shorter if it stops at another plank, or before a sharply turning end of its member."""
+    """Return the courses (built parts of axes) of all planks, and the courses shorter than their members."""
     members = [m for m in graph.members if is_strip(m)]
     extra_length = 2 * (stock.splice_reach + stock.depth + stock.overhang)
     courses = {m.id: member_course(graph, m, stock.overhang, extra_length) for m in members}
@@ -63,8 +61,8 @@ def plank_parts(
     order: Sequence[str] = slots.STANDING_ORDER,
 ) -> slots.PlankParts:
     """Return the flat parts of all planks.
-    room   : lengths and widths that parts may have on the stock, metres.
-    ground : plane of the ground; planks that end at supports are cut parallel to it. None without supports.
+    room   : lengths and widths of the stock, metres.
+    ground : plane of the ground; None without supports.
     order  : families, from the lowest planks to the uppermost.
     Raises PatternError if no piece fits on the stock."""
     courses, stopped = plank_courses(graph, stock)
@@ -109,8 +107,8 @@ def _reachable_crossings(
 
 @dataclass(frozen=True, eq=False)
 class PlankPlan:
-    """A structure of planks, and all its parts: planks, cover plates of splices, and plates on the planks.
-    limit : strain at which the material reaches its strength; 0 if the preset has none."""
+    """A structure of planks, and all its parts.
+    limit : strain at which the material reaches its strength; 0 if unknown."""
 
     planks: slots.PlankParts
     stock: PlankStock
@@ -119,7 +117,7 @@ class PlankPlan:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Sentences for the builder on the planks, and on parts that are impossible or left out."""
+        """Sentences for the builder."""
         return (*_bending_lines(self), *_crossing_lines(self), *_sliding_lines(self), *_omission_lines(self))
 
     @property
@@ -143,7 +141,7 @@ class PlankPlan:
 
     @property
     def summary(self) -> str:
-        """Sentence with the largest bending, the sharpest crossing and the widest slots of the planks."""
+        """Sentence on bending, crossings and slots."""
         planks, stock = self.planks, self.stock
         bend, lean = (max(angles.values(), default=0.0) for angles in (planks.bends, planks.slide_angles))
         text = (
@@ -168,9 +166,9 @@ def plank_plan(
     ground: BasePlane | None = None,
     order: Sequence[str] = slots.STANDING_ORDER,
 ) -> PlankPlan:
-    """Return the planks of a graph, and its plates, which lie on the planks and have no holes.
+    """Return the planks of a graph, and its plates.
     normals : (n, 3) normals at the vertices of the graph's sheet.
-    room    : lengths and widths that parts may have on the stock, metres.
+    room    : lengths and widths of the stock, metres.
     limit   : strain at the material's strength.
     order   : families, from the lowest planks to the uppermost.
     Raises PatternError if no piece fits on the stock."""

@@ -1,4 +1,4 @@
-"""A plank as flat parts: its divisions, outline, slots, ends and cover plates."""
+"""A plank as flat parts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ from dsfab.workshop.splices import SCARF_SLOPE, box_fits, lap_marks, lapped_span
 from dsfab.workshop.strips import HOLE_EDGE_DISTANCE, UNCERTAIN_WIDTHS, letter_height
 
 EdgeStations = tuple[tuple[float, float], tuple[float, float]]
-"""Arc lengths of the right and left corner at a plank's beginning, then of the right and left corner at its end."""
+"""Arc lengths of a plank's corners: right, left at the beginning; right, left at the end."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class PlankStock:
 
     @property
     def layering(self) -> Layering:
-        """`Layering` that gives cover plates their lengths, and bolts their places."""
+        """Rules for the lengths of cover plates and the places of bolts."""
         return Layering(self.thickness, 2, self.bolt)
 
     @property
@@ -55,8 +55,8 @@ class PlankStock:
 def level_cut(
     layer: Development, ground: BasePlane, station: float, at_end: bool, depth: float
 ) -> tuple[float, float] | None:
-    """Return arc lengths of the right and left corner of a plank's end that is cut horizontally at a support.
-    station, at_end : arc length of the uncut end; True for the plank's last end. Returns None if no cut is possible."""
+    """Return arc lengths of the right and left corner of a plank's horizontal end at a support; None if impossible.
+    station, at_end : arc length of the uncut end; True for the plank's last end."""
     height = ground.support_height(layer.course.frame_at(np.array([station]))[0][0], depth)
     direction = layer.frame(np.array([station]))[1][0] * (1 if at_end else -1)
     if height is None or -direction @ ground.up < STEEP_SINE:
@@ -66,7 +66,7 @@ def level_cut(
 
 
 def plank_outline(layer: Development, ends: EdgeStations, slots: Sequence[Slot], depth: float) -> Floats:
-    """Return the outline (k, 2) of a flat plank with slots, counter-clockwise from its right edge's beginning."""
+    """Return the outline (k, 2) of a flat plank with slots, counter-clockwise."""
     (a, b), (c, d) = ends
     right_edge = _edge_with_slots(layer, (a, c), -depth / 2, [slot for slot in slots if not slot.above])
     left_edge = _edge_with_slots(layer, (b, d), depth / 2, [slot for slot in slots if slot.above])
@@ -90,7 +90,7 @@ def _edge_with_slots(layer: Development, span: tuple[float, float], edge: float,
 def plank_marks(
     layer: Development, name: str, span: tuple[float, float], slots: Sequence[Slot], stock: PlankStock
 ) -> tuple[Floats, ...]:
-    """Return the names to engrave on a piece of a plank, as polylines (k, 2): its own name, and node names at slots."""
+    """Return the names to engrave on a piece of a plank, as polylines (k, 2)."""
     stops = np.array([span[0], *(slot.s for slot in slots), span[1]])
     longest = int(np.diff(stops).argmax())
     middle = (stops[longest] + stops[longest + 1]) / 2
@@ -111,7 +111,7 @@ def plank_marks(
 
 
 def letters_within(name: str, stock: PlankStock, room: float) -> float:
-    """Return the height of letters (m) for a plank's or cover plate's name, at most 2 `room` metres long."""
+    """Return the height of letters (m) for a name that may be 2 `room` metres long."""
     high = letter_height(stock.depth, stock.letters[0])
     return high * min(1.0, 2 * room / text_length(name, high))
 
@@ -120,7 +120,7 @@ def letters_within(name: str, stock: PlankStock, room: float) -> float:
 class Plank:
     """Plank of a member, to be cut into pieces.
     ends       : arc lengths of the corners at both ends.    cuts : arc lengths of beginning, divisions and end.
-    directions : direction (3,) in which each piece slides onto lower planks; None if it has no lower planks or jams."""
+    directions : direction (3,) in which each piece slides onto lower planks, or None."""
 
     member: Member
     course: StripCourse
@@ -137,9 +137,8 @@ class Plank:
         ground: BasePlane | None,
         parts: PlankParts,
     ) -> None:
-        """Divide the plank into pieces that fit on the stock and, if possible, slide onto lower planks.
-        room : lengths and widths that parts may have on the stock, metres.
-        The results are in `ends`, `cuts`, `directions` and `parts`."""
+        """Divide the plank into pieces that fit on the stock; in place.
+        room : lengths and widths that parts may have on the stock, metres."""
         course, stock = self.course, self.stock
         upper = [crossing for crossing in crossings if self._has_role(crossing, 1)]
         crossing_stations = np.array([crossing.at[1] for crossing in upper])
@@ -177,7 +176,7 @@ class Plank:
 
     @property
     def spans(self) -> list[tuple[float, float]]:
-        """First and last arc length of each piece, without overlaps at splices."""
+        """First and last arc length of each piece."""
         return list(zip(self.cuts, self.cuts[1:], strict=False))
 
     @property
@@ -187,8 +186,7 @@ class Plank:
         return [self.member.id] if count == 1 else [f"{self.member.id}.{k}" for k in range(1, count + 1)]
 
     def direction_at(self, s: float) -> Floats | None:
-        """Return the direction in which the piece at arc length s slides onto the planks below it.
-        Return None if no plank lies below, or if the piece jams."""
+        """Return the direction in which the piece at arc length s slides onto lower planks, or None."""
         return next((d for d, (a, b) in zip(self.directions, self.spans, strict=True) if a <= s <= b), None)
 
     def _fits(self, begin: float, end: float, room: list[tuple[float, float]]) -> bool:
@@ -209,7 +207,7 @@ class Plank:
         )
 
     def add_parts(self, parts: PlankParts) -> None:
-        """Add the pieces of the plank and the cover plates of its splices to `parts`."""
+        """Add the pieces and cover plates of the plank to `parts`."""
         course, stock, layer = self.course, self.stock, Development(self.course, 0.0)
         joints = list(self.cuts[:-1] if course.closed else self.cuts[1:-1])
         bolts = stock.layering.splice_bolts(stock.depth) if stock.splice == "cover" else ()

@@ -20,37 +20,34 @@ from dsfab.workshop.development import StripCourse
 from dsfab.workshop.parts import FlatPart
 
 SLIDE_ANGLE = float(np.radians(10.0))
-"""Largest angle between the assembly direction of a piece and the normals at its nodes, radians.
-Slots are widened so that a piece can slide in its assembly direction. A plank with a larger angle is spliced."""
+"""Largest angle between the assembly direction of a piece and its normals, radians."""
 
 
 def largest_deviation(normals: Floats) -> float:
-    """Return the largest angle (radians) between unit vectors (q, 3) and their middle direction; 0 for no vectors."""
+    """Return the largest angle (radians) between unit vectors (q, 3) and their middle direction; 0 without vectors."""
     return 0.0 if len(normals) < 2 else float(np.arccos(np.clip(normals @ middle_direction(normals), -1.0, 1.0)).max())
 
 
 def middle_direction(normals: Floats) -> Floats:
-    """Return the unit vector (3,) halfway between the two vectors with the largest angle among `normals` (q, 3)."""
+    """Return the unit vector (3,) halfway between the two most different of `normals` (q, 3)."""
     i, j = np.unravel_index(int((normals @ normals.T).argmin()), (len(normals),) * 2)
     direction = normals[i] + normals[j]
     return np.asarray(direction / np.linalg.norm(direction))
 
 
 STANDING_ORDER = ("major", "minor", "rim", "keep")
-"""Order of assembly of families of planks that begin at equal heights. Later families cross above earlier families."""
-SLOT_CLEARANCE = 2e-4  # gap between a plank and the sides and bottom of its slot (m)
+"""Order of assembly of families of planks; later families cross above."""
+SLOT_CLEARANCE = 2e-4  # gap between a plank and its slot (m)
 LEAST_DEGREES = 30.0
-"""Smallest crossing angle of planks with slots (degrees); at a smaller angle a slot would cut most of the plank."""
+"""Smallest crossing angle of planks with slots (degrees)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
     """Two planks at a node.
-    members : lower plank and upper plank.
-    at      : (2,) arc length on the axis of each plank, metres.
-    rise    : height of the upper axis above the lower axis, metres.
-    normal  : (3,) unit normal of the surface.
-    ways    : (2, 3) unit tangents of both planks, perpendicular to the normal.
+    members : lower plank and upper plank.    at : (2,) arc length on the axis of each plank, metres.
+    rise    : height of the upper axis above the lower axis, metres.    normal : (3,) unit normal of the surface.
+    ways    : (2, 3) unit tangents of both planks.
     angle   : angle between the tangents, at most 90 degrees, radians."""
 
     node: str
@@ -65,7 +62,7 @@ class Crossing:
         lock_floats(self, normal=(3,), ways=(2, 3))
 
     def slot_leans(self, direction: Floats) -> tuple[float, float]:
-        """Return the widening (`Slot.lean`) of the lower and the upper plank's slot for an assembly direction (3,)."""
+        """Return the widening of the lower and the upper plank's slot for an assembly direction (3,)."""
         along_lower, along_upper, up = np.linalg.solve(np.stack([*self.ways, self.normal], axis=1), direction)
         return float(along_lower / up), float(-along_upper / up)
 
@@ -74,9 +71,8 @@ class Crossing:
 class Slot:
     """Slot of a plank at an arc length.
     half  : half the width of the slot's bottom, metres.
-    y     : height of the slot's bottom above the axis, metres.
-    above : True if the slot is open at the top.
-    lean  : growth of the width per metre of distance from the bottom; positive: on the side of higher arc length."""
+    y     : height of the slot's bottom above the axis, metres.    above : True if the slot is open at the top.
+    lean  : growth of the width per metre from the bottom; positive: on the side of higher arc length."""
 
     node: str
     s: float
@@ -86,34 +82,32 @@ class Slot:
     above: bool
 
     def mouth(self, edge: float) -> tuple[float, float]:
-        """Return where the slot begins and ends at a height `edge` above the axis (m), along the plank.
-        The result is two distances from the middle of the slot's bottom (m)."""
+        """Return the two ends (m) of the slot at a height `edge` (m), from the middle of the slot's bottom."""
         widening = self.lean * abs(edge - self.y)
         return -self.half + min(widening, 0.0), self.half + max(widening, 0.0)
 
 
 @dataclass
 class PlankCrossings:
-    """Crossings with slots, and names of nodes at which the angle is too sharp for slots."""
+    """Crossings with slots, and names of nodes with an angle too sharp for slots."""
 
     crossings: list[Crossing] = field(default_factory=list)
     sharp_nodes: list[str] = field(default_factory=list)
 
 
 def slot_width(thickness: float, angle: float) -> float:
-    """Return the width of a slot (m) for planks with equal thickness (m) that cross at an angle (radians)."""
+    """Return the width of a slot (m) for planks with equal thickness (m) and a crossing angle (radians)."""
     return float(thickness / np.sin(angle) + thickness / np.tan(angle))
 
 
 def standing_order(graph: MemberGraph, up: Floats) -> tuple[str, ...]:
-    """Return the families from the lowest, which stands on the ground, to the uppermost; up : (3,) unit vector."""
+    """Return the families from the lowest to the uppermost; up : (3,) unit vector."""
     z = graph.sheet.surface.V @ up
     begins: dict[str, list[float]] = {family: [] for family in STANDING_ORDER}
     for member in graph.members:
         if member.axis is not None and member.family in begins:
             begins[member.family].append(float(z[graph.sheet.surface.F[member.cells]].min()))
     span = max(float(np.ptp(z)), np.finfo(float).tiny)
-    # heights within a twentieth of the structure's height count as equal
     low = {family: round(float(np.median(heights)) / span / 0.05) for family, heights in begins.items() if heights}
     return tuple(sorted(STANDING_ORDER, key=lambda family: (low.get(family, np.inf), STANDING_ORDER.index(family))))
 
@@ -121,7 +115,7 @@ def standing_order(graph: MemberGraph, up: Floats) -> tuple[str, ...]:
 def plank_crossings(
     graph: MemberGraph, courses: Mapping[str, StripCourse], order: Sequence[str] = STANDING_ORDER
 ) -> PlankCrossings:
-    """Return the crossings of planks at nodes. order : families, from the lowest planks to the uppermost."""
+    """Return the crossings of planks at nodes. order : families from the lowest to the uppermost."""
     result = PlankCrossings()
     for node in graph.nodes:
         if node.kind == "grazing" or not all(name in courses for name in node.members):
@@ -138,8 +132,7 @@ def plank_crossings(
 def slot_crossing(
     node: str, names: tuple[str, str], courses: tuple[StripCourse, StripCourse], stations: tuple[float, float]
 ) -> Crossing:
-    """Return the crossing of two planks, at the points of their axes that lie on a common surface normal.
-    stations : approximate arc length of the crossing on each axis, metres."""
+    """Return the crossing of two planks. stations : approximate arc length on each axis, metres."""
     s, t = (course.wrapped_station(x) for course, x in zip(courses, stations, strict=True))
     for _ in range(5):
         (P, T, N), (Q, U, M) = ([x[0] for x in c.frame_at(np.array([x]))] for c, x in zip(courses, (s, t), strict=True))
@@ -156,13 +149,10 @@ def slot_crossing(
 class PlankParts:
     """Flat parts of all planks, with notes on them.
     order        : families, from the lowest planks to the uppermost.
-    crossings    : crossings with slots, and nodes without slots.
     crowded      : slots that would run into a neighbouring slot, "N007 in A02".
     slide_angles : largest angle between the assembly direction and the slots, by piece, radians.
-    stuck        : largest angle as in `slide_angles`, only for pieces that cannot slide on lower planks.
-    shortened    : members that stop before another member of their family, or before their own sharply turning end.
-    missed_nodes : nodes that shortened members do not reach.
-    vanished     : members that are not built, because they would be too short.
+    stuck        : largest angle of pieces that cannot slide on lower planks, radians.
+    shortened    : members that stop early.    missed_nodes : nodes that these members do not reach.
     longer       : by how much twist lengthens the edges, by member, metres.
     bends        : bending strain, by member."""
 

@@ -1,1 +1,1 @@
-"""STEP (ISO 10303-21): solids of planar, folded, smooth or four-sided faces, or of triangles."""
+"""STEP files (ISO 10303-21) of solids."""

@@ -1,4 +1,4 @@
-"""Entities of a STEP file: header, shells, products and colours, planar faces, and tessellated faces (AP242)."""
+"""Entities of a STEP file: header, shells, products, colours and faces."""
 
 from collections.abc import Iterable, Iterator
 from itertools import accumulate, pairwise
@@ -18,7 +18,7 @@ from dsfab.export.readback import ReadBack, distinct_rows, require_equal
 from dsfab.export.writing import TRAILING_ZEROS, comma_separated_rows, one_line, rows
 
 COLOURS = ((0.62, 0.66, 0.70), (0.80, 0.62, 0.42), (0.45, 0.62, 0.72), (0.60, 0.70, 0.50), (0.72, 0.55, 0.60))
-"""Colours of the pieces in turn, as red, green and blue. They are muted, so that edges stay visible."""
+"""Colours of the pieces in turn, as red, green and blue."""
 
 DIGITS = 6  # number of decimals (coordinates in mm) for curves, and in the search for coplanar triangles
 DIRECTION_DIGITS = 11  # decimals of directions; rounding moves the end of an edge of 100 m by under 1e-6 mm
@@ -37,9 +37,8 @@ def piece_name(name: str, i: int, pieces: int) -> str:
 
 
 def closing(shell: Ints, solids: list[list[int]], faces: Ints, free: int, name: str) -> Iterator[str]:
-    """Yield the last entities of a STEP file, numbered from `free`: solids, products, colours and the end line.
-    shell, faces : (f,) shell and entity number of each face.    solids : shells of each solid, the outer shell first.
-    The product of the first solid is already in the header of the file."""
+    """Yield the last entities of a STEP file, numbered from `free`.
+    shell, faces : (f,) shell and entity number of each face.    solids : shells of each solid, the outer first."""
     entities_after = StepEntities(free)
     styles = [_style(entities_after, colour) for colour in COLOURS[: len(solids)]]
     styled = []
@@ -55,7 +54,7 @@ def closing(shell: Ints, solids: list[list[int]], faces: Ints, free: int, name: 
 
 
 class StepEntities:
-    """Numbered entities of a file; equal points and directions are written only once."""
+    """Numbered entities of a file."""
 
     def __init__(self, free: int = FIRST_FREE, extra_digits: int = 0) -> None:
         """Begin a list. free : first entity number.    extra_digits : additional decimals of points and directions."""
@@ -64,12 +63,12 @@ class StepEntities:
         self._numbers, self._points = dict[str, int](), dict[tuple[float, ...], int]()
 
     def next(self) -> int:
-        """Reserve a number for an entity that the caller writes itself."""
+        """Reserve an entity number."""
         self.free += 1
         return self.free - 1
 
     def add(self, body: str, shared: bool = False) -> int:
-        """Add an entity and return its number. shared : True to return an equal entity of the file, if there is one."""
+        """Add an entity and return its number. shared : True to return an equal entity, if any."""
         if shared:
             return self.once(body)
         self.text.append(f"#{self.free}={body};\n")
@@ -94,7 +93,7 @@ class StepEntities:
             yield self._points[p]
 
     def vector(self, d: Floats) -> int:
-        """Return the entity number of a unit vector along d (3,). The length of d is arbitrary."""
+        """Return the entity number of a unit vector in the direction d (3,)."""
         return self.once(f"VECTOR('',#{self._direction(d)},1.)")
 
     def _direction(self, d: Floats) -> int:
@@ -127,7 +126,7 @@ class StepEntities:
         )
 
     def bezier(self, poles: list[int], shared: bool = False) -> int:
-        """Add a Bezier curve as a spline with one span. shared : True to return an equal curve if the file has one."""
+        """Add a Bezier curve. shared : True to return an equal curve, if any."""
         return self.spline(len(poles) - 1, poles, bezier_knots(len(poles)), shared=shared)
 
     def spline_surface(self, degrees: tuple[int, int], rows: Iterable[list[int]], u: KnotText, v: KnotText) -> int:
@@ -144,15 +143,15 @@ class StepEntities:
         return self.add(f"PCURVE('',#{surface},#{flat})")
 
     def vertex(self, point: int, shared: bool = False) -> int:
-        """Add a vertex. point : entity number. shared : True to return an equal vertex if the file has one."""
+        """Add a vertex. point : entity number. shared : True to return an equal vertex, if any."""
         return self.add(f"VERTEX_POINT('',#{point})", shared)
 
     def edge(self, start: int, end: int, curve: int, shared: bool = False) -> int:
-        """Add an edge between two vertices along a curve. shared : as in `vertex`."""
+        """Add an edge between two vertices along a curve. shared : True to return an equal edge, if any."""
         return self.add(f"EDGE_CURVE('',#{start},#{end},#{curve},.T.)", shared)
 
     def wire(self, steps: list[tuple[int, bool]], kind: str = "FACE_OUTER_BOUND") -> int:
-        """Add a closed row of edges. steps : edges in order, each with True if it runs forwards."""
+        """Add a closed row of edges. steps : edges in order, and True for edges that run forwards."""
         oriented = [self.add(f"ORIENTED_EDGE('',*,*,#{edge},.{'T' if forwards else 'F'}.)") for edge, forwards in steps]
         loop = self.add(f"EDGE_LOOP('',{references(oriented)})")
         return self.add(f"{kind}('',#{loop},.T.)")
@@ -170,7 +169,7 @@ class StepEntities:
 
 
 def knot_text(knots: Floats, digits: int = DIGITS) -> KnotText:
-    """Format the knots (k,) of a spline; repeated knots become multiplicities."""
+    """Format the knots (k,) of a spline."""
     values, times = np.unique(knots, return_counts=True)
     return "(" + ",".join(str(k) for k in times.tolist()) + ")", step_list(values, digits)
 
@@ -192,7 +191,7 @@ def references(numbers: Iterable[int]) -> str:
 
 
 def product(entity_list: StepEntities, name: str) -> int:
-    """Add a product with the contexts of the header; return the number of its PRODUCT_DEFINITION_SHAPE."""
+    """Add a product; return the number of its PRODUCT_DEFINITION_SHAPE."""
     title = step_string(name)
     product_number = entity_list.add(f"PRODUCT('{title}','{title}','',(#3))")
     formation = entity_list.add(f"PRODUCT_DEFINITION_FORMATION('','',#{product_number})")
@@ -216,7 +215,6 @@ def _style(entity_list: StepEntities, colour: tuple[float, float, float]) -> int
 
 
 def _solid(entity_list: StepEntities, faces: Ints, shell: Ints, outer: int, voids: list[int]) -> int:
-    """Add a solid with an outer shell and voids. Void faces in `shell` point out of the void; STEP reverses them."""
     shells = [entity_list.add(f"CLOSED_SHELL('',{references(faces[shell == i].tolist())})") for i in [outer, *voids]]
     inner = [entity_list.add(f"ORIENTED_CLOSED_SHELL('',*,#{k},.F.)") for k in shells[1:]]
     if not inner:
@@ -225,7 +223,7 @@ def _solid(entity_list: StepEntities, faces: Ints, shell: Ints, outer: int, void
 
 
 def step_string(name: str) -> str:
-    """Escape a STEP string: quotes are doubled, characters beyond ASCII become hexadecimal (ISO 10303-21, 6.4.3)."""
+    """Escape a STEP string [ISO 10303-21, 6.4.3]."""
     name = name.replace("\\", "\\\\").replace("'", "''")
     return "".join(c if c.isascii() else f"\\X4\\{ord(c):08X}\\X0\\" for c in name)
 
@@ -265,14 +263,14 @@ GLOBAL_UNIT_ASSIGNED_CONTEXT((#10,#11,#12))REPRESENTATION_CONTEXT('',''));
 
 
 def outward_polyhedron(part: Part) -> tuple[Polyhedron, list[list[int]]]:
-    """Return a part's planar faces, and the shells of each solid. Faces of voids point out of the void, as in STEP."""
+    """Return a part's planar faces, and the shells of each solid."""
     shell, solids = solids_of(part)
     inward = np.isin(shell, [i for _, *inner in solids for i in inner])
     return polyhedron(part.V, np.where(inward[:, None], part.F[:, ::-1], part.F), shell), solids
 
 
 def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[str]:
-    """Yield the text of a STEP file of a polyhedron. solids : shells of each solid, the outer shell before voids."""
+    """Yield the text of a STEP file of a polyhedron. solids : shells of each solid, the outer shell first."""
     yield header(name, "solid with planar faces", len(solids))
     texts, faces, free = planar_faces(shape, FIRST_FREE)
     yield from texts
@@ -293,8 +291,6 @@ def planar_faces(shape: Polyhedron, start: int) -> tuple[Iterator[str], Ints, in
 def _tables(
     shape: Polyhedron, vectors: tuple[Floats, Ints], normals: tuple[Floats, Ints], digits: int, blocks: list[range]
 ) -> Iterator[str]:
-    """Yield one kind of entities after another, to save memory. blocks : range of entity numbers for each kind.
-    vectors, normals : distinct directions, and their index by edge or face.    digits : decimals of normals."""
     points, vertices, dirs, units, lines, edges, steps, loops, bounds, axes, placements, planes, faces = blocks
     p, q = shape.edges.T
     outer = np.isin(np.arange(len(bounds)), shape.faces[:-1])
@@ -335,7 +331,7 @@ def _digits(shape: Polyhedron) -> int:
 
 
 def faceted_bytes(shape: Polyhedron) -> float:
-    """Estimate the bytes that `entities` writes, within 10 %, from the numbers of points, edges and faces."""
+    """Return an estimate of the bytes of a file."""
     v, e, f = len(shape.points), len(shape.edges), len(shape.normals)
     steps, bounds = len(shape.steps), len(shape.loops) - 1
     reference = np.log10(FIRST_FREE + 2 * v + 4 * e + steps + 2 * bounds + 4 * f) + 1.5  # length of a text like #123
@@ -350,7 +346,7 @@ def faceted_bytes(shape: Polyhedron) -> float:
 
 
 def header(name: str, description: str, pieces: int = 1) -> str:
-    """Return the beginning of the file, with a constant date: entities 1 to 18, with the product of the first piece."""
+    """Return the beginning of the file, entities 1 to 18."""
     title = step_string(one_line(name))
     product = step_string(piece_name(name, 0, pieces))
     return _HEADER.format(
@@ -359,7 +355,6 @@ def header(name: str, description: str, pieces: int = 1) -> str:
 
 
 def _table(numbers: range, template: str, *columns: Any) -> Iterator[str]:
-    """Yield one entity per row, without zeros at the end of decimals."""
     return (TRAILING_ZEROS.sub(r"\1", text) for text in rows(f"#%d={template};\n", numbers, *columns))
 
 
@@ -377,7 +372,7 @@ WARNING = "only programs that know AP242 tessellated geometry open it; FreeCAD 0
 
 
 def tessellated_entities(part: Part) -> Iterator[str]:
-    """Yield the text of the file. Each solid, with its voids, has coordinates, triangles and a product (named part)."""
+    """Yield the text of a file with triangles."""
     shell, solids = solids_of(part)
     beginning = header(part.name, "tessellated solid (AP242), for viewers", len(solids))
     yield (
@@ -403,7 +398,7 @@ def tessellated_entities(part: Part) -> Iterator[str]:
 
 
 def expected_bytes(part: Part) -> float:
-    """Estimate the length of the text of `tessellated_entities`."""
+    """Return an estimate of the bytes of a file with triangles."""
     digits = np.log10(max(np.abs(part.V).max(), 1.0)) + FACETED_DIGITS + 2.5
     return float(1500 + 3 * (digits + 1) * len(part.V) + (3 * np.log10(len(part.V)) + 8) * len(part.F))
 
@@ -418,7 +413,7 @@ def _product(entity_list: StepEntities, i: int, title: str) -> Iterator[str]:
 
 
 def check(part: Part, report: dict[str, float]) -> ReadBack:
-    """Return the content read back. Raises ExportError if OCCT reports other triangles or another volume (0.1 %)."""
+    """Return the content read back. Raises ExportError if the triangles or the volume differ."""
     require_equal(part, "triangles", len(part.F), int(report["triangles"]))
     if not abs(report["volume"] - part.volume) <= READ_BACK * part.volume:
         raise ExportError(f"OCCT reads a wrong volume from the STEP file of {part.name!r}; write step = 'faceted'")

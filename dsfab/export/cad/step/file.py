@@ -1,4 +1,4 @@
-"""STEP files of solids (plain or compressed) and of lines, and BREP files of the same solids."""
+"""STEP files of solids and of lines, and BREP files."""
 
 import io
 import subprocess
@@ -39,14 +39,13 @@ from dsfab.surface import StructureLine
 
 CHECK_SECONDS = 120
 CHECK_SECONDS_PER_FACE = 0.02
-"""Seconds per face in the time limit for OCCT to read a written file; several times the usual time."""
+"""Seconds per face in the time limit for OCCT."""
 
-LIGHT = 8.0  # megabytes; a faceted file up to this size replaces a smooth file that OCCT cannot cut
+LIGHT = 8.0  # megabytes; largest faceted file in place of a smooth file that OCCT cannot cut
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Return an iterator over the bytes of the part's STEP file, which is made with the strategy `part.step`.
-    Raises at once: ExportError if the strategy fails, BudgetError for too many faces. Later: BudgetError for size."""
+    """Yield the bytes of the part's STEP file. Raises ExportError and BudgetError."""
     faces, size, texts = ENCODERS[part.step](part)
     if faces > part.step_faces:
         raise BudgetError(part, faces, size)
@@ -87,11 +86,10 @@ ENCODERS: dict[str, Callable[[Part], tuple[int, float, Iterable[str]]]] = {
     "faceted": _encode_faceted,
     "tessellated": _encode_tessellated,
 }
-"""Function of each strategy. It returns the number of faces (limit: `step_faces`), the expected bytes, and the text."""
+"""Function of each strategy. It returns the number of faces, the expected bytes, and the text."""
 
 
 def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes]) -> Iterator[bytes]:
-    """Yield a file's chunks. If they exceed `step_mb`, raise BudgetError with a `size` of at least `expected` bytes."""
     size = 0
     for chunk in chunks:
         size += len(chunk)
@@ -101,9 +99,7 @@ def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back with OCCT and compare the number of solids and faces, validity and volume; raises ExportError.
-    Files of step = 'members', and smooth files without faceted pieces, are only compared with the text OCCT checked.
-    If the user wants to cut a smooth file (`cut`), OCCT's triangles must also bound a solid."""
+    """Compare the file, read by OCCT, with the part. Raises ExportError."""
     if part.step == "members":
         file = member_file(part)
         _require_same(part, path, file.text)
@@ -140,7 +136,7 @@ def _require_same(part: Part, path: Path, text: str) -> None:
 
 
 def inspection(part: Part, path: Path) -> dict[str, Any]:
-    """Return OCCT's report on a file, from a program with a time limit; raises ExportError if the program fails."""
+    """Return OCCT's report on a file. Raises ExportError."""
     limit = CHECK_SECONDS + (CHECK_SECONDS_PER_FACE * part.step_faces if part.step in ("faceted", "smooth") else 0)
     try:
         return occt_report("facts", str(path), seconds=limit)
@@ -159,8 +155,8 @@ _BEGINNING_OF_ZIP = (1980, 1, 1, 0, 0, 0)
 
 
 def encode_compressed(part: Part) -> Iterator[bytes]:
-    """Yield a zip archive with a single file: the STEP file of the part, under the part's name."""
-    level = 6  # level 9 of deflate takes five times as long and saves 2 %
+    """Yield a zip archive with the STEP file of the part."""
+    level = 6
     package = io.BytesIO()
     entry = zipfile.ZipInfo(f"{one_line(part.name).replace('/', '-')}.stp", _BEGINNING_OF_ZIP)
     entry.compress_type, entry.create_system = zipfile.ZIP_DEFLATED, 0
@@ -171,7 +167,7 @@ def encode_compressed(part: Part) -> Iterator[bytes]:
 
 
 def check_compressed(part: Part, path: Path) -> ReadBack:
-    """Unpack the archive, compare its checksum, and check the file as STEP. Raises ExportError if a check fails."""
+    """Check a zip archive and the STEP file inside. Raises ExportError."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder, zipfile.ZipFile(path) as archive:
         if len(archive.namelist()) != 1 or archive.testzip() is not None:
             raise ExportError(f"the compressed STEP file of {part.name!r} does not unpack; write .step instead")
@@ -181,12 +177,12 @@ def check_compressed(part: Part, path: Path) -> ReadBack:
 
 
 def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
-    """Return a sentence about the strategy of a BREP file. refused : errors of the strategies tried before."""
+    """Return a sentence about the strategy of a BREP file. refused : errors of earlier strategies."""
     return strategies.route_sentence(part, refused).replace("STEP", "BREP", 1)
 
 
 def encode_brep(part: Part) -> Iterator[bytes]:
-    """Yield a BREP file: OCCT reads a temporary STEP file and writes the shape as BREP."""
+    """Yield the BREP file of the part."""
     chunks = encode(part)
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         step_path, path = Path(folder) / "a.step", Path(folder) / "a.brep"
@@ -199,7 +195,7 @@ def encode_brep(part: Part) -> Iterator[bytes]:
 
 
 def check_brep(part: Part, path: Path) -> ReadBack:
-    """Read the file back with OCCT and compare the number of solids, validity and volume; raises ExportError."""
+    """Compare the file, read by OCCT, with the part. Raises ExportError."""
     report = inspection(part, path)
     require_equal(part, "solids", len(solids_of(part)[1]), report["solids"])
     if not (report["valid"] and report["tessellates"]):
@@ -218,11 +214,11 @@ def check_brep(part: Part, path: Path) -> ReadBack:
 
 
 COLOURS = {"major": (0.12, 0.31, 0.61), "minor": (0.70, 0.15, 0.12), "keep": (0.18, 0.49, 0.20), "rim": (0, 0.47, 0.53)}
-"""Red, green and blue of each family of lines; lines of unknown families are black."""
+"""Red, green and blue of each family of lines."""
 
 
 def encode_lines(part: Part) -> Iterator[bytes]:
-    """Yield a STEP file: all lines in one wireframe, with a layer and a colour for each family."""
+    """Yield a STEP file of all lines, with a layer and a colour for each family."""
     entity_list, layers = StepEntities(), dict[str, list[int]]()
     for line, chain in zip(part.details.lines, chains(part), strict=True):
         layers.setdefault(line.layer, []).append(_line(entity_list, line, chain))
@@ -243,7 +239,6 @@ def encode_lines(part: Part) -> Iterator[bytes]:
 
 
 def _line(entity_list: StepEntities, line: StructureLine, chain: list[Curve]) -> int:
-    """Add a line as a curve or a composite curve; return its number. A closed curve is split in two, for OCCT."""
     chain = halves(chain[0]) if line.is_closed and len(chain) == 1 else chain
     title = step_string(f"{line.id} {line.length:.3f} mm")
     if len(chain) == 1:
@@ -261,7 +256,7 @@ def _style(entity_list: StepEntities, colour: tuple[float, float, float]) -> int
 
 
 def check_lines_file(part: Part, path: Path) -> ReadBack:
-    """Read the file back with OCCT and compare the number of lines and their total length; raises ExportError."""
+    """Compare the lines in the file, read by OCCT, with the part. Raises ExportError."""
     report = inspection(part, path)
     require_equal(part, "lines", len(part.details.lines), report["lines"])
     return ReadBack(report["lines"], "lines", check_length(part, report["length"]), "length")

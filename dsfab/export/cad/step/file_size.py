@@ -1,4 +1,4 @@
-"""Size of a STEP file: its limit, its cost, and simplified meshes that meet the limit."""
+"""Size of a STEP file: limit, cost, and simplified meshes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,12 +16,12 @@ from dsfab.surface import nearest_places
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import coarsen_mesh
 
-LOADING_SECONDS = 1.5  # shortest time (seconds) to read a STEP file back, because a new process loads OCCT
+LOADING_SECONDS = 1.5  # shortest time (seconds) to read a STEP file back
 
 
 @dataclass(frozen=True)
 class StrategyCost:
-    """Cost of one face: seconds to write and read back, seconds to open in another program, and bytes of memory."""
+    """Cost of a face: seconds to write and read back, seconds to open, and bytes of memory."""
 
     write: float
     open: float
@@ -39,7 +39,7 @@ COSTS = {
 
 
 class BudgetError(NotMadeError):
-    """A STEP file has more faces or bytes than `step_faces` or `step_mb`. size : estimate in bytes, 0 if unknown."""
+    """A STEP file has more faces or bytes than `step_faces` or `step_mb`. size : bytes, 0 if unknown."""
 
     def __init__(self, part: Part, faces: int, size: float = 0.0) -> None:
         self.part, self.way, self.faces, self.size = part, strategy_of(part), faces, size
@@ -52,13 +52,13 @@ class BudgetError(NotMadeError):
 
     @property
     def strategy(self) -> str:
-        """Name of the strategy that would write the file. For "simplified", also the tolerance, unless it is 0."""
+        """Strategy of the file, with the tolerance of a simplified mesh."""
         is_within = self.way == "simplified" and self.part.tolerance
         return f"{self.way} within {self.part.tolerance:.2g} mm" if is_within else self.way
 
     @property
     def excess(self) -> str:
-        """Text after "would have" in a message: the number of faces, or the size in MB, that exceeds its limit."""
+        """Number of faces, or size in MB, that exceeds the limit, as text."""
         if self.by_faces:
             about = "about " if self.way == "simplified" else ""
             return f"{about}{self.faces:,} {'planar ' if self.way not in ('smooth', 'members') else ''}faces"
@@ -78,27 +78,27 @@ class BudgetError(NotMadeError):
 
     @property
     def cost(self) -> str:
-        """Text: strategy, number of faces, size, and time to write and check the file if it were not refused."""
+        """Text: strategy, number of faces, size, and time to write and check the file."""
         size = f"{self.size / 1e6:.3g} MB, " if self.size else ""
         seconds = writing_seconds(self.part, self.way, self.faces)
         return f"{self.strategy} {self.faces:,} faces ({size}about {duration(seconds)} to write and check)"
 
 
 def require_budget(part: Part, faces: int, size: float = 0.0) -> None:
-    """Raise BudgetError if a file has more faces than the part's `step_faces`, or more bytes than `step_mb` allows."""
+    """Raise BudgetError if a file has more faces or bytes than `step_faces` or `step_mb` allows."""
     if faces > part.step_faces or (part.step_mb and size > 1e6 * part.step_mb):
         raise BudgetError(part, faces, size)
 
 
 def writing_seconds(part: Part, strategy: str, faces: int) -> float:
-    """Return the seconds to write a part with a strategy and a number of faces, and to read the file back."""
-    in_use = 6e-2  # seconds per face for trial cuts, which are made on request only
+    """Return the seconds to write a part and to read the file back."""
+    in_use = 6e-2  # seconds per face
     tried = in_use if strategy == "members" and not part.hurry else 0.0
     return LOADING_SECONDS + (COSTS[strategy].write + tried) * faces
 
 
 def strategy_of(part: Part) -> str:
-    """Return the name of a part's strategy: planar, members, smooth, faceted, simplified, or tessellated."""
+    """Return a part's strategy: planar, members, smooth, faceted, simplified, or tessellated."""
     return "simplified" if part.step == "faceted" and part.simpler else part.step
 
 
@@ -109,7 +109,7 @@ def advice(error: BudgetError) -> str:
 
 
 def no_strategy_error(refused: Sequence[BudgetError]) -> ExportError:
-    """Return the error for a part if every strategy exceeds the limits, with the cost of each strategy and advice."""
+    """Return the error if every strategy exceeds the limits."""
     final = refused[-1]
     ways = ", ".join({error.way: error.cost for error in refused}.values())
     return NotMadeError(f"every STEP file of {final.part.name!r} would be {final.limit}: {ways}; {advice(final)}")
@@ -119,17 +119,15 @@ TRIES = 6
 
 
 def usual_tolerance(part: Part) -> float:
-    """Return the default tolerance (mm) for the simplification of a part."""
+    """Return the default tolerance (mm) for simplifying a part."""
     return OFF_SURFACE * 2 * part.volume / part.area
 
 
 def simplified_part(part: Part, tolerance: float) -> Part:
-    """Return the solid with fewer triangles. Its `note` has the measured distance and the change of volume.
-    The distance between the old and the new surface is at most `tolerance` (mm). The volume changes by at most 0.5 %.
-    No more pairs of triangles cross than before, and at most 9/10 of the triangles remain. Raises ExportError if no try
-    meets these limits; BudgetError if far more planar faces remain than `step_faces` (0: no limit)."""
-    worth = 0.9  # largest fraction of the triangles that may remain after simplification
-    stride = 1.6  # each try has 1.6 times the tolerance (in manifold3d) of the try before
+    """Return the solid with fewer triangles, at most `tolerance` (mm) from the old surface.
+    Raises ExportError if this is impossible, BudgetError if far more planar faces remain than `step_faces`."""
+    worth = 0.9
+    stride = 1.6  # next tolerance / last tolerance
     crossing, step = len(intersecting_pairs(part.V, part.F)), tolerance
     result: Part | None = None
     for _ in range(TRIES):
@@ -150,8 +148,7 @@ def simplified_part(part: Part, tolerance: float) -> Part:
 
 
 def _require_hope(simple: Part) -> None:
-    """Raise BudgetError if a simplified solid has so many faces that further tries are useless."""
-    hopeless = 1.2  # the search ends if a try has more than 1.2 times the allowed faces
+    hopeless = 1.2  # largest number of faces in a try / allowed number
     if 0 < hopeless * simple.step_faces < len(simple.F):
         shape = polyhedron(simple.V, simple.F, np.zeros(len(simple.F), dtype=np.int64))
         if len(shape.normals) > hopeless * simple.step_faces:
@@ -159,7 +156,7 @@ def _require_hope(simple: Part) -> None:
 
 
 def simplification(part: Part, step: float) -> tuple[Part, float]:
-    """Coarsen a part within `step` (mm). Return the new part, and its distance (mm) from the old part.
+    """Coarsen a part within `step` (mm). Return the new part, and the distance (mm) from the old part.
     If coarsening fails, the new part has no triangles, and the distance is infinite."""
     try:
         V, F = coarsen_mesh(part.V, part.F, step)
@@ -176,8 +173,7 @@ def _sound(part: Part, simple: Part, crossing: int) -> bool:
 
 
 def distance(V: Floats, F: Ints, V2: Floats, F2: Ints) -> float:
-    """Return the largest distance between two meshes, V (n, 3) and F (m, 3) each, both ways.
-    It is measured at vertices, and at centres of edges and triangles."""
+    """Return the largest distance between two meshes, V (n, 3) and F (m, 3)."""
     forth, back = nearest_places(_samples(V, F), V2, F2).squared, nearest_places(_samples(V2, F2), V, F).squared
     return float(np.sqrt(max(forth.max(), back.max())))
 

@@ -1,4 +1,4 @@
-"""Flat sheets in STEP: an outline of lines and splines in one plane, a thickness, and their entities."""
+"""Flat sheets in STEP."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ from dsfab.export.part import Part
 from dsfab.surface.topology import boundary_loops, edge_table, pieces
 
 SAME_PLACE = 1e-3  # points at a smaller distance (mm) are in one place
-WIDTH_SHARE = 0.1  # largest tolerance of a loop, as a fraction of its area / length; so narrow loops stay open
-GAP_SHARE = 0.25  # largest tolerance of a loop, as a fraction of its distance from other loops; so curves stay apart
+WIDTH_SHARE = 0.1  # largest tolerance of a loop, as a fraction of area / length
+GAP_SHARE = 0.25  # largest tolerance of a loop, as a fraction of the distance from other loops
 
 
 class NotFlatError(ExportError):
@@ -45,29 +45,29 @@ class FlatOutlines:
 
 @dataclass(frozen=True, eq=False)
 class FlatPlate:
-    """Flat sheet with outlines as curves: pieces[i][j] has the curves along loop j of piece i."""
+    """Flat sheet with outlines as curves. pieces[i][j] : curves along loop j of piece i."""
 
     outlines: FlatOutlines
     pieces: tuple[tuple[tuple[Curve, ...], ...], ...]
 
     @property
     def faces(self) -> int:
-        """Number of faces: a wall for each curve, and two skins for each piece."""
+        """Number of faces."""
         return sum(2 + sum(len(loop) for loop in loops) for loops in self.pieces)
 
     @property
     def deviation(self) -> float:
-        """Largest distance between a curve and its polyline in both directions, millimetres."""
+        """Largest distance between a curve and its polyline, millimetres."""
         return max(curve.deviation for loops in self.pieces for loop in loops for curve in loop)
 
 
 def outlines_of(part: Part) -> FlatOutlines:
-    """Return the outlines of a flat solid; raises ExportError if the solid is not a sheet between two planes."""
+    """Return the outlines of a flat solid. Raises ExportError for any other solid."""
     vectors = area_vectors(part.V, part.F)
     lengths = np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)
     across = np.linalg.eigh(np.einsum("mi,mj,m->ij", vectors, vectors, 1 / lengths))[1].T
     used = np.unique(part.F)
-    for axis in across[::-1]:  # begin with the last axis, which is usually the normal of the skins
+    for axis in across[::-1]:
         axis = axis * np.sign(axis[np.abs(axis).argmax()])
         height = part.V @ axis
         low, high = float(height[used].min()), float(height[used].max())
@@ -77,7 +77,7 @@ def outlines_of(part: Part) -> FlatOutlines:
 
 
 def frame(across: Floats) -> Floats:
-    """Return three right-handed unit axes as rows (3, 3). The last row is the unit vector `across`."""
+    """Return three right-handed unit axes as rows (3, 3); `across` is the last."""
     along = np.roll(np.eye(3), -1, axis=0)[np.abs(across).argmax()]
     axis = along - (along @ across) * across
     axis = axis / np.linalg.norm(axis)
@@ -106,8 +106,7 @@ def _skin_outlines(part: Part, axes: Floats, low: float, high: float) -> FlatOut
 
 
 def plate(outlines: FlatOutlines, corners: Floats, tolerance: float) -> FlatPlate:
-    """Fit curves within `tolerance` (mm) to the outlines. Curves end at outline points that are in `corners` (k, 3).
-    Raises ExportError if no spline is within the tolerance."""
+    """Fit curves within `tolerance` (mm) to outlines. corners : (k, 3) ends of curves. Raises ExportError."""
     tree = cKDTree(corners @ outlines.axes[:2].T) if len(corners) else None
     piece_curves = []
     gaps = iter(gaps_between([loop for loops in outlines.pieces for loop in loops], tolerance))
@@ -126,9 +125,8 @@ def plate(outlines: FlatOutlines, corners: Floats, tolerance: float) -> FlatPlat
 
 
 def gaps_between(loops: list[Floats], tolerance: float, least: float = 0.0) -> list[float]:
-    """Return for each loop a lower bound (mm) of its distance from other loops; inf if other loops are far away.
-    tolerance : mm; loops farther than `tolerance / GAP_SHARE` are far away.    least : smallest bound, mm.
-    Raises ExportError if outlines touch and `least` is 0."""
+    """Return for each loop (k, 2) a lower bound (mm) of the distance from other loops; inf if they are far.
+    tolerance : mm.    least : smallest bound, mm. Raises ExportError if outlines touch and `least` is 0."""
     gaps, reach_limit = [np.inf] * len(loops), tolerance / GAP_SHARE
     spacing, remaining = 8 * reach_limit, list(range(len(loops)))
     while remaining and len(loops) > 1 and spacing >= least:
@@ -160,14 +158,14 @@ def _samples_along(loop: Floats, spacing: float) -> Floats:
 
 
 def signed_loop_area(loop: Floats) -> float:
-    """Return the area inside a closed polyline (k, 2), negative when clockwise."""
+    """Return the area inside a closed polyline (k, 2); negative if clockwise."""
     p = loop - loop.mean(axis=0)
     q = np.roll(p, -1, axis=0)
     return float((p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum() / 2)
 
 
 def plate_entities(plate: FlatPlate, name: str) -> Iterator[str]:
-    """Yield the text of the STEP file of a flat sheet, with a solid for each piece."""
+    """Yield the text of the STEP file of a flat sheet."""
     entity_list = StepEntities()
     pieces = [_piece(entity_list, plate, loops) for loops in plate.pieces]
     yield from entity_list.file(pieces, name, f"flat solid, outline within {plate.deviation:.2g} mm of the mesh")

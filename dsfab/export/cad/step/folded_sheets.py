@@ -1,4 +1,4 @@
-"""STEP entities of folded sheets: flat facets that meet at straight folds, and ruled walls."""
+"""STEP entities of folded sheets: flat facets and ruled walls."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -36,24 +36,24 @@ from dsfab.surface import CREASE, edge_table
 class Facet:
     """Planes of both skins of a flat part of a sheet, the upper plane first, millimetres.
     origin : (2, 3) a point of each plane.
-    axes   : (2, 3, 3) unit vectors, right-handed: two in each plane, and the plane's normal upwards."""
+    axes   : (2, 3, 3) right-handed unit vectors: two in each plane, and the normal upwards."""
 
     origin: Floats
     axes: Floats
 
     def flat(self, points: Floats) -> Floats:
-        """Return coordinates (k, 4) of points (k, 2, 3): two coordinates in the upper plane, then two in the lower."""
+        """Return coordinates (k, 4) of points (k, 2, 3): two in the upper plane, then two in the lower plane."""
         return np.asarray(np.einsum("ksi,sai->ksa", points - self.origin, self.axes[:, :2]).reshape(-1, 4))
 
     def in_space(self, flat: Floats) -> Floats:
-        """Return points (k, 2, 3) in the upper and lower plane from coordinates (k, 4): the inverse of `flat`."""
+        """Return points (k, 2, 3) in both planes from coordinates (k, 4)."""
         return np.asarray(self.origin + np.einsum("ksa,sai->ksi", flat.reshape(-1, 2, 2), self.axes[:, :2]))
 
 
 @dataclass(frozen=True, eq=False)
 class FlatFacets:
-    """Cut sheet whose faces lie in a few planes (facets), before its vertices are moved exactly into these planes.
-    skins : (n, 2, 3) vertices of the sheet on both skins, mm.    facet : (m,) facet of each face.
+    """Cut sheet whose faces lie in a few planes (facets), before the vertices are moved into these planes.
+    skins : (n, 2, 3) vertices on both skins, mm.    facet : (m,) facet of each face.
     shift : distance of the sheet's middle from the surface: 0, 1 or -1 half thicknesses."""
 
     whole: DividedSheet
@@ -64,7 +64,7 @@ class FlatFacets:
 
     @cached_property
     def has_creases(self) -> bool:
-        """True if folds over 30 degrees are at least half of the length of all folds. Else the sheet may be curved."""
+        """True if folds over 30 degrees are at least half of the length of all folds."""
         F, upper = self.whole.F, self.skins[:, 0]
         h, k = edge_table(F).pairs.T
         fold = self.facet[h // 3] != self.facet[k // 3]
@@ -78,9 +78,7 @@ class FlatFacets:
 @dataclass(frozen=True, eq=False)
 class FoldedSheet:
     """Sheet of flat facets, millimetres.
-    outline : outlines of the sheet's regions; `chart` is the number of a region's facet.
-    points  : (n, 2, 3) vertices on both skins. A vertex at a fold lies in the planes of all its facets.
-    If these planes have no common point, each mesh face at the vertex becomes a facet."""
+    outline : outlines of regions with their facets (`chart`).    points : (n, 2, 3) vertices on both skins."""
 
     outline: SheetOutline
     facets: dict[int, Facet]
@@ -95,16 +93,16 @@ class FoldedSheet:
 
 @derived
 def flat_facets(part: Part) -> FlatFacets | None:
-    """Return the flat facets of a solid's sheet; None if it has fewer than two."""
+    """Return the flat facets of a solid's sheet; None for fewer than two facets."""
     try:
         return _facets(part)
     except ExportError:
-        return None  # the sheet is a single plane, or is curved
+        return None
 
 
 @derived
 def folded_sheet(part: Part) -> FoldedSheet | None:
-    """Return the sheet of a solid with flat facets, with vertices exactly in their planes; None for other solids."""
+    """Return the sheet of a solid with flat facets; None for other solids."""
     flat = flat_facets(part)
     try:
         return _mitred_sheet(flat) if flat else None
@@ -113,7 +111,7 @@ def folded_sheet(part: Part) -> FoldedSheet | None:
 
 
 def _facets(part: Part) -> FlatFacets:
-    rough = 1e-4  # largest error of vertices, divided by the thickness, because mesh files round vertices
+    rough = 1e-4  # largest error of vertices, divided by the thickness
     if part.curved is None:
         raise NotFlatError("the sheet that the solid was made from is unknown")
     curved = part.curved()
@@ -145,7 +143,7 @@ def _mitred_sheet(flat: FlatFacets) -> FoldedSheet:
 
 
 def _require_few_facets(facet: Ints) -> None:
-    faces_per_facet = 4  # least mean number of triangles per facet; on a curved sheet, each triangle is a facet
+    faces_per_facet = 4  # least mean number of triangles per facet
     if not 1 < int(facet.max()) + 1 <= len(facet) / faces_per_facet:
         raise NotFlatError("the facets of the sheet are not flat")
 
@@ -159,8 +157,8 @@ def _plane(skins: Floats, F: Ints) -> Facet:
 
 
 def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
-    """Move vertices into the planes of their facets, if these have several triangles.
-    Return the points (n, 2, 3), and a mask (n,) of vertices at which the planes have no common point."""
+    """Return the vertices (n, 2, 3) in the planes of their facets.
+    Return also a mask (n,) of vertices whose planes have no common point."""
     exact = 1e-5  # largest distance (mm) of a fold's corners from the planes that meet there
     count = np.bincount(facet)
     planes = {int(k): _plane(skins, F[facet == k]) for k in np.flatnonzero(count > 1)}
@@ -182,14 +180,14 @@ def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools
 @dataclass(frozen=True, eq=False)
 class FoldedShape:
     """Folded sheet. walls : for each part of an outline, the curves along its walls (faces through the thickness).
-    Poles (p, 4) of curves are coordinates in a facet's planes: two in the upper plane, two in the lower plane."""
+    Poles (p, 4) have two coordinates in the upper plane, then two in the lower plane."""
 
     sheet: FoldedSheet
     walls: dict[RunKey, list[Curve]]
 
     @property
     def faces(self) -> int:
-        """Number of faces: a wall for each curve, and two skins for each region."""
+        """Number of faces of the folded solid."""
         return sum(map(len, self.walls.values())) + 2 * len(self.sheet.outline.regions)
 
     @property
@@ -199,7 +197,7 @@ class FoldedShape:
 
 
 def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
-    """Fit the walls as curves within a tolerance (mm); raises ExportError if no spline is within the tolerance."""
+    """Fit the walls as curves within a tolerance (mm); raises ExportError if no curve fits."""
     walls, least_gap = dict[RunKey, list[Curve]](), tolerance / 8  # least gap between openings and folds, mm
     for region in sheet.outline.regions:
         facet, lines = sheet.facets[region.chart], region_lines(sheet, region)
@@ -215,7 +213,7 @@ def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
 
 def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
     """Return the loops (k, 4) of a region in the upper and the lower plane; the outer loop is counter-clockwise.
-    Raises ExportError if the region has no outer loop, or several outer loops."""
+    Raises ExportError unless the region has one outer loop."""
     facet = sheet.facets[region.chart]
     lines = [facet.flat(sheet.points[np.concatenate([run.vertices[:-1] for run in loop])]) for loop in region.loops]
     if any(sum(signed_loop_area(line[:, s : s + 2]) > 0 for line in lines) != 1 for s in (0, 2)):
@@ -224,7 +222,6 @@ def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
 
 
 def _curve(line: Floats, tolerance: float) -> Curve:
-    """Fit a curve to polylines (k, 4) on both skins. Points at equal fractions of each polyline's length form pairs."""
     upper, lower = (arc_lengths(line[:, s : s + 2]) for s in (0, 2))
     shares = [np.asarray(length / max(float(length[-1]), 1e-300)) for length in (upper, lower)]
     x = np.union1d(*shares)
@@ -235,12 +232,11 @@ def _curve(line: Floats, tolerance: float) -> Curve:
     return curve
 
 
-EdgePair = tuple[int, int]  # numbers of an edge (or vertex) on the upper and on the lower skin
+EdgePair = tuple[int, int]  # edges (or vertices) of the upper and lower skin
 
 
 class PlanarFile(NamedTuple):
-    """STEP text of a flat or folded sheet. faces, facets : number of faces, and of facets (1 for a flat sheet).
-    deviation : largest distance of outlines from the mesh, mm."""
+    """STEP text of a flat or folded sheet. deviation : largest distance of outlines from the mesh, mm."""
 
     faces: int
     texts: list[str]
@@ -249,7 +245,7 @@ class PlanarFile(NamedTuple):
 
 
 def planar_file(part: Part) -> PlanarFile:
-    """Return the STEP file of a flat or a folded sheet; raises ExportError with the reason for any other solid."""
+    """Return the STEP file of a flat or a folded sheet; raises ExportError for any other solid."""
     folded = folded_sheet(part)
     if folded is None:
         flat = plate(outlines_of(part), part.corners, part.tolerance)
@@ -264,7 +260,6 @@ def planar_file(part: Part) -> PlanarFile:
 
 class _Writer:
     def __init__(self, shape: FoldedShape) -> None:
-        # Two more digits make edges on inclined planes exact to 1e-7 mm, as OCCT's fillets need.
         self.new, self.shape, self.sheet = StepEntities(extra_digits=2), shape, shape.sheet
         self.vertices, self.posts, self.edges = dict[int, EdgePair](), dict[int, int](), dict[RunKey, EdgePair]()
 
@@ -298,7 +293,6 @@ class _Writer:
         return self.edges[key], ahead
 
     def _walls(self, run: OutlineRun, facet: Facet) -> tuple[list[EdgePair], list[int]]:
-        """Add the walls along a part of an outline; return the upper and the lower edge of each wall, and the faces."""
         chain, vertices, posts = self.shape.walls[run_key(run)[0]], list[EdgePair](), list[int]()
         for v in run.vertices[[0, -1]]:
             vertices.append(self._vertex(int(v)))
@@ -340,7 +334,6 @@ class _Writer:
         return self.new.edge(lower, upper, self.new.line(q, p - q))
 
     def _ruled_surface(self, curve: Curve, poles: Floats) -> int:
-        """Add the surface between upper and lower curves with poles (p, 2, 3); its normal points outwards."""
         upper, lower = poles[:, 0], poles[:, 1]
         across = np.cross(lower[-1] - lower[0], upper[0] - lower[0])
         normal = across / max(float(np.linalg.norm(across)), 1e-300)

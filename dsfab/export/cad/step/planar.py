@@ -1,4 +1,4 @@
-"""Planar faces from triangles: coplanar regions, their outlines as loops, and polyhedra with long edges."""
+"""Planar faces from triangles: coplanar regions, their outlines, and polyhedra with long edges."""
 
 from dataclasses import dataclass
 
@@ -7,15 +7,12 @@ import numpy as np
 from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
 from dsfab.surface.topology import EdgeTable, edge_table, link_components
 
-FLATNESS = 1e-5  # largest distance (mm) of vertices from the plane or long edge of joined faces; precision of Parasolid
+FLATNESS = 1e-5  # largest distance (mm) of vertices from the plane or long edge of joined faces
 
 
 def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FLATNESS) -> tuple[Ints, Floats]:
     """Return the region (m,) of each triangle, and twice the area vector (r, 3) of each region.
-    tolerance : largest distance (mm) of a vertex from a neighbour's plane, and from the mean plane of its region.
-    Neighbours join if the third vertex of each is in its neighbour's plane, and their normals differ by < 90 degrees.
-    A very thin triangle (height below FLATNESS) joins only the neighbour at its longest edge. Its own plane is inexact.
-    Small angles can add up: a region is divided again if a vertex is too far from the region's mean plane."""
+    tolerance : largest distance (mm) of a vertex from the mean plane of its region."""
     corners = V[F]
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     units = unit_vectors(vectors)
@@ -36,7 +33,6 @@ def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FL
 
 
 def _off_plane(corners: Floats, vectors: Floats, region: Ints) -> Floats:
-    """Return the largest distance (r,) of each region's vertices from its mean plane."""
     normal = unit_vectors(group_sums(region, vectors))
     weight = np.linalg.norm(vectors, axis=1)
     total = np.maximum(np.bincount(region, weight), 1e-300)
@@ -49,7 +45,7 @@ def _off_plane(corners: Floats, vectors: Floats, region: Ints) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class FaceOutlines:
-    """Outlines of faces, as loops of half-edges (directed edges). Loop i is h[start[i] : start[i + 1]]."""
+    """Outlines of faces as loops of half-edges (directed edges): loop i is h[start[i] : start[i + 1]]."""
 
     h: Ints
     start: Ints
@@ -69,12 +65,12 @@ class FaceOutlines:
 
 def outline_of(region: Ints, opposite: Ints) -> FaceOutlines:
     """Return the outlines of regions as loops of half-edges (directed edges), with each region on the left.
-    region : (m,) region of each triangle.    opposite : (3 m,) number of the half-edge opposite to each half-edge."""
+    region : (m,) region of each triangle.    opposite : (3 m,) opposite half-edge of each half-edge."""
     on_border = region[np.arange(len(opposite)) // 3] != region[opposite // 3]
     onward = np.arange(len(opposite))
     onward += np.where(onward % 3 == 2, -2, 1)
     follow = onward.copy()
-    turning = np.flatnonzero(on_border)  # border half-edges only; at others, the loop below would never end
+    turning = np.flatnonzero(on_border)  # border half-edges only
     while len(turning := turning[~on_border[onward[turning]]]):
         onward[turning] = follow[opposite[onward[turning]]]
     step, passed = onward.tolist(), bytearray(len(opposite))
@@ -90,7 +86,7 @@ def outline_of(region: Ints, opposite: Ints) -> FaceOutlines:
 
 
 def simple_loops(outline: FaceOutlines, F: Ints) -> FaceOutlines:
-    """Cut the loops of faces F (m, 3) at repeated vertices, so that no loop touches itself."""
+    """Cut the loops of faces F (m, 3) at repeated vertices."""
     vertex = F.ravel()[outline.h]
     visits = np.sort(outline.loop * (int(F.max()) + 1) + vertex)
     touching = set((visits[1:][visits[1:] == visits[:-1]] // (int(F.max()) + 1)).tolist())
@@ -104,7 +100,7 @@ def simple_loops(outline: FaceOutlines, F: Ints) -> FaceOutlines:
 
 
 def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
-    """Cut a loop of half-edges h, which begin at `vertices`, into loops that visit each vertex once."""
+    """Cut a loop of half-edges h (k,), which begin at `vertices`, into loops without repeated vertices."""
     loops, path, place = [], list[int](), dict[int, int]()
     visited: list[int] = []
     for half_edge, vertex in zip(h, vertices, strict=True):
@@ -121,8 +117,7 @@ def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
 
 
 def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
-    """Return for each half-edge (h,) the positions of the last corner at or before its start, and of the next corner.
-    alive : (h,) True for half-edges that begin at a corner."""
+    """Return the positions of the last corner at or before, and of the next corner after, each half-edge (h,)."""
     corner_positions = np.flatnonzero(alive)
     loop = outline.loop
     loop_first = np.searchsorted(corner_positions, outline.start[:-1])
@@ -133,8 +128,7 @@ def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
 
 
 def step_positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
-    """Return the positions (p,) of all steps of `loops` (k,), and for each step the index of its loop in `loops`.
-    start : position where each loop begins."""
+    """Return the positions (p,) of all steps of `loops` (k,), and the index of the loop of each step."""
     length = np.diff(start)[loops]
     loop = np.repeat(np.arange(len(loops)), length)
     return (start[loops] - np.cumsum(length) + length)[loop] + np.arange(len(loop)), loop
@@ -145,7 +139,7 @@ class Polyhedron:
     """Planar faces with shared edges. Outer loops run counter-clockwise about the face's normal, inner loops clockwise.
     points  : (p, 3) coordinates, mm.
     edges   : (e, 2) end points of each straight edge.
-    steps   : (s,) edge of each step of the loops. Each edge has two steps, one in each direction.
+    steps   : (s,) edge of each step of the loops.
     forward : (s,) True if the step runs from the first end of its edge to the second end.
     loops   : (l + 1,) loop i has the steps loops[i] : loops[i + 1].
     faces   : (f + 1,) face i has the loops faces[i] : faces[i + 1], the outer loop first.
@@ -165,7 +159,7 @@ class Polyhedron:
 
 
 def polyhedron(V: Floats, F: Ints, shell: Ints) -> Polyhedron:
-    """Build planar faces of a closed triangle mesh with two triangles at each edge; shell (m,) labels its triangles."""
+    """Build planar faces of a closed triangle mesh. shell : (m,) shell of each triangle."""
     table = edge_table(F)
     opposite = np.empty(3 * len(F), dtype=np.int64)
     opposite[table.pairs[:, 0]], opposite[table.pairs[:, 1]] = table.pairs[:, 1], table.pairs[:, 0]
@@ -175,8 +169,7 @@ def polyhedron(V: Floats, F: Ints, shell: Ints) -> Polyhedron:
 
 
 def _corners(V: Floats, F: Ints, table: EdgeTable, outline: FaceOutlines) -> Bools:
-    """Return a mask (n,) of vertices that are corners of outlines; each loop has at least three. If a vertex is off the
-    line between the corners before and after it, all vertices between these corners become corners."""
+    """Return a mask (n,) of vertices that are corners of outlines."""
     a = F.ravel()[outline.h]
     alive = np.bincount(table.ends[np.unique(table.of.ravel()[outline.h])].ravel(), minlength=len(V)) > 2
     before, after = np.roll(a, 1), a[outline.next]
@@ -242,8 +235,7 @@ def _numbered_polyhedron(
 def _long_edges(
     F: Ints, table: EdgeTable, outline: FaceOutlines, alive: Bools
 ) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
-    """Return the first vertex of each step (straight part of a loop), and the first step of each loop. Then return
-    the edge of each step, the ends (e, 2) of the edges, and True for steps from the first end to the second end."""
+    """Return the first vertex of each step (straight part of a loop), the first step of each loop, and the edges."""
     a = F.ravel()[outline.h]
     is_corner = alive[a]
     run, end = ends_of_runs(is_corner, outline)
@@ -258,7 +250,7 @@ def _long_edges(
 
 
 def _loop_areas(V: Floats, begin: Ints, start: Ints, face_of_loop: Ints, normals: Floats) -> Floats:
-    """Return twice the area (l,) inside each loop, negative if clockwise about the normal; 0 for a face's only loop."""
+    """Return twice the area (l,) inside each loop, negative if clockwise; 0 for a face's only loop."""
     around = np.zeros(len(face_of_loop))
     many = np.flatnonzero(np.bincount(face_of_loop)[face_of_loop] > 1)
     if len(many):

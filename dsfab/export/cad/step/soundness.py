@@ -1,4 +1,4 @@
-"""Soundness of a STEP file for CAD programs: a trial cut by OCCT, and a test of OCCT's triangles."""
+"""Checks of STEP files: a trial cut by OCCT, and a test of OCCT's triangles."""
 
 import subprocess
 import tempfile
@@ -29,7 +29,7 @@ REDRAWING_ROUNDS = 2  # largest number of rounds; each round makes the triangles
 class StepTriangles(NamedTuple):
     """Triangles of a STEP file.
     V    : (n, 3) different points, m.    F    : (m, 3) triangles, counter-clockwise from outside.
-    face : (m,) face of the file.         lost : number of degenerate triangles that were dropped."""
+    face : (m,) face of the file.         lost : number of dropped triangles."""
 
     V: Floats
     F: Ints
@@ -38,7 +38,7 @@ class StepTriangles(NamedTuple):
 
 
 def step_triangles(mesh: StepMesh) -> StepTriangles:
-    """Return OCCT's triangles in metres, with one point at each place, and without degenerate triangles."""
+    """Return OCCT's triangles in metres, with one point at each place."""
     same_place = 1e-9  # points closer than this * diagonal are equal; OCCT triangulates each face separately
     grid = np.round(mesh.V / (same_place * float(np.linalg.norm(np.ptp(mesh.V, axis=0)))))
     _, once, point_number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
@@ -52,9 +52,7 @@ def curved_soundness(
 ) -> Soundness:
     """Judge a solid with curved faces by its triangles. Raises ExportError if OCCT takes too long.
     deflection : largest distance of the triangles from curved faces, m; 0 without such faces.
-    shape      : OCCT's binary shape of the file.    on_redraw : called before faces get finer triangles.
-
-    If crossing triangles are the only fault, they are tested again with finer triangles."""
+    shape      : OCCT's binary shape of the file."""
     sound, triangles = soundness(first_triangles.V, first_triangles.F), first_triangles
     crossing_faces: Ints = np.zeros(0, dtype=np.int64)
     for k in range(1, REDRAWING_ROUNDS + 1):
@@ -68,14 +66,15 @@ def curved_soundness(
 
 
 def step_fault(path: Path, deflection: float) -> str:
-    """Return the reason why a STEP file is not a solid, judged by OCCT's triangles; "" for a solid.
-    Raises ExportError if OCCT cannot read the file or takes too long. deflection : largest error of triangles, m."""
+    """Return the reason why a STEP file is not a solid; "" for a solid.
+    Raises ExportError if OCCT fails or takes too long. deflection : largest error of triangles, m."""
     mesh = read_step(path, deflection / METRES_PER["mm"])
     return triangle_fault(step_triangles(mesh), deflection, mesh.shape)
 
 
 def triangle_fault(first_triangles: StepTriangles, deflection: float, shape: bytes) -> str:
-    """Return the reason why triangles of a shape bound no solid, or "". Arguments : as in `curved_soundness`."""
+    """Return the reason why triangles of a shape bound no solid; "" for a solid.
+    deflection : largest error of triangles, m."""
     sound = curved_soundness(first_triangles, deflection, shape)
     if sound.sound:
         return ""
@@ -98,7 +97,6 @@ def _faces_near(triangles: StepTriangles, faces: Ints, deflection: float) -> Int
 def _redraw(
     sound: Soundness, first_triangles: StepTriangles, faces: Ints, deflection: float, shape: bytes
 ) -> tuple[Soundness, StepTriangles]:
-    """Triangulate `faces` more finely, or all faces if the topology changes; return new `Soundness` and triangles."""
     redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"], faces))
     if not np.array_equal(np.unique(redrawn.face), faces) or not _same_topology(first_triangles, redrawn):
         redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"]))
@@ -109,7 +107,7 @@ def _redraw(
 
 
 def _same_topology(coarse: StepTriangles, fine: StepTriangles) -> bool:
-    """Return True if `fine` is an oriented manifold with the Euler number of `coarse`: no face is missing or loose."""
+    """Return True if `fine` is an oriented manifold with the Euler number of the same faces in `coarse`."""
     selected = np.isin(coarse.face, fine.face)
     edges = edge_table(fine.F)
     crowded = (edges.count > 2).any() or len(duplicate_faces(fine.F))
@@ -125,7 +123,7 @@ MOST_FACES = 2000  # largest number of faces for an automatic trial cut (up to 1
 
 @dataclass(frozen=True)
 class SampledUse:
-    """Result of a trial cut of the solid. tried : True if OCCT tried a cut.    fault : reason for failure, or ""."""
+    """Result of a trial cut. tried : True if OCCT tried a cut.    fault : reason for failure, or ""."""
 
     tried: bool
     fault: str = ""
@@ -133,8 +131,7 @@ class SampledUse:
 
 @derived
 def smooth_use(part: Part) -> SampledUse:
-    """Let OCCT cut the solid of a part's smooth file once, if `part.cut` is True; return the result of this trial.
-    A file of over 500 faces is not cut."""
+    """Return the result of a trial cut of the solid in a part's smooth file."""
     most_faces = 500  # largest number of faces for a trial cut (half a minute for 1400 faces)
     file = smooth_file(part)
     if not part.cut or file.faces > most_faces:
@@ -143,8 +140,8 @@ def smooth_use(part: Part) -> SampledUse:
 
 
 def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffix: str = ".step") -> SampledUse:
-    """Let OCCT cut the solid in a file once, and compare the solid's box with the part's box; return the result.
-    file : STEP text, or OCCT's binary shape (`suffix` ".bin").    faces : number of faces; no cut over `MOST_FACES`."""
+    """Cut the solid in a file once, and compare its box with the part's box.
+    file : STEP text, or OCCT's binary shape (`suffix` ".bin")."""
     if faces > MOST_FACES:
         return SampledUse(False)
     with _file(file, suffix) as path:
@@ -153,7 +150,7 @@ def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffi
 
 
 def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
-    """Let OCCT cut the solid in a file; return the halves' fault or "", and the solid's box (6 numbers, mm, or [])."""
+    """Cut the solid in a file; return the fault or "", and the solid's box (6 numbers, mm, or [])."""
     seconds = 30.0 + 0.03 * faces  # several times the usual duration of a trial cut
     try:
         report = occt_report("sample", str(path), seconds=seconds)
@@ -166,7 +163,7 @@ def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
 
 
 def use_report(text: str, seconds: float) -> dict[str, Any]:
-    """Return OCCT's report on trials with a file, such as cuts and fillets. Raises ProgramError or TimeoutExpired."""
+    """Return OCCT's report on trials with a file. Raises ProgramError or TimeoutExpired."""
     with _file(text.encode("ascii")) as path:
         return occt_report("use", str(path), seconds=seconds)
 
@@ -180,8 +177,8 @@ def _file(content: bytes, suffix: str = ".step") -> Iterator[Path]:
 
 
 def box_fault(part: Part, bounds: list[float], limits: SmoothLimits, share: float = 1e-2) -> str:
-    """Return a sentence if OCCT's bounding box of a part's file differs from the part's box; "" if the box fits.
-    bounds : six numbers of OCCT's box, mm.    share : largest error, as a fraction of the part's diagonal."""
+    """Return a sentence if OCCT's bounding box differs from the part's box, else "".
+    bounds : six numbers of OCCT's box, mm.    share : largest relative error."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     distance = float(np.abs(np.array(bounds).reshape(2, 3) - part.box).max())
     is_far = distance > share * size + limits.distance + limits.usual_chord

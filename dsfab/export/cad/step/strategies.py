@@ -1,4 +1,4 @@
-"""Strategies to write a solid as STEP, the best strategy first, with estimated costs and messages about the choice."""
+"""Strategies to write a solid as STEP, with estimated costs and messages about the choice."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -35,20 +35,19 @@ from dsfab.surface.topology import edge_table, half_edges
 ROUTES = ("auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated")
 
 QUICK_FACTOR = 3
-"""Factor for step = 'quick': multiplies the usual largest numbers of walls and of layouts (divisions into charts).
-If OCCT refuses the first layout, another layout often succeeds, because its seams lie elsewhere."""
+"""Factor for step = 'quick', on the largest numbers of walls and of layouts (divisions into charts)."""
 
 MEMBER_FACES_FACTOR = 2
-"""If a faceted file is too large, step = 'auto' tries step = 'members' with this multiple of the usual limit of faces.
-The next attempt would be a smooth file, which CAD programs usually fail to cut."""
+"""Multiple of the usual limit of faces for step = 'members', if a faceted file is too large."""
 
 
 def prepare(part: Part) -> Part:
-    """Round the part to the decimals of the file; raises ExportError if an edge has more than two triangles."""
+    """Round the part to the decimals of the file.
+    Raises ExportError if an edge has more than two triangles."""
     V, coarse = (np.round(part.V, digits) + 0.0 for digits in (DIGITS, FACETED_DIGITS))
     ends = np.stack(half_edges(part.F))
     short = ends[:, (coarse[ends[0]] == coarse[ends[1]]).all(axis=1)]
-    V[short] = coarse[short]  # the ends of short edges get fewer decimals and merge
+    V[short] = coarse[short]
     part = without_collapsed(part, V, f"a STEP file with {FACETED_DIGITS} decimals")
     crowded = int((edge_table(part.F).count != 2).sum())
     if crowded:
@@ -60,9 +59,9 @@ def prepare(part: Part) -> Part:
 
 
 def attempts(part: Part) -> Iterator[Part | BudgetError]:
-    """Yield versions of the part for each strategy, the best first; a BudgetError for each version that is too large.
-    A solid is simplified before faceting if the user sets a tolerance; otherwise only if all other strategies fail."""
-    tighter = 1 / 4  # tolerance of the second planar file, as a fraction of the first; closer curves cross less often
+    """Yield versions of the part for each strategy, the best first.
+    A BudgetError replaces each version that is too large."""
+    tighter = 1 / 4  # tolerance of the second planar file, as a fraction of the first
     flat, chosen = 0.0, part.step in ("auto", "quick")
     if part.step == "members":
         yield part
@@ -109,10 +108,7 @@ def _striped_sheet(part: Part) -> Curved | None:
 
 
 def _last_attempts(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
-    """Yield versions of a part to try if its faceted file fails; a BudgetError for a version that is too large.
-    members : version with step = 'members'; None to leave out this version and the smooth file, which are slow.
-    quick   : True to leave out the last version if the first has far too many faces."""
-    far_factor = 2  # with more than twice the allowed faces, further tries do not help
+    far_factor = 2
     is_far = False
     if not part.tolerance:
         simple = _simpler_or_error(part, usual_tolerance(part))
@@ -137,13 +133,12 @@ def _simpler_or_error(part: Part, tolerance: float) -> Part | ExportError:
 
 
 def simpler(part: Part, tolerance: float) -> Part:
-    """Simplify the part within a tolerance (mm); raises ExportError if that fails, BudgetError for too many faces."""
+    """Simplify the part within a tolerance (mm). Raises ExportError if that fails, BudgetError for too many faces."""
     return prepare(simplified_part(replace(part, tolerance=tolerance), tolerance))
 
 
 def default_tolerance(part: Part) -> float:
-    """Return the default tolerance of a file with lines and splines (`planar`), mm; 0 if the solid is not suitable.
-    Suitable solids are flat, or folded at creases. If the user requests `planar`, every folded sheet is suitable."""
+    """Return the default tolerance of a planar file, mm; 0 if the solid is not suitable."""
     try:
         return OUTLINE * outlines_of(part).thickness
     except ExportError:
@@ -152,7 +147,6 @@ def default_tolerance(part: Part) -> float:
 
 
 def _may_be_planar(part: Part) -> bool:
-    """Return False for curved sheets without creases: a planar file could get a facet for each triangle."""
     flat = flat_facets(part)
     return flat is None or flat.has_creases or part.step == "planar"
 
@@ -193,7 +187,7 @@ def _cutting_sentence(part: Part, refused: Sequence[ExportError]) -> str:
 
 
 def way_to_cut(part: Part, refused: Sequence[ExportError]) -> str:
-    """Recommend a STEP strategy for cuts in CAD: 'members', or 'faceted' if 'members' failed or stripes are unknown."""
+    """Recommend a STEP strategy for cuts in CAD: 'members' or 'faceted'."""
     by_members = [error for error in refused if _is_by_members(error)]
     over = [error for error in by_members if isinstance(error, BudgetError)]
     if over:
@@ -203,7 +197,7 @@ def way_to_cut(part: Part, refused: Sequence[ExportError]) -> str:
 
 
 def members_clause(refused: Sequence[ExportError]) -> str:
-    """Explain why step = 'members' failed before a smooth file was written; "" if dsfab did not try it."""
+    """Explain why step = 'members' failed; "" if dsfab did not try that strategy."""
     why = [error.reason if isinstance(error, BudgetError) else str(error) for error in refused if _is_by_members(error)]
     return f"; not by members, since {why[-1].removeprefix('by members, ')}" if why else ""
 
@@ -213,7 +207,7 @@ def _is_by_members(error: ExportError) -> bool:
 
 
 def reasons(refused: Sequence[ExportError]) -> list[str]:
-    """Return the reasons why strategies were refused, each once; "not flat" only if there is no other reason."""
+    """Return the reasons why strategies were refused, each once."""
     remaining = [error for error in refused if not isinstance(error, NotFlatError)] or refused
     return list(dict.fromkeys(_reason_with_advice(error, str(error)) for error in remaining))
 
@@ -225,7 +219,7 @@ def _reason_with_advice(error: ExportError, why: str) -> str:
 
 
 def refusal(refused: Sequence[ExportError]) -> ExportError:
-    """Return the error for a part that no strategy can write, with the sizes of files that would be too large."""
+    """Return the error for a part that no strategy can write."""
     over = [error for error in refused if isinstance(error, BudgetError)]
     if not over:
         return refused[-1]
@@ -241,12 +235,11 @@ def refusal(refused: Sequence[ExportError]) -> ExportError:
 class Estimate:
     """Estimated cost of one strategy.
     way           : planar, members, smooth, faceted, simplified (fewer triangles, then faceted), tessellated.
-    faces         : number of faces of the file, or of triangles for tessellated; 0 if the strategy fails.
+    faces         : number of faces, or of triangles for tessellated; 0 if the strategy fails.
     size, memory  : bytes.
-    write_seconds : time to write the file and to read it back.
+    write_seconds : time to write the file and to read the file back.
     open_seconds  : time for another program to open the file.
-    note          : distance of the file from the mesh, and warnings.
-    refused       : reason for the refusal; "" if there is none.
+    refused       : reason for the refusal, or "".
     chosen        : True if `write` would use this strategy."""
 
     way: str
@@ -261,8 +254,7 @@ class Estimate:
 
 
 def estimates(part: Part) -> tuple[Estimate, ...]:
-    """Estimate the cost of each strategy for a prepared part, best first, and mark the one that `write` would use.
-    OCCT may still refuse the file of this strategy, because the estimate writes and checks nothing."""
+    """Estimate the cost of each strategy for a prepared part, the best first."""
     by_strategy, taken = dict[str, Estimate](), ""
     for attempt in attempts(part):
         estimate = _estimate(attempt) if isinstance(attempt, Part) else _refusal(attempt)
@@ -342,6 +334,6 @@ SHAPES: dict[str, Callable[[Part], tuple[int, float, str]]] = {
     "faceted": _estimate_faceted,
     "tessellated": _estimate_tessellated,
 }
-"""Functions for each `Part.step`: return counts of faces and bytes, and a note; or raise ExportError on failure."""
+"""Functions for each `Part.step`, which return counts of faces and bytes, and a note."""
 
 WAYS = ("planar", "members", "smooth", "faceted", "simplified", "tessellated")

@@ -1,4 +1,4 @@
-"""Corrections of borders between members: straighten them, remove crossings, and enlarge angles to round outlines."""
+"""Corrections of borders between members."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -16,15 +16,14 @@ from dsfab.export.cad.step.by_members.trimmed import axes_of, middle_normal, sig
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.splines import Spline, arc_lengths, bernstein, even_samples, polyline_length, splines_through
 
-TOUCHING_SHARE = 1 / 400  # parts of an outline touch if their distance / thickness is smaller
+TOUCHING_SHARE = 1 / 400  # parts of an outline touch if distance / thickness is smaller
 
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
-    """Return numbers of the chains (rows of mesh edges) around a region that cross or nearly touch each other.
-    Crossings are found in the region's mean plane. Chains nearly touch if an end of a chain is within `distance` mm of
-    another chain. If the region has a negative area in this plane, all its chains count."""
-    finest = 12  # a cubic gets at most 12 chords; the chords at its ends are short
-    segments = 600  # an outline gets about 600 chords
+    """Return numbers of the chains (rows of mesh edges) around a region that cross or nearly touch.
+    distance : largest distance (mm) of chains that nearly touch."""
+    finest = 12
+    segments = 600
     steps = [step for loop in net.loops[region] for step in loop]
     spans = [len(curves[k].spans) for k, _ in steps]
     fine = int(np.clip(segments // sum(spans), 4, finest))
@@ -38,7 +37,7 @@ def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int
     for skin in (slice(3), slice(3, 6)):
         seen = [line[:, skin] @ plane for line in lines]
         if sum(signed_area(line) for line in seen) <= 0:
-            return set(chain.tolist())  # the area is negative: sides of a narrow region cross
+            return set(chain.tolist())
         chain_numbers.update(chain[crossing_segments(seen)].tolist())
         corner, segment = np.nonzero(ends_elsewhere & (_distances(seen, first_points) < distance))
         chain_numbers.update(chain[segment].tolist())
@@ -73,7 +72,7 @@ def crossing_segments(lines: list[Floats]) -> Bools:
 def without_crossings(
     net: ChainNet, curves: Mapping[int, ChainCurve], regions: Iterable[int], distance: float = 0.0
 ) -> ChainNet:
-    """Join a region to a neighbour if the region's outline crosses itself, or almost: within `distance` (mm)."""
+    """Join each region to a neighbour if its outline crosses itself, or comes within `distance` (mm) of itself."""
     result = net
     for region in regions:
         for k in sorted(crossing_chains(net, curves, region, distance)):
@@ -85,7 +84,7 @@ def without_crossings(
 
 
 def without_chain(net: ChainNet, k: int) -> ChainNet:
-    """Join the regions left and right of chain k, under the left region's number. Regions with holes stay apart."""
+    """Join the regions left and right of chain k, unless a region has holes."""
     kept_region, joined_region = net.chains[k].left, net.chains[k].right
     if len(net.loops[kept_region]) + len(net.loops[joined_region]) > 2:
         return net
@@ -123,8 +122,8 @@ PLACES = np.linspace(0, 1, 65)  # parameters where the curvature is measured
 
 
 def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """Return the net with smooth borders between regions, except on creases, and without borders that turn back.
-    lifting : mapping of mesh points to both skins of the sheet.    thickness : mm."""
+    """Return the net with smooth borders between regions.
+    lifting : mapping of mesh points to the sheet's skins.    thickness : mm."""
     sideways = 1 / 3  # a chain moves sideways by at most this fraction of the thickness
     sag = 1 / 400  # largest distance of chords from the curve, as a fraction of the thickness
     P = np.asarray(net.weights @ lifting.skins.points)
@@ -174,8 +173,8 @@ def _without_hairpins(net: ChainNet, hairpins: Sequence[int], N: Floats) -> Chai
 
 
 def point_count(curve: Spline, sag: float) -> int:
-    """Return how many points a polyline needs to stay within `sag` (mm) of a curve; at least 9."""
-    fewest = 9  # a straightened chain has at least 9 points
+    """Return how many points a polyline needs to stay within `sag` (mm) of a curve."""
+    fewest = 9
     bends = np.linalg.norm(np.diff(curve(PLACES), n=2, axis=0) * (len(PLACES) - 1) ** 2, axis=1)
     return max(fewest, 1 + int(np.ceil(np.sqrt(bends.max() / (8 * sag)))))
 
@@ -184,9 +183,9 @@ LONGEST_CHORD = 2.0  # largest chord of a round corner, as a multiple of the thi
 
 
 def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """Move ends of borders between members along round corners, to places where border and outline form larger angles.
-    lifting : mapping of mesh points to both skins of the sheet.    thickness : mm."""
-    rounds = 3  # in each round, a border's end moves along one chain of the outline; a corner may have several chains
+    """Move ends of borders between members to places where border and outline form larger angles.
+    lifting : mapping of mesh points to the sheet's skins.    thickness : mm."""
+    rounds = 3
     for _ in range(rounds):
         work = _BorderEnds(net, np.asarray(net.weights @ lifting.skins.points), thickness)
         for node in sorted(work.nodes):
@@ -227,8 +226,7 @@ class _BorderEnds:
         self.changed |= {before, after, seam}
 
     def _worth(self, place: tuple[float, int, int]) -> tuple[float, bool, float]:
-        """Return the rank of a place for a border's end: its angle, up to 45 degrees; True at a chain's end; angle."""
-        enough = 45.0  # degrees; all places with larger angles between border and outline are equally good
+        enough = 45.0
         steep, k, i = place
         return min(steep, enough), i in (0, len(self.chains[k].points) - 1), steep
 
@@ -237,8 +235,6 @@ class _BorderEnds:
         return self.P[[points_before[-2], points_after[0], points_after[1]]]
 
     def _angle_at(self, before: int, after: int, anchor: Floats) -> float:
-        """Return the angle (degrees) of a border to the outline at its end. anchor : point of the border near the end.
-        before, after : chains of the outline at the end. If only one of these is straight, only this chain counts."""
         P = self._points_around(before, after)
         weights = [1.0 - (self._is_round(j) and not self._is_round(k)) for j, k in ((before, after), (after, before))]
         return _angle(P, weights, anchor)

@@ -1,4 +1,4 @@
-"""STEP file with step = 'members', and OCCT's checks: triangles, comparison with the mesh, and trial cuts."""
+"""STEP file with step = 'members', checked by OCCT."""
 
 import subprocess
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ from dsfab.export.part import Part
 from dsfab.export.subprocesses import ProgramError
 
 SECONDS, SECONDS_PER_FACE = 120.0, 0.3
-"""Limit of processor time for each OCCT program: seconds, and seconds per face. Most programs need far less."""
+"""Limit of processor time for each OCCT program: seconds, and seconds per face."""
 
 CUT_COUNT = len(PLANES)
 
@@ -37,9 +37,8 @@ CUT_COUNT = len(PLANES)
 @dataclass(frozen=True, eq=False)
 class MemberFile:
     """Checked STEP file with step = 'members'.
-    solids, faces, trimmed : numbers of solids, faces and trimmed faces.    gap : widest gap, mm.    volume : mm3.
-    there, back : largest distance of the solid from the mesh, and of the mesh from the solid, mm.
-    used : result of OCCT's trial cuts, as text."""
+    gap         : widest gap, mm.    volume : mm3.
+    there, back : largest distance of the solid from the mesh, and of the mesh from the solid, mm."""
 
     text: str
     solids: int
@@ -63,7 +62,7 @@ class MemberFile:
 
 
 class NotByMembersError(ExportError):
-    """Reason why step = 'members' failed. if_asked : True if dsfab would still write the file on request."""
+    """Reason why step = 'members' failed."""
 
     def __init__(self, reason: str, if_asked: bool = False) -> None:
         super().__init__(reason)
@@ -71,12 +70,12 @@ class NotByMembersError(ExportError):
 
 
 class RoughError(ExportError):
-    """The file is too far from the mesh, or OCCT finds no valid solid in it; a finer file may pass."""
+    """The file with step = 'members' is not exact enough, or not valid."""
 
 
 @derived
 def member_file(part: Part) -> MemberFile:
-    """Return the checked STEP file of a part, with finer patches if a first file is inexact or invalid.
+    """Return the checked STEP file of a part with step = 'members'.
     Raises NotByMembersError with the reason, and BudgetError if the file is too large."""
     try:
         plan = SolidPlan(part)
@@ -91,7 +90,7 @@ def member_file(part: Part) -> MemberFile:
 
 
 def _tried(part: Part, plan: SolidPlan, fine: bool) -> MemberFile:
-    with occt() as program:  # another process loads OCCT while dsfab drafts the file
+    with occt() as program:
         draft = member_draft(part, plan, fine)
         require_budget(part, draft.faces, len(draft.text))
         seconds, deflection = SECONDS + SECONDS_PER_FACE * draft.faces, DEFLECTION * plan.limits.distance
@@ -109,8 +108,8 @@ def _tried(part: Part, plan: SolidPlan, fine: bool) -> MemberFile:
 
 @dataclass(frozen=True, eq=False)
 class TriangleReport:
-    """Report on OCCT's triangles. there, back : distances of triangles from the mesh, and of the mesh from triangles.
-    shape : OCCT's binary shape.    fault : why the triangles bound no solid, or why OCCT cannot tell; or ""."""
+    """Report on OCCT's triangles. fault : reason why the triangles bound no solid, or "".
+    there, back : distances of triangles from the mesh, and of the mesh from triangles."""
 
     there: MeshDistances
     back: MeshDistances
@@ -119,7 +118,7 @@ class TriangleReport:
 
     @classmethod
     def from_mesh(cls, mesh: StepMesh, gate: PieceJudge) -> "TriangleReport":
-        """Return the report on OCCT's triangles `mesh`; `gate` measures their distances from the mesh of the part."""
+        """Return the report on OCCT's triangles `mesh`."""
         triangles = step_triangles(mesh)
         forth, back = gate.distances(MM_PER_M * triangles.V, triangles.F)
         try:
@@ -137,9 +136,9 @@ def _require(passed: bool, complaint: str, error: type[ExportError] = ExportErro
 def require_solid(
     part: Part, plan: SolidPlan, draft: MemberDraft, findings: list[OcctFinding], triangles: list[TriangleReport]
 ) -> tuple[float, float, bytes]:
-    """Check what OCCT found in a file. Raises ExportError for a fault. Return the largest distances (mm) of the solid
-    from the mesh and of the mesh from the solid, and OCCT's binary shape."""
-    wide_box = 2e-2  # largest error of OCCT's bounding box, as a fraction of its diagonal; 1.1 % for a saddle of 5 m
+    """Check what OCCT found in a file. Raises ExportError for a fault.
+    Return the largest distances (mm) of the solid from the mesh and back, and OCCT's binary shape."""
+    wide_box = 2e-2  # largest error of OCCT's bounding box, as a fraction of its diagonal
     gap, widest = max((finding.gap for finding in findings), default=0.0), GAP_SHARE * plan.limits.thickness
     faces = sum(finding.faces for finding in findings)
     _require(len(findings) == draft.solids, "OCCT did not read the solids of step = 'members' within the time limit")
@@ -171,7 +170,6 @@ def _cut_once(part: Part, plan: SolidPlan, draft: MemberDraft, shape: bytes) -> 
 
 
 def _use_sentence(draft: MemberDraft, seconds: float) -> str:
-    """Summarise trial cuts and fillets by OCCT. Raises ExportError if a trial shows that CAD programs would fail."""
     try:
         report = use_report(draft.text, seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError) as error:
@@ -181,8 +179,8 @@ def _use_sentence(draft: MemberDraft, seconds: float) -> str:
 
 
 def require_use(report: dict[str, Any]) -> None:
-    """Raise ExportError if OCCT failed in trials with a solid, such as cuts. report : findings of `use_findings`."""
-    plain_limit = 1e-3  # largest relative error of the volume if OCCT does not refine its integration
+    """Raise ExportError if OCCT failed in trials with a solid, such as cuts."""
+    plain_limit = 1e-3  # largest relative error of the volume
     plain_error = report["plain"] / report["volume"] - 1
     _require(report["valid"], "OCCT finds the solid of step = 'members' invalid after reading it again")
     last_cut = _cut_fault(f"half-space cut {report['sound'] + 1} of {CUT_COUNT}", report["missed"][-1])

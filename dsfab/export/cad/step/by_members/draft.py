@@ -1,4 +1,4 @@
-"""Text of a STEP file with step = 'members', made from regions of the sheet. OCCT checks the text later."""
+"""Text of a STEP file with step = 'members', made from regions of the sheet."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -48,11 +48,11 @@ from dsfab.export.part import Part, StripedSheet
 from dsfab.surface import edge_table, link_components
 
 EDGE_DIGITS = 7
-"""Decimals of the coordinates of edges (mm). OCCT accepts gaps below 1e-7 mm between an edge and its patch."""
+"""Decimals of the coordinates of edges (mm)."""
 
 
 class NetWriter:
-    """Writer of a boundary model: adds its faces, edges and vertices as STEP entities to the list `new`."""
+    """Writer of a boundary model: adds STEP entities to the list `new`."""
 
     def __init__(self, entity_list: StepEntities, model: NetModel, thickness: float) -> None:
         self.new, self.model = entity_list, model
@@ -64,8 +64,7 @@ class NetWriter:
         self.edges = list[list[int]]()
 
     def faces(self, trimmed: list[TrimmedFace], seams: Mapping[int, LongSeam]) -> list[int]:
-        """Add the faces of the model and the `trimmed` faces; return their numbers in the file.
-        seams : edges that were extended for fillets, by number of the edge."""
+        """Add the faces of the model and the `trimmed` faces; return their numbers."""
         numbers, posts = list[int](), dict[tuple[int, int], int]()
         skins: list[NetPatch | TrimmedFace] = [*self.model.patches, *trimmed]
         surfaces = {i: self._surfaces(skins[i]) for i in sorted({i for seam in seams.values() for i in seam.on})}
@@ -136,10 +135,9 @@ class NetWriter:
         return [numbers[i : i + poles.shape[1]] for i in range(0, len(numbers), poles.shape[1])]
 
     def _post(self, posts: dict[tuple[int, int], int], vertex: int) -> tuple[int, bool]:
-        """Return the edge through the thickness at a vertex, and True if it runs from the inner to the outer skin."""
         outer, inner = self.vertices[vertex]
         if (outer, inner) in posts:
-            return posts[outer, inner], False  # the other side of the seam added this edge, in the opposite direction
+            return posts[outer, inner], False  # the edge exists, in the opposite direction
         if (inner, outer) not in posts:
             ends = [next(self._points(self.model.vertices[vertex][None, i : i + 3])) for i in (3, 0)]
             posts[inner, outer] = self.new.edge(inner, outer, self.new.bezier(ends))
@@ -151,8 +149,8 @@ class NetWriter:
 
 
 GAP_SHARE = 1 / 4000  # wanted gap between a trimmed face and its edges, as a fraction of the thickness
-PASSES = 3  # number of attempts to remove crossings of outlines; a change may cause new crossings
-UNASKED = 7000  # largest number of faces if the user does not ask for step = 'members'; more take over half a minute
+PASSES = 3  # number of attempts to remove crossings of outlines
+UNASKED = 7000  # largest number of faces if the user does not ask for step = 'members'
 
 
 class ManyFacesError(ExportError):
@@ -161,7 +159,7 @@ class ManyFacesError(ExportError):
 
 @dataclass(frozen=True, eq=False)
 class MemberDraft:
-    """STEP text before checks, with counts of its solids, faces and trimmed faces.
+    """STEP text before checks, with counts of solids, faces and trimmed faces.
     gap : widest gap between a trimmed face and its edges, mm."""
 
     text: str
@@ -172,14 +170,15 @@ class MemberDraft:
 
 
 def member_draft(part: Part, plan: SolidPlan, fine: bool = False) -> MemberDraft:
-    """Return the STEP file of a part before its checks. Raises ExportError for a failure, and for too many faces.
-    fine : True to limit distances from the mesh, and to halve long curves that are far from the skins (slower)."""
-    with one_blas_thread():  # several threads would slow down thousands of small systems
+    """Return the STEP file of a part before its checks.
+    fine : True for a more exact file (slower).
+    Raises ExportError for a failure, and for too many faces."""
+    with one_blas_thread():
         return _draft(part, plan, fine)
 
 
 def _draft(part: Part, plan: SolidPlan, fine: bool) -> MemberDraft:
-    least_walls = 3 / 4  # for an early estimate of the number of faces: at least 3/4 of the outline chains become walls
+    least_walls = 3 / 4  # smallest fraction of the outline chains that become walls
     if plan.curved.striped is None:
         raise ExportError("step = 'members' needs the stripes of the sheet, but the stripes are unknown")
     lifting = Lifting.from_sheet(plan.surface, plan.curved)
@@ -201,12 +200,12 @@ _TOO_MANY = WeakSet[Part]()
 
 
 def has_too_many(part: Part) -> bool:
-    """Return True if dsfab refused step = 'members' for a part, because the file would have too many faces."""
+    """Return True if a STEP file by members would have too many faces."""
     return part in _TOO_MANY
 
 
 def require_few_faces(part: Part, faces: int) -> None:
-    """Raise ManyFacesError for more than `UNASKED` faces times the factor `part.hurry`; 0 means no limit."""
+    """Raise ManyFacesError if a part's file would have too many faces."""
     limit = part.hurry * UNASKED
     if part.hurry and faces > limit:
         _TOO_MANY.add(part)
@@ -228,7 +227,7 @@ def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
 
 
 def _net(sheet: StripedSheet, lifting: Lifting, plan: SolidPlan) -> ChainNet:
-    lens_share = 1 / 3  # a region between two chains of edges must be wider than this fraction of the thickness
+    lens_share = 1 / 3  # smallest width of a region between two chains of edges / thickness
     wall_share = 1 / 20  # smallest length of a wall between two borders / thickness
     t, skins = plan.limits.thickness, lifting.skins
     creased = lifting.sides.lines_on_creases if len(lifting.sides.creases) else None
@@ -241,7 +240,7 @@ def _net(sheet: StripedSheet, lifting: Lifting, plan: SolidPlan) -> ChainNet:
 
 
 def _solid(part: Part, net: ChainNet, interior: RegionInterior, plan: SolidPlan) -> tuple[NetModel, list[TrimmedFace]]:
-    least_share = 0.95  # at least this fraction of the faces must remain after regions are joined
+    least_share = 0.95  # smallest fraction of the faces that remain after regions are joined
     fits = _Fits(interior, plan)
     lines, model = fits.model(net)
     require_few_faces(part, int(least_share * model.faces))
@@ -308,7 +307,7 @@ def _with_cut_ends(
 
 
 def outline_poles(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, bytes]:
-    """Return the poles of each trimmed region's outline curves, as bytes for comparison, by number of the region."""
+    """Return the poles of the outlines of each trimmed region, as bytes, by region."""
     curves = lines.curves(model.trimmed)
     return {
         region: b"".join(curves[k].spans.tobytes() for loop in net.loops[region] for k, _ in loop)
@@ -317,13 +316,11 @@ def outline_poles(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, 
 
 
 def changed_regions(previous: dict[int, bytes], outlines: dict[int, bytes]) -> list[int]:
-    """Return the regions whose outlines (see `outline_poles`) are new or different."""
+    """Return the regions whose outlines are new or different."""
     return [region for region, outline in outlines.items() if previous.get(region) != outline]
 
 
 class _Fits:
-    """Fit of curves and boundary models to a `ChainNet`, with a cache for unchanged chains and outlines."""
-
     def __init__(self, interior: RegionInterior, plan: SolidPlan) -> None:
         self.lifting, self.limits, self.reach = interior.lifting, plan.limits, REACH_SHARE * plan.limits.thickness
         skins = np.stack([plan.limits.V.min(axis=0), plan.limits.V.max(axis=0)])
@@ -348,13 +345,13 @@ class _Fits:
 
 
 class RegionQuads:
-    """Search for four-sided regions, with a cache. reach : length (mm) over which a chain's direction is measured."""
+    """Search for four-sided regions. reach : length (mm) over which a chain's direction is measured."""
 
     def __init__(self, reach: float) -> None:
         self.reach, self.known = reach, dict[int, tuple[list[ChainLoop], list[SampledChain], Quad | None]]()
 
     def quads(self, net: ChainNet, chains: dict[int, SampledChain]) -> tuple[list[Quad], list[int]]:
-        """Return the four-sided regions of a net of chains of edges, and the numbers of the net's other regions."""
+        """Return the four-sided regions of a net, and the numbers of the other regions."""
         for region, loops in net.loops.items():
             around = [chains[k] for loop in loops for k, _ in loop]
             cached = self.known.get(region)
@@ -365,12 +362,11 @@ class RegionQuads:
 
 
 def wanted_gap(thickness: float) -> float:
-    """Return the wanted gap (mm) between trimmed faces and their edges in a sheet with this thickness (mm)."""
-    narrow_mm, thin_share = 0.01, 1 / 1500  # a gap is narrow enough if it is below both limits
+    """Return the wanted gap (mm) between trimmed faces and their edges in a sheet of this thickness (mm)."""
+    narrow_mm, thin_share = 0.01, 1 / 1500  # limits of a narrow gap
     return max(GAP_SHARE * thickness, min(narrow_mm, thin_share * thickness))
 
 
 def _wide_box(skins: Floats) -> Floats:
-    # OCCT's bounding box contains all poles, so poles must not lie far outside the skins.
     share = 1 / 300  # poles may lie outside the box of the skins by this fraction of the box's diagonal
     return np.asarray(skins + share * float(np.linalg.norm(skins[1] - skins[0])) * np.array([[-1.0], [1.0]]))

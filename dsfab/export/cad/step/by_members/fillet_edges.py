@@ -1,4 +1,4 @@
-"""Preparation of edges for OCCT's fillets: extend seams at corners, put walls in order, cut and reverse edges."""
+"""Preparation of edges for fillets by OCCT."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -24,21 +24,21 @@ from dsfab.export.cad.step.by_members.regions import ChainLoop
 from dsfab.export.cad.step.by_members.trimmed import TrimmedFace
 from dsfab.export.splines import bernstein
 
-FACE_TOLERANCE = 1e-6  # a curve lies on a face if its distance from the face is at most this (mm)
-PLACES = np.linspace(0, 1, 17)  # parameters of a curve where its distance from a face is measured
+FACE_TOLERANCE = 1e-6  # largest distance of a curve on a face (mm)
+PLACES = np.linspace(0, 1, 17)  # samples of a curve
 
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
-    """Return the poles (2, 4, 2) of an edge's two curves in parameters of the face's outer and inner surface.
-    None if a curve is over `FACE_TOLERANCE` from its surface. poles : (4, 6) on the outer and inner skin, mm."""
+    """Return an edge's poles (2, 4, 2) in parameters of the face's outer and inner surface, or None.
+    poles : (4, 6) on the outer and inner skin, mm. None if a curve is not on its surface."""
     if np.abs(face.gaps(bernstein(PLACES) @ poles)).max() > FACE_TOLERANCE:
         return None
     return np.stack([places(surface, axes, poles[:, s]) for surface, axes, s in face.skins])
 
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
-    """Return patch parameters (2 skins, 2 ends, 2) of an extended edge; None if it extends no side of the patch.
-    edge, poles : (4, 6) edge before and after the extension.    share : (2,) added lengths at its ends / old length."""
+    """Return patch parameters (2 skins, 2 ends, 2) of an extended edge, or None.
+    edge, poles : (4, 6) edge before and after the extension.    share : (2,) added lengths at the ends / old length."""
     P = patch.poles
     for axis in (0, 1):
         for fixed in (0, 1):
@@ -52,7 +52,7 @@ def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Flo
 
 
 def _parameter(side: Floats, point: Floats) -> float:
-    steps = 5  # Newton's method begins at the nearest sample and needs few steps
+    steps = 5
     x = float(PLACES[np.argmin(np.linalg.norm(bernstein(PLACES) @ side - point, axis=1))])
     for _ in range(steps):
         quadratic = np.array([(1 - x) ** 2, 2 * x * (1 - x), x**2])
@@ -67,37 +67,37 @@ def _is_on(P: Floats, uv: Floats, poles: Floats) -> bool:
     return bool(np.abs(points - bernstein(PLACES) @ poles).max() < FACE_TOLERANCE)
 
 
-FILLET_SHARE = 1 / 6  # radius of a fillet / thickness; a seam is extended by radius * tan(bend / 2)
-MARGIN = 0.1  # the surface under a seam is extended by (1 + MARGIN) times the extension of the seam
+FILLET_SHARE = 1 / 6  # radius of a fillet / thickness
+MARGIN = 0.1  # extra extension of the surface under a seam / extension of the seam
 
 LARGE_FILLET_SHARE = 1 / 8
-"""Radius of the largest valid fillet at a seam that continues a wall's edge, as a fraction of the thickness."""
+"""Radius of the largest valid fillet at a seam in line with a wall's edge / thickness."""
 
 TANGENT_GAP = 3e-5
-"""Largest gap (mm) that OCCT may leave at the end of the largest fillet."""
+"""Largest gap (mm) at the end of the largest fillet."""
 
 POLE_OFFSET = 1e-5
-"""Movement (mm) of a pole of a seam that continues a wall's edge beside a trimmed face, for OCCT's tolerance."""
+"""Movement (mm) of a pole, for OCCT's tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
 class LongSeam:
-    """Seam (edge between two faces of a skin) extended for a fillet, or a wall's edge beside an extended seam's end.
-    poles : (4, 6), mm.    on : poles (2, k, 2) in parameters of both surfaces of a face, by number of the face."""
+    """Extended seam (edge between two faces of a skin), or a wall's edge beside the seam's end.
+    poles : (4, 6), mm.    on : poles (2, k, 2) in parameters of both surfaces of a face, by face number."""
 
     poles: Floats
     on: dict[int, Floats]
 
 
 def curves_beyond(model: NetModel) -> dict[int, Floats]:
-    """Return the poles (4, 6) of the seams (edges between two faces) that are extended for fillets, by edge number."""
+    """Return the poles (4, 6) of extended seams (edges between two faces), by edge number."""
     bent = [corner for corner in filled_corners(model) if corner.straight is None]
     return {e: poles for e, (_, poles) in _extensions(model, bent).items()}
 
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
-    """Return for each extended seam, by number: added lengths (2,) at both ends / old length, and new poles (4, 6)."""
-    longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
+    """Return added lengths (2,) / old length, and new poles (4, 6), of extended seams, by number."""
+    longest = 3.0  # a longer polynomial is unreliable
     shares = dict[int, Floats]()
     for corner in corners:
         share = shares.setdefault(corner.seam, np.zeros(2))
@@ -119,7 +119,6 @@ def _share(poles: Floats, end: int, half: float) -> float:
 
 
 def _share_to_gap(poles: Floats, end: int, half: float) -> float:
-    """Return the length to add at an end of a seam / its old length. OCCT adds more, with a gap up to `TANGENT_GAP`."""
     ahead = poles[::-1] if end else poles
     across = poles[-end, :3] - poles[-end, 3:]
     thick = float(np.linalg.norm(across))
@@ -135,8 +134,8 @@ def _share_to_gap(poles: Floats, end: int, half: float) -> float:
 def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
-    """Extend seams (edges between faces) and their surfaces for fillets. A seam that would leave a face stays as it is.
-    Return the model, the trimmed faces, and by edge number the long seams and the walls' edges beside them."""
+    """Extend seams (edges between faces) and their surfaces for fillets.
+    Return the model, the trimmed faces, and by edge number the extended edges."""
     corners = filled_corners(model)
     loops = _edges_around(model, faces, corners)
     seams = _on_both(model, faces, corners, loops)
@@ -183,8 +182,6 @@ def _edges_around(model: NetModel, faces: list[TrimmedFace], corners: list[Fille
 def _beside_straight(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> tuple[dict[int, Floats], dict[int, list[Floats]]]:
-    """Return two dicts, by number of a patch beside a seam that continues a wall's edge: a larger parameter range,
-    and the parameters of the seams' ends that the patch must contain."""
     straight = [corner for corner in corners if corner.straight is not None]
     longer, boxes, needed = _extensions(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
     for corner in straight:
@@ -199,7 +196,7 @@ def _beside_straight(
 
 
 def _wider_box(patch: NetPatch) -> Floats:
-    wider = 1 / 100  # a patch grows by this fraction of the thickness, so that it contains the seam that OCCT lengthens
+    wider = 1 / 100  # added range of a patch / thickness
     P = patch.poles[:, :, :3]
     thick = float(np.linalg.norm(patch.poles[0, 0, :3] - patch.poles[0, 0, 3:]))
     long = np.linalg.norm([P[3, 0] - P[0, 0], P[0, 3] - P[0, 0]], axis=1)
@@ -254,19 +251,16 @@ def _polynomial_part(P: Floats, low: float, high: float) -> Floats:
     return np.stack(parts)
 
 
-CLEAR_EDGE = 1 / 7  # radius of a fillet / thickness; edges are cut farther from a corner than this fillet reaches
+CLEAR_EDGE = 1 / 7  # radius of a fillet / thickness
 
 LONGEST_SHARE = 4.0
-"""Largest length of an edge at a corner, divided by (thickness * t). t is the tangent of half the bend, but at most 1.
-On a longer edge, OCCT may find the wrong end of a fillet."""
+"""Largest length of an edge at a corner / (thickness * t). t : tangent of half the bend, at most 1."""
 
-DENSE = np.linspace(0, 1, 129)  # parameters of an edge where its gap to a trimmed face is measured
+DENSE = np.linspace(0, 1, 129)  # samples of an edge
 
 
 def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
-    """Put the walls (faces through the thickness) of each outline, and their edges, in OCCT's order for fillets.
-    The first wall begins at the joint with the smallest bend. If this joint is a corner, the first edge of the wall is
-    reversed. If the wall has only this edge, the edge is cut, and only its first part is reversed."""
+    """Put the walls (faces through the thickness) of each outline in OCCT's order for fillets."""
     work, walls = CutEdges(model), list[NetWall]()
     face_of_edge = {e: face for face in faces for loop in face.loops for e, _ in loop}
     for outline in outlines(model):
@@ -298,11 +292,10 @@ def _directed_walls(
 def edge_stops(
     poles: Floats, face: TrimmedFace | None, corners: tuple[float, float], ending: tuple[bool, bool]
 ) -> list[float]:
-    """Return where an edge with poles (4, 6) is cut for fillets at its corners, as fractions of its length.
-    Between a corner and its cut, the gap from the edge to the trimmed `face` is widest at the corner or at the cut.
+    """Return where an edge with poles (4, 6) is cut for fillets, as fractions of the edge's length.
     corners : tan(bend angle / 2) at the start and the end of the edge; 0 if there is no corner.
-    ending  : for each end of the edge, True if `LONGEST_SHARE` limits the distance from the corner to the cut."""
-    exact = 1e-6  # OCCT ignores a gap below this (mm)
+    ending  : for each end, True if `LONGEST_SHARE` limits the distance to the cut."""
+    exact = 1e-6  # OCCT ignores smaller gaps (mm)
     thick, long = (float(np.linalg.norm(v)) for v in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3]))
     share = thick / max(long, 1e-300)
     clear_start, clear_end = (CLEAR_EDGE * share * half for half in corners)
@@ -325,15 +318,15 @@ def edge_stops(
 
 
 class CutEdges:
-    """Edges of a model, which can be cut and reversed. forwards : the new edges that replace an old edge, in order."""
+    """Edges of a model, which can be cut and reversed. forwards : new edges that replace an old edge."""
 
     def __init__(self, model: NetModel) -> None:
         self.given, self.vertices, self.edges = model, list(model.vertices), list(model.edges)
         self.forwards = dict[int, ChainLoop]()
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
-        """Cut edge e at `stops`: fractions of its length from its start, or from its end if `ahead` is False.
-        against : True to reverse the direction of the first part."""
+        """Cut edge e at fractions `stops` of its length, from its end if `ahead` is False.
+        against : True to reverse the first part."""
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
         P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()
@@ -350,11 +343,11 @@ class CutEdges:
         self.forwards[e] = along if ahead else backwards(along)
 
     def model(self, walls: Iterable[NetWall]) -> NetModel:
-        """Return the model with the given walls, and with the edges that `cut` divided."""
+        """Return the model with the given walls and the cut edges."""
         return replace(self.given, vertices=self.vertices, edges=self.edges, walls=list(walls)).with_loops(self.loop)
 
     def loop(self, loop: ChainLoop) -> ChainLoop:
-        """Return a loop of edges. New edges replace the edges that `cut` has divided or reversed."""
+        """Return a loop of edges with the new edges."""
         result: ChainLoop = []
         for e, ahead in loop:
             steps = self.forwards.get(e, [(e, True)])

@@ -1,4 +1,4 @@
-"""Round corners of openings. Regions inside fillets join their neighbours; member borders move to the ends of arcs."""
+"""Round corners of openings."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,7 +13,7 @@ from dsfab.export.splines import arc_lengths, polyline_length
 
 
 def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting: Lifting) -> ChainNet:
-    """Move ends of chains to the points `moves[chain, end]`; `end` is 0 (start) or -1 (end). Inner points move, too."""
+    """Move ends of chains to the points `moves[chain, end]`; `end` is 0 (start) or -1 (end)."""
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     ends = {k: [moves.get((k, i), int(net.chains[k].points[i])) for i in (0, -1)] for k, _ in moves}
     if not ends:
@@ -28,7 +28,7 @@ def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting
 
 
 def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
-    fewest = 5  # the chain is divided again with at least 5 points before its ends are moved
+    fewest = 5
     line = P[points]
     lengths = arc_lengths(line)
     start, end = P[ends[0]] - line[0], P[ends[1]] - line[-1]
@@ -38,9 +38,9 @@ def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
 
 
 def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> ChainNet:
-    """Remove parts of outlines that are shorter than `shortest` mm and lie between two borders of members.
-    Both borders then end at one point.    lifting : mapping of mesh points to both skins of the sheet."""
-    fewest_sides = 3  # a region keeps at least three sides
+    """Remove parts of outlines between two borders of members that are shorter than `shortest` mm.
+    lifting : mapping of mesh points to the sheet's skins."""
+    fewest_sides = 3
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     chains, moves, node_ends = dict(net.chains), dict[tuple[int, int], int](), ends_at(net)
     loops = {region: [list(loop) for loop in region_loops] for region, region_loops in net.loops.items()}
@@ -53,7 +53,7 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
             continue
         three = ([net.chains[i].points[-2], *net.chains[j].points[:2]] for i, j in (before[:2], after[:2]))
         turned = [turn_at(P[points]) for points in three]
-        first_gives_way = turned[0] < turned[1]  # the short wall joins the wall before or after it: at the smaller bend
+        first_gives_way = turned[0] < turned[1]
         joined_wall, border = (before[0], before[2]) if first_gives_way else (after[1], after[2])
         if joined_wall not in chains or chains[joined_wall].left == chain.left or border in moves:
             continue
@@ -66,22 +66,20 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
 
 
 def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
-    """Return the chains of an outline before and after a node, and the end of the border there.
-    Return None unless exactly one outline and one border meet at the node.    ends : ends of chains at the node."""
+    """Return the chains of an outline before and after a node, and the end of the border there, or None.
+    ends : ends of chains at the node."""
     outline, borders = outline_through(net, ends), [end for end in ends if net.chains[end[0]].right != VOID]
     return (*outline, borders[0]) if outline and len(borders) == 1 else None
 
 
 def turn_at(three: Floats) -> float:
-    """Return the angle of the bend (degrees) at the middle of three points (3, 3); 0 on a straight line."""
+    """Return the bend (degrees) at the middle of three points (3, 3); 0 on a straight line."""
     ways = np.diff(three, axis=0)
     long = max(float(np.prod(np.linalg.norm(ways, axis=1))), 1e-300)
     return float(np.degrees(np.arccos(np.clip(ways[0] @ ways[1] / long, -1, 1))))
 
 
 class _Arcs:
-    """Arcs of round corners. An arc that ends at a border between members may grow over a short wall beyond it."""
-
     def __init__(self, net: ChainNet, P: Floats, arcs: frozenset[int]) -> None:
         self.P, self.chains, self.arcs = P, dict(net.chains), arcs
         self.loops = {region: [list(loop) for loop in loops] for region, loops in net.loops.items()}
@@ -216,7 +214,6 @@ class _Fillets:
         self.loose.discard(region)
 
     def _crossing(self, inner: ChainLoop, neighbours: list[int]) -> int | None:
-        """Return the region where the two members beside a fillet cross; None if there is no such region."""
         smaller = 0.6  # the smaller neighbour is the crossing if its perimeter is below 0.6 times the larger perimeter
         if len(inner) == 3 and len(set(neighbours)) == 3:
             return neighbours[1]

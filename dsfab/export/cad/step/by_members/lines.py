@@ -1,4 +1,4 @@
-"""Lines along one or several chains of mesh edges. Arcs at round corners of openings, tangent to adjacent walls."""
+"""Lines along chains of mesh edges, and arcs at round corners of openings."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,14 +22,15 @@ ChainEnd = tuple[int, int]  # end of a chain: number of the chain, index (0 or -
 
 @dataclass(frozen=True, eq=False)
 class ChainLine:
-    """Curve along k consecutive chains of mesh edges. at : (k + 1,) parameters where the chains begin and end."""
+    """Curve along k consecutive chains of mesh edges.
+    at : (k + 1,) parameters where the chains begin and end."""
 
     steps: ChainLoop
     curve: ChainCurve
     at: Floats
 
     def outlines(self, net: ChainNet) -> list[tuple[float, float]]:
-        """Return parameters (start, end) of the line's parts on outlines. Material is on the left from start to end."""
+        """Return parameters (start, end) of the line's parts on outlines; material is on the left."""
         pairs = list[tuple[float, float]]()
         for (k, ahead), (a, b) in zip(self.steps, pairwise(self.at.tolist()), strict=True):
             if net.chains[k].right != VOID or net.on_seam(k):
@@ -43,7 +44,7 @@ class ChainLine:
         return pairs
 
     def with_poles_in(self, box: Floats) -> "ChainLine":
-        """Divide cubics until all poles lie in a box (2, 3), because CAD programs make bounding boxes from poles."""
+        """Divide cubics until all poles lie in a box (2, 3)."""
         return self._divide(lambda a, b, P: bool(((P.reshape(8, 3) >= box[0]) & (P.reshape(8, 3) <= box[1])).all()))
 
     def with_halved_spans(self, spans: Bools) -> "ChainLine":
@@ -53,7 +54,6 @@ class ChainLine:
         return self._divide(lambda a, b, P: (float(a), float(b)) not in marked)
 
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
-        """Divide cubics until `may_stay` accepts each cubic. Cut at a chain's end near the middle, or in the middle."""
         shortest = 1 / 16  # shortest span that is divided; otherwise, division may never end
         middle_share = 1 / 4  # cut at a chain's end if its distance from the cubic's middle / cubic's length is smaller
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
@@ -76,8 +76,9 @@ class ChainLine:
 
 
 class NetLines:
-    """Lines of a net: curves along chains (rows of mesh edges). twins : line at the seam -> line on its other side.
-    place : for each chain, the number of its line, and the parameters of the chain's ends on this line."""
+    """Lines of a net: curves along chains (rows of mesh edges).
+    twins : line at the seam -> line on the opposite side.
+    place : for each chain, line number and end parameters."""
 
     def __init__(self, net: ChainNet, lines: list[ChainLine], twins: dict[int, int] | None = None) -> None:
         self.net, self.lines, self.twins = net, lines, twins or {}
@@ -87,17 +88,19 @@ class NetLines:
                 self.place[k] = (i, a, b) if ahead else (i, b, a)
 
     def line_part(self, step: tuple[int, bool]) -> LinePart:
-        """Return a chain's line, and parameters of the chain's ends. step : chain number, and True to run forwards."""
+        """Return a chain's line, and parameters of the chain's ends.
+        step : chain number, and True to run forwards."""
         i, a, b = self.place[step[0]]
         return (i, a, b) if step[1] else (i, b, a)
 
     def nodes(self, i: int) -> list[int]:
-        """Return the nodes (ends of chains) along line number i, in order."""
+        """Return the nodes (ends of chains) along a line, in order."""
         steps = self.lines[i].steps
         return [*(self.net.ends(step)[0] for step in steps), self.net.ends(steps[-1])[1]]
 
     def parts(self, parts: Sequence[LinePart]) -> Floats:
-        """Return poles (k, 4, 6) of parts of lines, in the direction of each part. Each part lies in a single cubic."""
+        """Return poles (k, 4, 6) of parts of lines, in the direction of each part.
+        Each part must lie in a single cubic."""
         if not parts:
             return np.zeros((0, 4, 6))
         i, a, b = (np.array(column) for column in zip(*parts, strict=True))
@@ -132,13 +135,13 @@ class NetLines:
         return result
 
     def curves(self, regions: Iterable[int]) -> dict[int, ChainCurve]:
-        """Return the curves of all chains around regions, by number of the chain."""
+        """Return the curves of all chains around regions, by chain."""
         around = {k for region in regions for loop in self.net.loops[region] for k, _ in loop}
         return {k: self.curve(k) for k in around}
 
 
 def with_ends_on_lines(lines: NetLines) -> NetLines:
-    """If line A ends at an inner node of line B, move this end of A onto B."""
+    """If a line ends at an inner node of a second line, move this end onto the second line."""
     points = _points_on(lines)
     moved = list[ChainLine]()
     for line in lines.lines:
@@ -152,7 +155,7 @@ def with_ends_on_lines(lines: NetLines) -> NetLines:
 
 
 def with_twins(lines: NetLines) -> NetLines:
-    """Use one curve on both sides of the seam where a one-sided sheet was cut open; outer and inner poles swap.
+    """Use one curve on the two sides of the seam of a one-sided sheet.
     Raises ExportError if the chains on the two sides differ."""
     net, result, twins = lines.net, list(lines.lines), dict[int, int]()
     seam = {tuple(net.chains[k].points.tolist()): lines.place[k][0] for k in net.chains if net.on_seam(k)}
@@ -168,7 +171,6 @@ def with_twins(lines: NetLines) -> NetLines:
 
 
 def _points_on(lines: NetLines) -> dict[int, Floats]:
-    """Return the points (6,) of all inner nodes of lines, by node. Lines may end on lines that also move."""
     net, inner_nodes = lines.net, list[tuple[int, int, float]]()
     for i, line in enumerate(lines.lines):
         inner_nodes += [(node, i, x) for node, x in zip(lines.nodes(i)[1:-1], line.at[1:-1].tolist(), strict=True)]
@@ -199,7 +201,8 @@ def node_of(net: ChainNet, end: ChainEnd) -> int:
 
 
 def end_of(step: tuple[int, bool]) -> ChainEnd:
-    """Return the end where a loop leaves a chain. step : chain, and True if the loop runs along the chain."""
+    """Return the end where a loop leaves a chain.
+    step : chain, and True if the loop runs along the chain."""
     return step[0], -1 if step[1] else 0
 
 
@@ -209,8 +212,8 @@ BEND_ANGLE = np.deg2rad(10.0)  # smallest bend at a vertex of a round outline, r
 
 
 class ArcsOnSkins:
-    """Function that moves arcs of round corners onto both skins of the sheet, with a cache.
-    away : function of points (k, 6); returns vectors to the skins: columns 0-2 to the outer, 3-5 to the inner skin."""
+    """Function that moves arcs onto the two skins of the sheet.
+    away : function of points (k, 6); returns vectors to the outer (columns 0-2) and inner skin."""
 
     def __init__(self, away: Callable[[Floats], Floats]) -> None:
         self.away, self.known = away, dict[int, tuple[SampledChain, bytes, ChainCurve]]()
@@ -230,7 +233,7 @@ def with_arcs(
     rounded: Collection[int],
     arcs_on_skins: ArcsOnSkins,
 ) -> NetLines:
-    """Replace the lines along round corners of outlines by arcs on both skins, where arcs are near enough.
+    """Replace lines along round corners by arcs, where arcs are near enough.
     tolerances : largest distance of arcs from each chain, mm.    rounded : numbers of the chains at round corners."""
     rounds = 4  # after the removal of an arc, the arcs beside it change, and may be too far from their chains
     corners = _Corners(lines, rounded)
@@ -255,7 +258,8 @@ def _largest_distance(Q: Floats, curve: ChainCurve) -> float:
 
 
 def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], tolerances: Mapping[int, float]) -> set[int]:
-    """Return the outline chains of round corners: chains that bend, or are within `tolerances` (mm) of an arc."""
+    """Return the outline chains of round corners.
+    tolerances : largest distance of an arc from each chain, mm."""
     nodes = _nodes(net, ends_at(net))
     angles = dict(zip(nodes, _turns([(chains[a], chains[b]) for a, b in nodes.values()]), strict=True))
     outlines = [k for k, chain in net.chains.items() if chain.right == VOID]
@@ -288,7 +292,6 @@ class _Corners:
         self.made = dict[int, tuple[Floats | None, Floats | None, ChainCurve | None]]()
 
     def arcs(self) -> dict[int, ChainCurve]:
-        """Return the arcs of round corners, by chain. Without a known tangent, an arc ends in its chain's direction."""
         result = dict[int, ChainCurve]()
         for k in sorted(self.round):
             arc = self._arc(k, *(self._known_way(int(self.net.chains[k].points[i])) for i in (0, -1)))
@@ -307,7 +310,6 @@ class _Corners:
         return self.made[k][2]
 
     def _known_way(self, node: int) -> Floats | None:
-        """Return an outline's tangent (6,) at a node; None at a corner, or at under 25 degrees to a border."""
         if node not in self.nodes:
             return None
         before, after = self.nodes[node]
@@ -331,7 +333,6 @@ class _Corners:
         return d if steep else None
 
     def _on_circle(self, before: int, after: int) -> Floats:
-        """Return the tangent (6,) where two chains meet: of the circle through this node and the chains' far ends."""
         spans_before, spans_after = self.curves[before].spans, self.curves[after].spans
         a, b, c = spans_before[0, 0], spans_before[-1, -1], spans_after[-1, -1]
         length_before, length_after = (float(np.linalg.norm(_mean_direction(chord))) for chord in (b - a, c - b))
@@ -344,7 +345,6 @@ class _Corners:
 
 
 def _turns(pairs: Sequence[tuple[SampledChain, SampledChain]]) -> list[float]:
-    """Return the angles (radians) between each pair of consecutive chains, seen along the sheet's normal."""
     if not pairs:
         return []
     Q = np.array([[before.Q[-2], before.Q[-1], after.Q[0], after.Q[1]] for before, after in pairs])
@@ -354,7 +354,6 @@ def _turns(pairs: Sequence[tuple[SampledChain, SampledChain]]) -> list[float]:
 
 
 def _bends(chains: Sequence[SampledChain]) -> list[bool]:
-    """Return True for each chain that bends by more than `BEND_ANGLE` at an inner vertex, seen along the normal."""
     parts = [chain.Q[::SAMPLES_PER_EDGE] for chain in chains]
     if not parts:
         return []
@@ -367,7 +366,7 @@ def _bends(chains: Sequence[SampledChain]) -> list[bool]:
 
 
 def _arc_between(start: Floats, end: Floats, start_direction: Floats, end_direction: Floats) -> ChainCurve | None:
-    """Return the cubic nearest to a circle between two points; None if it would bend too much."""
+    """Return a nearly circular cubic between two points, or None."""
     widest = 80.0  # degrees; largest angle between the arc's chord and the arc's direction at an end
     chord, directions = _mean_direction(end - start), (_mean_direction(start_direction), _mean_direction(end_direction))
     long = float(np.linalg.norm(chord))

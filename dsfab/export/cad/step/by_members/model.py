@@ -1,4 +1,4 @@
-"""Boundary model of a solid with step = 'members': vertices, edges, walls and faces, each stored once; and corners."""
+"""Boundary model of a solid with step = 'members': vertices, edges, walls and faces."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -13,12 +13,12 @@ from dsfab.export.cad.step.by_members.patch_sides import Quad, SideGrid, SideSta
 from dsfab.export.cad.step.by_members.patches import PatchBuilder
 from dsfab.export.cad.step.by_members.regions import ChainLoop, mean_width
 
-MOST_CELLS = 2  # a four-sided region that needs more than 2 patches becomes a trimmed face, unless the region is long
+MOST_CELLS = 2
 
 
 @dataclass(frozen=True, eq=False)
 class NetEdge:
-    """Edge of the boundary model: a cubic curve on the outer skin, and its counterpart on the inner skin.
+    """Cubic curve on the outer skin, and the curve opposite on the inner skin.
     start, end : vertex numbers.    poles : (4, 6) control points: three columns for each skin, outer first, mm."""
 
     start: int
@@ -37,9 +37,9 @@ class NetWall:
 
 @dataclass(frozen=True, eq=False)
 class NetPatch:
-    """Four-sided face on the outer skin, and its counterpart on the inner skin.
-    loop  : edges counter-clockwise from outside; each side has one or several edges.
-    poles : (4, 4, 6) control points of both surfaces, mm.    within : True if the surfaces extend beyond the face."""
+    """Four-sided face on the outer skin, and the face opposite on the inner skin.
+    loop  : edges counter-clockwise from outside; a side has one or several edges.
+    poles : (4, 4, 6) control points, mm.    within : True if the surfaces extend beyond the face."""
 
     loop: ChainLoop
     poles: Floats
@@ -50,8 +50,7 @@ class NetPatch:
 class NetModel:
     """Boundary model of a solid with step = 'members'.
     vertices : (6,) points on both skins, mm.    trimmed : loops of edges around regions without patches, by region.
-    compact  : regions in `trimmed` that have four sides and are not long.
-    seam     : True for a one-sided surface that was cut open. At this seam the outer skin meets the inner skin."""
+    seam     : True for a one-sided surface that was cut open."""
 
     vertices: list[Floats] = field(default_factory=list)
     edges: list[NetEdge] = field(default_factory=list)
@@ -67,7 +66,7 @@ class NetModel:
         return 2 * (len(self.patches) + len(self.trimmed)) + len(self.walls)
 
     def outline(self, loops: Iterable[ChainLoop]) -> bytes:
-        """Return the control points along loops of edges as bytes, which do not depend on the edges' numbers."""
+        """Return the control points along loops of edges as bytes."""
         return b"".join(self.poles(step).tobytes() for loop in loops for step in loop)
 
     def poles(self, step: tuple[int, bool]) -> Floats:
@@ -76,12 +75,12 @@ class NetModel:
         return self.edges[e].poles[:: 1 if ahead else -1]
 
     def vertex(self, step: tuple[int, bool], at_start: bool) -> int:
-        """Return the vertex where an edge of a loop begins (`at_start`) or ends. step : as in `poles`."""
+        """Return the vertex where an edge of a loop begins (`at_start`) or ends."""
         edge = self.edges[step[0]]
         return edge.start if step[1] == at_start else edge.end
 
     def with_loops(self, loop: Callable[[ChainLoop], ChainLoop]) -> "NetModel":
-        """Return the model after the function `loop` was applied to each loop of edges."""
+        """Return the model with the function applied to each loop of edges."""
         return replace(
             self,
             walls=[replace(wall, steps=loop(wall.steps)) for wall in self.walls],
@@ -98,8 +97,8 @@ def net_model(
     covering: PatchBuilder,
     patched: Collection[int] = (),
 ) -> NetModel:
-    """Build the boundary model of a solid from lines, regions with four sides (`quads`) and other regions.
-    covering : builder of patches for regions. Regions with bad patches become trimmed faces.
+    """Build the boundary model of a solid.
+    quads    : four-sided regions.    covering : builder of patches for regions.
     patched  : four-sided regions that may have more than `MOST_CELLS` patches."""
     stations, quad_list = SideStations(lines, chains), list(quads)
     whole_quads = [quad for quad in quad_list if quad.region not in patched and stations.cells(quad) > MOST_CELLS]
@@ -189,7 +188,6 @@ class _ModelAssembly:
                 self.model.patches.append(NetPatch(loop, P[i, j]))
 
     def _inner(self, P: Floats, grid: SideGrid) -> tuple[list[list[ChainLoop]], list[list[ChainLoop]]]:
-        """Return two tables of edges: along[i][j] lies below cell (i, j) of a region, and up[i][j] on its left."""
         bottom_side, right_side, top_side, left_side = ([self._steps(part) for part in side] for side in grid)
         ku, kv = P.shape[:2]
         vertex: Ints = np.zeros((ku + 1, kv + 1), dtype=np.int64)
@@ -217,7 +215,7 @@ def backwards(loop: ChainLoop) -> ChainLoop:
 
 
 def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
-    limit = 10.0  # largest perimeter / `mean_width` of a compact region: 8 for a square, 10.7 for 3 squares in a row
+    limit = 10.0  # largest perimeter / `mean_width` of a compact region
     steps = [step for side in quad.sides for step in side]
     line = np.concatenate([chains[k].middle[:: 1 if ahead else -1][:-1] for k, ahead in steps])
     return sum(float(chains[k].lengths[-1]) for k, _ in steps) <= limit * mean_width(line)
@@ -225,10 +223,10 @@ def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
 
 @dataclass(frozen=True)
 class FilledCorner:
-    """Corner of an outline that a fillet fills with material, with exactly one seam (edge between faces of a skin).
-    seam     : number of its edge.    end : 0 if the seam begins at the corner, 1 if it ends there.
+    """Corner of an outline that a fillet fills, and the only seam (edge on a skin) there.
+    seam     : number of the edge.    end : 0 if the seam begins at the corner, 1 if it ends there.
     half     : tangent of half the bend angle.    beside : edges of the walls before and after the corner.
-    straight : edge of a wall in line with the seam; None if there is no such edge."""
+    straight : edge of a wall in line with the seam, or None."""
 
     vertex: int
     seam: int
@@ -245,7 +243,7 @@ def corner_tangents(model: NetModel) -> dict[int, float]:
 
 def filled_corners(model: NetModel) -> list[FilledCorner]:
     """Return all corners that a fillet fills and where exactly one seam ends; [] for a one-sided surface."""
-    straight_cosine = np.cos(0.01)  # OCCT 8.0 accepts a bend of 0.01 radians between a seam and its continuation
+    straight_cosine = np.cos(0.01)  # OCCT 8.0 accepts a bend of 0.01 radians
     if model.seam:
         return []
     walls = {e for wall in model.walls for e, _ in wall.steps}
@@ -278,13 +276,13 @@ def _corners(model: NetModel) -> dict[int, tuple[float, tuple[int, bool], tuple[
 
 
 def half_turn(cosine: float) -> float:
-    """Return tan(bend / 2) at a corner between walls; 0 up to a bend of 10 degrees. cosine : cosine of the bend."""
-    smooth = np.cos(np.deg2rad(10.0))  # walls with a bend of at most 10 degrees need no fillet
+    """Return tan(bend / 2) at a corner between walls; 0 for small bends. cosine : cosine of the bend."""
+    smooth = np.cos(np.deg2rad(10.0))
     return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < smooth else 0.0
 
 
 def outlines(model: NetModel) -> list[list[NetWall]]:
-    """Return the walls of each outline of the solid, in their order along the outline."""
+    """Return the walls of each outline of the solid, in order."""
     begin = dict[int, list[NetWall]]()
     for wall in model.walls:
         begin.setdefault(model.vertex(wall.steps[0], True), []).append(wall)

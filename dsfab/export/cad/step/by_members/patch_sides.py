@@ -1,4 +1,4 @@
-"""Sides of four-sided regions: corners, dividing points of opposite sides, and lines along chains of mesh edges."""
+"""Sides of four-sided regions."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -32,15 +32,15 @@ REACH_SHARE = 3 / 4  # length over which a chain's direction is measured, as a f
 
 @dataclass(frozen=True, eq=False)
 class Quad:
-    """Region with four sides, in order around it. Each side is a row of chains, with the region on the left."""
+    """Region with four sides, in order around it. Each side has the region on the left."""
 
     region: int
     sides: tuple[ChainLoop, ChainLoop, ChainLoop, ChainLoop]
 
 
 def quad_of(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledChain], reach: float) -> Quad | None:
-    """Return a region with its four sides; None for a region without four clear corners, or with several loops.
-    reach : length of a chain of edges (mm) over which its direction at a corner is measured."""
+    """Return a region with the four sides; None without four clear corners.
+    reach : length (mm) over which the direction at a corner is measured."""
     if len(loops) != 1 or len(loops[0]) < 4:
         return None
     loop = loops[0]
@@ -79,7 +79,8 @@ def _angles(loop: ChainLoop, chains: Mapping[int, SampledChain], reach: float) -
 
 @dataclass(frozen=True, eq=False)
 class QuadSide:
-    """Side of a region, along k parts of lines. at : (k + 1,) ends of the parts, as fractions of the side's length."""
+    """Side of a region, along k parts of lines.
+    at : (k + 1,) ends of the parts, as fractions of the side's length."""
 
     parts: list[LinePart]
     at: Floats
@@ -89,25 +90,26 @@ class QuadSide:
 
 
 SideGrid = tuple[list[LinePart], list[LinePart], list[LinePart], list[LinePart]]
-"""Bottom, right, top and left side of a region, each divided into parts. Opposite sides run in the same direction."""
+"""Bottom, right, top and left side of a region; opposite sides run in the same direction."""
 
 
 class SideStations:
-    """Stations: points that divide opposite sides of a region. stops : for each line, parameters of its stations."""
+    """Points ("stations") that divide opposite sides of a region.
+    stops : for each line, parameters of the stations."""
 
     def __init__(self, lines: NetLines, chains: Mapping[int, SampledChain]) -> None:
         self.lines, self.chains = lines, chains
         self.stops = [{*line.at.tolist(), *line.curve.breaks.tolist()} for line in lines.lines]
 
     def cells(self, quad: Quad) -> int:
-        """Number of patches of the region `quad` after its sides are divided at stations (see `SideStations`)."""
+        """Return the number of patches of the region `quad`."""
         bottom_side, right_side, top_side, left_side = (self._side(steps) for steps in quad.sides)
         pairs = (bottom_side, top_side.backwards()), (left_side.backwards(), right_side)
         along, up = (1 + len(paired_shares(*(np.array(list(self._breaks(side))) for side in two))[0]) for two in pairs)
         return along * up
 
     def grid(self, quad: Quad) -> SideGrid:
-        """Return the sides of a region, divided at stations. Adds stations where only the opposite side has one."""
+        """Return the sides of a region, divided at stations. Adds missing stations to `stops`."""
         bottom_side, right_side, top_side, left_side = (self._side(steps) for steps in quad.sides)
         below, above = self._divide_sides(bottom_side, top_side.backwards())
         before, after = self._divide_sides(left_side.backwards(), right_side)
@@ -169,8 +171,7 @@ class SideStations:
 
 
 def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, Floats]:
-    """Pair the dividing points of two opposite sides; return positions (k,), ascending, as fractions of each side.
-    Points at similar fractions form pairs. Each remaining point gets a new partner, interpolated between pairs."""
+    """Pair the dividing points of two sides; return positions (k,), ascending, as fractions of each side."""
     tolerance = 0.1  # two dividing points are a pair only if their fractions of the sides differ by less than this
     if len(first_shares) == len(second_shares) and (np.abs(first_shares - second_shares) < tolerance).all():
         return first_shares, second_shares
@@ -191,13 +192,13 @@ def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, 
 
 
 CHORD_SHARE = 1 / 8
-"""Fraction of the mesh's chord error that is added to the tolerance of lines. Larger fractions make tori inexact."""
+"""Fraction of the mesh's chord error in the tolerance of lines."""
 
 
 class LineFits:
-    """Fit of lines (curves) to chains of mesh edges, with a cache for chains whose points did not change.
+    """Fit of curves to chains of mesh edges.
     distance : allowed distance of the solid from the mesh, mm.    box : (2, 3) box that must contain all poles, mm.
-    skins    : (2, 3) box around both skins of the sheet, mm. Poles of parabolas are at most `distance` outside of it.
+    skins    : (2, 3) box around the two skins of the sheet, mm.
     away     : function of points (k, 6): vectors to skins.    closely : True to halve long cubics far from skins."""
 
     def __init__(
@@ -209,8 +210,8 @@ class LineFits:
         self.pulled, self.arcs = dict[int, tuple[ChainLine, ChainLine]](), ArcsOnSkins(away)
 
     def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
-        """Fit lines along all chains. A line follows several chains if it has fewer cubics than a line for each chain.
-        reach : length (mm) at the end of a chain over which its direction is measured."""
+        """Return lines along all chains.
+        reach : length (mm) over which the direction of a chain is measured."""
         turns, self.within = partial(chain_turn, chains, reach), chain_tolerances(net, chains, self.distance)
         arced = {k: OUTLINE_SHARE * self.distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
         rounded = round_chains(net, chains, arced)
@@ -241,7 +242,6 @@ class LineFits:
         return min(self.within[k] for k, _ in row)
 
     def _are_good(self, net: ChainNet, chains: Mapping[int, SampledChain], lines: list[ChainLine]) -> list[bool]:
-        """Return True for a line along one chain, or near several chains with fewer cubics than a line per chain."""
         maybe = [x for x in lines if len(x.curve.spans) > 1 and self._is_near(net, x)]
         runs = iter(self._fits(net, chains, [[step] for x in maybe for step in x.steps]))
         fewer = {id(x): len(x.curve.spans) < sum(len(next(runs).curve.spans) for _ in x.steps) for x in maybe}
@@ -265,7 +265,7 @@ class LineFits:
         return [self.pulled[id(line)][1] for line in lines]
 
     def halved_strays(self, lines: list[ChainLine]) -> list[ChainLine]:
-        """Halve long cubics that are still too far from the skins after `on_skins` moved them onto the skins."""
+        """Halve long cubics that are too far from the skins."""
         curves = on_skins([line.curve for line in lines], self.away)
         if not curves:
             return lines
@@ -280,7 +280,7 @@ class LineFits:
 
 
 def chain_tolerances(net: ChainNet, chains: Mapping[int, SampledChain], distance: float) -> dict[int, float]:
-    """Return the tolerance (mm) of each chain; around narrow openings it is at most a fraction of their width."""
+    """Return the tolerance (mm) of each chain."""
     tolerances = {k: OUTLINE_SHARE * distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
     after = {int(chain.points[0]): k for k, chain in net.chains.items() if chain.right == VOID}
     while after:
@@ -302,19 +302,19 @@ def _samples(row: Iterable[tuple[int, bool]], chains: Mapping[int, SampledChain]
 
 
 Turn = Callable[[ChainEnd, ChainEnd], float]
-"""Function that returns the bend (degrees) between the ends of two consecutive chains of mesh edges."""
+"""Function that returns the bend (degrees) between two chains of mesh edges."""
 
 
 def chain_turn(chains: Mapping[int, SampledChain], reach: float, first_end: ChainEnd, second_end: ChainEnd) -> float:
-    """Return the bend (degrees) where two chains meet. reach : length (mm) to measure a chain's direction."""
+    """Return the bend (degrees) where two chains meet.
+    reach : length (mm) to measure a chain's direction."""
     directions = [chains[k].direction(end == 0, reach)[0] for k, end in (first_end, second_end)]
     a, b = (direction / np.linalg.norm(direction) for direction in directions)
     return float(np.degrees(np.arccos(np.clip(-a @ b, -1, 1))))
 
 
 def line_links(net: ChainNet, quads: Iterable[Quad], turn: Turn, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
-    """Pair the ends of consecutive chains that can share one line: on a side of a region, or on a smooth outline.
-    Chains in `arcs` (round corners) are paired only along outlines, not along sides of regions."""
+    """Pair the ends of consecutive chains that can share one line."""
     smooth = 10.0  # degrees; one line follows two chains of an outline only if the bend between them is smaller
     candidates = list[tuple[int, float, ChainEnd, ChainEnd]]()
     for quad in quads:

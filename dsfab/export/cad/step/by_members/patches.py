@@ -1,4 +1,4 @@
-"""Bezier patches of four-sided regions (Coons patches), surfaces as heights over a plane, and tolerances of faces."""
+"""Bezier patches of four-sided regions (Coons patches), surfaces as heights over a plane, and limits of faces."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,19 +14,19 @@ from dsfab.export.splines import bernstein
 
 def places(poles: Floats, axes: Floats, points: Floats) -> Floats:
     """Return the parameters (k, 2) at which a surface covers points (k, 3), seen along the third of `axes` (3, 3).
-    poles : (p + 1, p + 1, 3) of the surface; seen along this axis, they must form a regular grid in a parallelogram."""
+    poles : (p + 1, p + 1, 3); seen along the third axis, a regular grid in a parallelogram."""
     (a, b), (c, _) = poles[:: len(poles) - 1, :: len(poles) - 1] @ axes[:2].T
     return np.asarray(np.linalg.solve(np.stack([c - a, b - a], axis=1), (points @ axes[:2].T - a).T).T)
 
 
 def height_rows(uv: Floats, degree: int) -> Floats:
-    """Return weights (k, (degree + 1)^2) of a surface's poles for its points at parameters (k, 2), from 0 to 1."""
+    """Return weights (k, (degree + 1)^2) of a surface's poles at parameters (k, 2), from 0 to 1."""
     products = np.einsum("ka,kb->kab", _powers(uv[:, 0], degree), _powers(uv[:, 1], degree))
     return np.asarray(products.reshape(len(uv), -1))
 
 
 def rows_at(uv: Floats) -> Callable[[int], Floats]:
-    """Return a cached function of a polynomial degree. It returns `height_rows` at the parameters uv (k, 2)."""
+    """Return a function of a degree that returns `height_rows` at the parameters uv (k, 2)."""
     return cache(partial(height_rows, uv))
 
 
@@ -55,13 +55,13 @@ def _binomials(degree: int) -> Floats:
 
 @cache
 def differences(count: int) -> Floats:
-    """Return the matrix (2 (k - 2) k, k^2) of second differences of poles (k, k) along both directions."""
+    """Return the matrix (2 (k - 2) k, k^2) of second differences of poles (k, k)."""
     second = np.diff(np.eye(count), n=2, axis=0)
     return np.concatenate([np.kron(second, np.eye(count)), np.kron(np.eye(count), second)])
 
 
 PLACES = (np.stack(np.meshgrid(*[np.arange(24)] * 2, indexing="ij"), axis=2).reshape(-1, 2) + 0.5) / 24
-"""Sample parameters (k, 2) of a surface, 24 along each side. A grid of 12 can miss a bulge in a corner."""
+"""Sample parameters (k, 2) of a surface, 24 along each side."""
 
 ROWS = rows_at(PLACES)
 
@@ -70,7 +70,7 @@ ROWS = rows_at(PLACES)
 class FaceLimits:
     """Limits of faces, millimetres.
     gap : largest gap between trimmed faces and their edges.
-    off : largest distance of a face from the inner points to which the face is fitted.
+    off : largest distance of a face from inner points.
     box : (2, 3) box that must hold the poles.
     beyond_mesh : function of points (k, 3); returns distance from the mesh minus limit (k,). None: no limit."""
 
@@ -85,8 +85,8 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Return the largest `beyond_mesh` (mm, see `FaceLimits`) at samples of surfaces inside outlines; -inf if None.
-    surfaces : poles and axes of each surface.    lines : for each outline, its points (., 3) on each surface."""
+    """Return the largest `beyond_mesh` (mm) at samples of surfaces (poles and axes); -inf if `beyond_mesh` is None.
+    lines : for each outline, points (., 3) on each surface."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
@@ -94,20 +94,19 @@ def largest_excess(
 
 
 def places_inside(poles: Floats, axes: Floats, lines: Sequence[Floats]) -> Floats:
-    """Return sample points (k, 3) of a surface with these poles, inside closed lines (., 3) as seen along `axes[2]`."""
+    """Return sample points (k, 3) of a surface inside closed lines (., 3) along `axes[2]`."""
     points = ROWS(len(poles) - 1) @ poles.reshape(-1, 3)
     return np.asarray(points[points_inside(points @ axes[:2].T, [line @ axes[:2].T for line in lines])])
 
 
 def points_inside(points: Floats, lines: Sequence[Floats]) -> Bools:
-    """Return a mask (k,) of the points (k, 2) inside an odd number of closed lines (., 2) in a plane."""
+    """Return a mask (k,) of points (k, 2) inside an odd number of closed lines (., 2)."""
     x, y = points.T
     is_inside = np.zeros(len(points), dtype=bool)
     for line in lines:
         (ax, ay), (bx, by) = line.T, np.roll(line, -1, axis=0).T
         slope = (bx - ax) / np.where(by != ay, by - ay, 1.0)
         above = ay > y[:, None]
-        # only segments that cross the horizontal line through a point need the exact test
         i, j = np.nonzero(above != np.roll(above, -1, axis=1))
         is_left = x[i] < ax[j] + (y[i] - ay[j]) * slope[j]
         is_inside ^= np.bincount(i[is_left], minlength=len(points)) % 2 == 1
@@ -130,7 +129,7 @@ def coons(bottom_poles: Floats, right_poles: Floats, top_poles: Floats, left_pol
 
 
 def patches_on_skins(grids: Sequence[Floats], vectors_to_skins: Callable[[Floats], Floats]) -> list[Floats]:
-    """Move inner poles of patches (ku, kv, 4, 4, d) onto the skins. Borders do not move, and joints stay smooth.
+    """Move inner poles of patches (ku, kv, 4, 4, d) onto the skins.
     vectors_to_skins : function of points (k, d); returns the vectors to the skins."""
     sides = [((P[:, 0, :, 0], P[:, -1, :, -1]), (P[0, :, 0], P[-1, :, -1])) for P in grids]
     splines = [[InnerSpline.from_breaks(_break_shares(*pair)) for pair in pairs] for pairs in sides]
@@ -161,8 +160,7 @@ def _break_shares(side_spans: Floats, opposite_spans: Floats) -> Floats:
 
 
 def least_jacobian(P: Floats) -> float:
-    """Return the smallest Jacobian of a patch / its largest Jacobian, for the worst of all patches (..., 4, 4, 3).
-    This Jacobian is the component of the surface's normal vector along the patch's mean normal."""
+    """Return the smallest Jacobian of a patch / its largest Jacobian, for the worst of all patches (..., 4, 4, 3)."""
     P, x = P.reshape(-1, 4, 4, 3), np.linspace(0, 1, 5)
     B, C = bernstein(x), np.stack([(1 - x) ** 2, 2 * x * (1 - x), x**2], axis=1)
     du = np.einsum("xa,yb,kabi->kxyi", C, B, np.diff(P, axis=1))
@@ -173,17 +171,16 @@ def least_jacobian(P: Floats) -> float:
 
 
 class PatchBuilder:
-    """Builder of patches, with a cache by region and curves.
-    away   : function of rows (k, 6) of two points, one near each skin; returns the vectors (k, 6) to the skins.
-    limits : allowed distances of the patches from the skins and from the mesh."""
+    """Builder of patches.
+    away   : function of rows (k, 6) of two points, one near each skin; returns the vectors (k, 6) to the skins."""
 
     def __init__(self, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
         self.away, self.limits = away, limits
         self.known = dict[int, tuple[list[bytes], Floats | None]]()
 
     def __call__(self, regions: Sequence[int], sides: Sequence[Sequence[Floats]]) -> list[Floats | None]:
-        """Return the poles (ku, kv, 4, 4, 6) of each region; None if its patches are folded or far from the skins.
-        sides : bottom, right, top and left side of each region, as in `coons`."""
+        """Return the poles (ku, kv, 4, 4, 6) of each region; None without good patches.
+        sides : bottom, right, top and left side of each region."""
         poles = [[side.tobytes() for side in four] for four in sides]
         changed = [i for i, region in enumerate(regions) if self.known.get(region, ((),))[0] != poles[i]]
         for i, P in zip(changed, self._build([sides[i] for i in changed]), strict=True):
@@ -196,14 +193,14 @@ class PatchBuilder:
         cubic = patches_on_skins([coons(*four) for four in sides], self.away)
         patches = [patches_as_parabolas(P, self.limits.off) for P in cubic]
         too_far = (stray_distances(patches, self.away) > self.limits.off) | (patch_excess(patches, self.limits) > 0)
-        least_ratio = 0.1  # a patch with a smaller relative Jacobian counts as folded
+        least_ratio = 0.1
         jacobians = (least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) for P in patches)
         rows = zip(patches, too_far, jacobians, strict=True)
         return [None if is_far or jacobian < least_ratio else P for P, is_far, jacobian in rows]
 
 
 def stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:
-    """Return for each region (k,) the largest distance (mm) of a patch's middle from the skins."""
+    """Return for each region (k,) the largest distance (mm) of the middle of a patch from the skins."""
     half = bernstein(np.array([0.5]))[0]
     middles = [np.einsum("a,b,uvabi->uvi", half, half, P).reshape(-1, 6) for P in patches]
     distances = np.linalg.norm(away(np.concatenate(middles)).reshape(-1, 2, 3), axis=2).max(axis=1)
@@ -211,7 +208,7 @@ def stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats])
 
 
 def patch_excess(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
-    """Return for each region (k,) the largest (distance of patches from the mesh - limit), mm; -inf without a limit."""
+    """Return for each region (k,) the largest (distance from the mesh - limit), mm; -inf without a limit."""
     if not patches or limits.beyond_mesh is None:
         return np.full(len(patches), -np.inf)
     poles, B = [P.reshape(-1, 4, 4, 6) for P in patches], bernstein(np.linspace(0, 1, 7))

@@ -1,4 +1,4 @@
-"""Division of regions: the ends of long members are cut off, and regions with strong bends get a seam."""
+"""Division of long and of strongly bent regions."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -21,8 +21,8 @@ from dsfab.surface import edge_table, half_edges, link_components
 
 
 def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width: float) -> ChainNet:
-    """If a region has two long walls (chains of its outline), cut off its two ends. The ends become new regions.
-    An end narrower than `width` mm is not cut off.    lifting : mapping of mesh points to the skins."""
+    """Cut off the two ends of each region with two long walls.
+    An end narrower than `width` mm is not cut off."""
     points_each = 9  # a chain that divides a region has 9 points
     P = np.asarray(net.weights @ lifting.skins.points)
     chains, loops, cell = dict(net.chains), dict(net.loops), dict(net.parent)
@@ -62,7 +62,7 @@ def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width
 
 
 def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, int] | None:
-    """Return the positions of two long walls in a region's loop; None if they are adjacent or not long enough."""
+    """Return two positions in a region's loop, or None."""
     long = 1.5  # a member's walls are longer than 1.5 times the distance between the walls
     if len(loops) != 1 or len(loops[0]) < 5:
         return None
@@ -78,7 +78,8 @@ def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, 
 
 
 def is_narrow_end(net: ChainNet, end: ChainLoop, P: Floats, width: float, region_area: Floats) -> bool:
-    """Return True if a straight cut across a region's end leaves the region, or the end is narrower than `width`."""
+    """Return True if a straight cut leaves the region, or if the end is narrower than `width` (mm).
+    P : (n, 3) points."""
     line = P[_points(net, end)]
     return mean_width(line) < width or float(vector_area(line) @ region_area) < 0
 
@@ -88,11 +89,12 @@ def _points(net: ChainNet, loop: ChainLoop) -> Ints:
 
 
 LEAST_COSINE = 0.75
-"""Smallest cosine between a region's normals and their mean; a region with a smaller cosine may be divided."""
+"""Smallest cosine between a region's normals and the mean normal."""
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:
-    """Divide strongly bent regions with one outline into flatter parts. `net` must begin with the points of `sheet`."""
+    """Divide strongly bent regions into flatter parts.
+    `net` must begin with the points of `sheet`."""
     most_seams = 200  # a sheet gets at most 200 seams
     work = _BendSeams(net, sheet, lifting, limits.thickness)
     bends = {r: work.least_cosine(r) for r, loops in net.loops.items() if len(loops) == 1}
@@ -141,12 +143,11 @@ class _BendSeams:
         return bool(outline**2 < stout_limit * area)
 
     def _normal_spread(self, cells: Ints) -> float:
-        """Return a measure of bending: the total area of cells minus the length of their area vector."""
         N = self.N[cells]
         return float(np.linalg.norm(N, axis=1).sum() - np.linalg.norm(N.sum(axis=0)))
 
     def divide(self, region: int) -> int:
-        """Divide a region by a seam; return the new region's number, or -1 if no seam gives much flatter parts."""
+        """Divide a region by a seam; return the new region's number, or -1."""
         seam = self._seam(region)
         if seam is None and self._halve_chains(region):
             seam = self._seam(region)
@@ -188,7 +189,6 @@ class _BendSeams:
         return polyline_length(self.net.weights[points] @ self.skins.points)
 
     def _with_seam(self, region: int, path: Ints, right: Ints) -> int:
-        """Divide a region along a path; return the number of the new region, on the right of the path."""
         chains, loops, cell = dict(self.net.chains), dict(self.net.loops), self.net.cell.copy()
         loop, added_region, first_chain = loops[region][0], max(*loops, int(cell.max())) + 1, max(chains) + 1
         nodes = [self.net.ends(step)[0] for step in loop]
@@ -234,7 +234,6 @@ def _paths(F: Ints, P: Floats, nodes: list[int], wall_distance: float) -> Iterat
 
 
 def _on_the_right(F: Ints, path: Ints) -> Bools:
-    """Return a mask (m,) of the triangles F on the right of a path of vertices."""
     _, local = np.unique(np.append(F.ravel(), path), return_inverse=True)
     cells, line = local[: F.size].reshape(-1, 3), local[F.size :]
     edges = edge_table(cells)

@@ -1,4 +1,4 @@
-"""Regions of a sheet, chains of mesh edges between regions, joined outlines, and points on the skins inside regions."""
+"""Regions of a sheet, and chains of mesh edges between regions."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,8 +15,7 @@ from dsfab.surface import EdgeTable, edge_table, half_edges, link_components, ne
 CORNER_COSINE = np.cos(np.deg2rad(40.0))  # cosine of the smallest bend at a corner of an outline
 
 ROUND_COSINE = np.cos(np.deg2rad(10.0))
-"""Cosine of the smallest bend at a vertex of a round corner. Nodes mark the ends of round corners.
-Bends are measured in the plane of the sheet. Bends out of this plane come from the coarse mesh."""
+"""Cosine of the smallest bend at a vertex of a round corner."""
 
 VOID = -1  # number in place of a region, for the space beyond an outline
 ChainLoop = list[tuple[int, bool]]  # chain numbers in order; True if the loop runs along the chain
@@ -24,8 +23,8 @@ ChainLoop = list[tuple[int, bool]]  # chain numbers in order; True if the loop r
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Chain of mesh edges between two nodes.    left, right : numbers of the regions beside it; `VOID` for no region.
-    points : (k,) numbers of points (rows of `ChainNet.weights`). The first and the last are nodes."""
+    """Chain of mesh edges between two nodes.    left, right : numbers of regions; `VOID` for no region.
+    points : (k,) numbers of points. The first and the last are nodes."""
 
     points: Ints
     left: int
@@ -40,18 +39,18 @@ class Chain:
         return self.right if ahead else self.left
 
     def with_region(self, region: int, ahead: bool) -> "Chain":
-        """Return the chain with a new region on its left if `ahead`, else with a new region on its right."""
+        """Return the chain with a new region on its left if `ahead`, else on its right."""
         return Chain(self.points, region, self.right) if ahead else Chain(self.points, self.left, region)
 
 
 @dataclass(frozen=True, eq=False)
 class ChainNet:
-    """Regions of a sheet and the chains of mesh edges between regions.
-    weights : (p, n) barycentric weights of all points on the uncut surface.    chains : chain number -> chain.
-    loops   : region -> loops of chains, with the region on the left.    loose : regions outside of all stripes.
-    cell    : (m,) region of each cell of the sheet. Cells of a cut-off region have the number of its parent.
-    parent  : number of a cut-off region -> number of the region that it was cut from.
-    twins   : point on one side of the seam (see `StripedSheet`) -> point at the same place on the other side."""
+    """Regions of a sheet, and the chains of mesh edges between regions.
+    weights : (p, n) barycentric weights of all points on the uncut surface.    chains : by number.
+    loops   : by region, loops of chains with the region on the left.    loose : regions outside of all stripes.
+    cell    : (m,) region of each cell of the sheet; for a cut-off region, its parent.
+    parent  : by number of a cut-off region, the region that it was cut from.
+    twins   : by point on the seam, the point on the other side."""
 
     weights: csr_array
     chains: dict[int, Chain]
@@ -62,7 +61,7 @@ class ChainNet:
     twins: dict[int, int] = field(default_factory=dict)
 
     def on_seam(self, k: int) -> bool:
-        """Return True if chain k lies on the seam: the region to its right is VOID, but the solid continues there."""
+        """Return True if chain k lies on the seam."""
         points = self.chains[k].points
         return bool(self.twins) and self.chains[k].right == VOID and all(int(p) in self.twins for p in points)
 
@@ -73,12 +72,12 @@ class ChainNet:
 
 
 CreaseTest = Callable[[csr_array, Ints, Ints], Bools]
-"""Function that tells which segments between two points lie on a crease, see `CreaseSides.lines_on_creases`."""
+"""Function that tells which segments between two points lie on a crease."""
 
 
 def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased: CreaseTest | None = None) -> ChainNet:
     """Return the regions of a sheet, and the chains of mesh edges between regions.
-    V, N : (n, 3) vertices and normals of the uncut surface.    thickness : unit of V.    creased : a `CreaseTest`."""
+    V, N : (n, 3) vertices and normals of the uncut surface.    creased : test for lines on a crease."""
     P, normals = (np.asarray(sheet.weights @ x) for x in (V, N))
     edges = edge_table(sheet.F)
     start, end = half_edges(sheet.F)
@@ -89,7 +88,7 @@ def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased:
 
 
 def ends_at(net: ChainNet) -> dict[int, list[tuple[int, int]]]:
-    """Return node -> ends of its chains: (chain, 0) if a chain begins at the node, (chain, -1) if it ends there."""
+    """Return, by node, the ends of its chains: (chain, 0) for a chain's beginning, (chain, -1) for its end."""
     node_ends = dict[int, list[tuple[int, int]]]()
     for k, chain in net.chains.items():
         for end in (0, -1):
@@ -98,14 +97,14 @@ def ends_at(net: ChainNet) -> dict[int, list[tuple[int, int]]]:
 
 
 def outline_through(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int] | None:
-    """Return the outline's chain that ends at a node and the chain that begins there; None unless one outline passes.
-    ends : ends of chains at the node, as in `ends_at`."""
+    """Return the outline's chain that ends at a node, and the chain that begins there.
+    Return None unless exactly one outline passes."""
     before, after = ([k for k, end in ends if end == which and net.chains[k].right == VOID] for which in (-1, 0))
     return (before[0], after[0]) if len(before) == len(after) == 1 and before != after else None
 
 
 def turns(before: Floats, after: Floats, N: Floats) -> Floats:
-    """Return (k,) cosines of the angles between directions (k, 3), projected along normals N (k, 3) of any length."""
+    """Return cosines (k,) of the angles between directions (k, 3), projected along normals N (k, 3)."""
     flat_before, flat_after = (
         direction - N * (np.einsum("ki,ki->k", direction, N) / np.einsum("ki,ki->k", N, N))[:, None]
         for direction in (before, after)
@@ -117,7 +116,7 @@ def turns(before: Floats, after: Floats, N: Floats) -> Floats:
 def _regions(
     sheet: StripedSheet, P: Floats, edges: EdgeTable, thickness: float, apart: Bools
 ) -> tuple[Ints, frozenset[int]]:
-    """Return each cell's region, and the regions outside stripes. apart : (i,) True for pairs of cells at a crease."""
+    """Return the region of each cell, and the regions outside stripes."""
     sliver = 1 / 4  # a region with an area below (thickness / 4)^2 joins a neighbour
     f, g = edges.pairs.T // 3
     is_joined = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
@@ -178,12 +177,11 @@ class _BorderWalk:
 
     @cached_property
     def _seam_points(self) -> Ints:
-        """Pairs (2, k) of vertices at one place, on the two sides of the seam."""
+        """Pairs (2, k) of vertices on the two sides of the seam."""
         side_a, side_b = self.seam.T
         return np.stack([np.append(self.start[side], self.end[side]) for side in (side_a, side_b)])
 
     def _round_ends(self, bent: Bools, void: Bools) -> Bools:
-        """Return a mask of half-edges to ends of round corners. bent : mask before a bend.    void : on an outline."""
         h, position = self.along, np.full(len(self.border), -1)
         position[h] = np.arange(len(h))
         after = position[self.after[h]]
@@ -243,7 +241,7 @@ class _BorderWalk:
 
 
 def joined_outlines(net: ChainNet, P: Floats, N: Floats) -> ChainNet:
-    """Join consecutive outline chains along a round corner or a straight wall. P, N : (p, 3) points, normals."""
+    """Join chains along a round corner or a straight wall. P, N : (p, 3) points, normals."""
     ends = [int(p) for chain in net.chains.values() for p in (chain.points[0], chain.points[-1])]
     degree = np.bincount(ends, minlength=len(P))
     degree[list(net.twins)] = 0  # chains on the two sides of a seam are not joined
@@ -281,7 +279,7 @@ def _outline_points(loop: ChainLoop, position: int, chains: dict[int, Chain]) ->
 
 
 def _is_outline_end(line: Floats, N: Floats) -> bool:
-    """Return True if the middle of 5 outline points (5, 3) is a sharp corner or ends a round corner. N : normals."""
+    """Return True if the middle of 5 outline points (5, 3) ends a wall."""
     if len(line) < 5:
         return True
     d = np.diff(line, axis=0)
@@ -291,8 +289,8 @@ def _is_outline_end(line: Floats, N: Floats) -> bool:
 
 
 def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
-    """Join each lens, a region between two chains with a mean width below `width`, to a neighbour.
-    P : (p, 3) points of the net, in the unit of `width`."""
+    """Join narrow regions between two chains to a neighbour. P : (p, 3) points of the net.
+    width : least mean width, in the unit of P."""
     chains, loops, loose, cell = dict(net.chains), dict(net.loops), set(net.loose), net.cell.copy()
     for region in list(loops):
         if len(loops[region]) != 1 or len(loops[region][0]) != 2:
@@ -313,7 +311,7 @@ def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
 
 
 def mean_width(line: Floats) -> float:
-    """Return the mean width inside a closed line (k, 3): the enclosed area, divided by half of the line's length."""
+    """Return the mean width inside a closed line (k, 3): area / half of the length."""
     return 2 * float(np.linalg.norm(vector_area(line))) / max(polygon_perimeter(line), 1e-300)
 
 
@@ -324,15 +322,15 @@ def vector_area(line: Floats) -> Floats:
 
 
 INNER = ((1 / 3, 1 / 3, 1 / 3), (2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1 / 6, 1 / 6, 2 / 3))
-"""Barycentric coordinates of the points in each cell to which a trimmed face is fitted."""
+"""Barycentric coordinates of the points in each cell to which a face is fitted."""
 
 MORE = tuple((a / 7, b / 7, 1 - (a + b) / 7) for a in range(1, 6) for b in range(1, 7 - a))
-"""More barycentric points of cells longer than the sheet's thickness, so that fitted faces have no waves there."""
+"""Barycentric coordinates of more points, for long cells."""
 
 
 @dataclass(frozen=True, eq=False)
 class RegionInterior:
-    """Points inside regions, on both skins of the sheet.    fine : True for more points (`MORE`) in long triangles."""
+    """Points inside regions, on both skins of the sheet.    fine : True for more points in long triangles."""
 
     sheet: StripedSheet
     lifting: Lifting
@@ -340,7 +338,7 @@ class RegionInterior:
     fine: bool = False
 
     def points(self, net: ChainNet, regions: Sequence[int]) -> dict[int, Floats]:
-        """Return a dict: region -> points (k, 6) in its cells; a row has two points, one on each skin."""
+        """Return points (k, 6) by region. A row has two points, one on each skin."""
         if not regions:
             return {}
         cells = [np.flatnonzero(net.cell == net.parent.get(region, region)) for region in regions]
@@ -359,7 +357,6 @@ class RegionInterior:
         return self.lifting.points(csr_array(vstack([a * u + b * v + c * w for u, v, w in weights], format="csr")))
 
     def _are_long(self, F: Ints, size: Floats) -> Bools:
-        """Return (m,) True for cells with a side longer than the thickness, or than 1 / 6 of their region's size."""
         region_share = 1 / 6  # a side is long if it is longer than a sixth of the region's size
         P = np.asarray(self.sheet.weights @ self.lifting.skins.points)[F]
         long = np.linalg.norm(P - np.roll(P, 1, axis=1), axis=2).max(axis=1)

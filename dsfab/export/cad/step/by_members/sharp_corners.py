@@ -1,4 +1,4 @@
-"""Put trimmed faces exactly onto edges at sharp corners, for fillets; if this fails, put edges of walls onto faces."""
+"""Put trimmed faces exactly onto edges at sharp corners, for fillets."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ from dsfab.export.splines import bernstein
 @dataclass(frozen=True)
 class MovedRim:
     """Changes that move edges of walls onto a face.    pieces : numbers of these edges.
-    edges, vertices : changed edges and vertices by number; a vertex (6,) is a pair of points on the two skins."""
+    edges, vertices : by number; a vertex (6,) is a pair of points on the two skins."""
 
     pieces: list[int]
     edges: dict[int, NetEdge]
@@ -25,8 +25,7 @@ class MovedRim:
 
 
 class Rims:
-    """Edges of walls (rims). At sharp corners of outlines, rims can move onto neighbouring faces.
-    pieces : numbers of rims at sharp corners.    ends : for each vertex, the numbers of the edges that meet there."""
+    """Edges of walls (rims), which can move onto neighbouring faces at sharp corners."""
 
     def __init__(self, model: NetModel, pieces: Collection[int]) -> None:
         self.model, self.edges, self.vertices = model, list(model.edges), list(model.vertices)
@@ -43,13 +42,13 @@ class Rims:
         return self.pieces & _edges_of_face(face)
 
     def seams(self, face: TrimmedFace, curves: Mapping[int, Floats]) -> dict[int, Floats]:
-        """Return those of `curves` (poles by edge number) that lie on a face's outline, but are not edges of walls."""
+        """Return those of `curves` (poles by edge number) on a face's outline that are not rims (edges of walls)."""
         around = _edges_of_face(face)
         return {e: poles for e, poles in curves.items() if e in around and e not in self.rims}
 
     def moved_onto(self, face: TrimmedFace, on_seams: bool) -> MovedRim | None:
-        """Return the changes that move rims (edges of walls) at sharp corners onto a face; None if no rim can move.
-        on_seams : True if seams (other edges) at corners lie on the face; then rims that end at seams can also move."""
+        """Return the changes that move rims (edges of walls) onto a face; None if no rim can move.
+        on_seams : True if rims that end at seams can also move."""
         nodes, around = np.linspace(0, 1, 4)[:, None], _edges_of_face(face)  # heights at 4 places determine a cubic
         free = {v for v, ends in self.ends.items() if len(ends) == 2 and around & self.rims >= set(ends)}
         ends = {e: (self.edges[e].start, self.edges[e].end) for e in around}
@@ -72,7 +71,7 @@ class Rims:
         return MovedRim(face_pieces, edges, vertices)
 
     def take(self, change: MovedRim) -> None:
-        """Apply a result of `moved_onto` to the edges and vertices."""
+        """Apply the changes to the edges and vertices."""
         for e, edge in change.edges.items():
             self.edges[e] = edge
         for v, point in change.vertices.items():
@@ -80,7 +79,7 @@ class Rims:
         self.moved |= change.edges.keys()
 
     def result(self) -> NetModel:
-        """Return the model with the moved rims (edges of walls), and with new walls along these rims."""
+        """Return the model with the moved rims (edges of walls)."""
         model, walls = replace(self.model, edges=self.edges, vertices=self.vertices), list[NetWall]()
         for wall in self.model.walls:
             still = self.moved.isdisjoint(e for e, _ in wall.steps)
@@ -95,22 +94,21 @@ def _edges_of_face(face: TrimmedFace) -> set[int]:
 FILLET_SHARE = 1 / 6  # largest fillet radius / thickness; edges lie exactly on the surface as far as such fillets go
 
 INNER_SHARE = 6 / 7
-"""Smallest fillet radius on the inner skin / radius on the outer skin, as inner edges are shorter at openings."""
+"""Smallest fillet radius on the inner skin, divided by the radius on the outer skin."""
 
 TEST_PLACES = np.linspace(0, 1, 33)  # parameters of the samples along an edge
 
 FLUSH_TOLERANCE = 1e-6
-"""Largest distance (mm) between a face and its edge at a sharp corner, so that OCCT can make fillets there."""
+"""Largest distance (mm) between a face and its edge at a sharp corner."""
 
 STILL_ROWS = rows_at(np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2))
-"""Function of a degree; returns a surface's basis at a grid of places, where a fit must hardly move the surface."""
+"""Function of a degree; returns a surface's basis at a grid of places."""
 
 MOVED = 1 / 400  # largest movement of points inside a face, as a fraction of the thickness
 
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
-    """Cut all edges near the sharp corners of trimmed faces, and fit each face exactly to its edges at these corners.
-    If a face would move by over `MOVED`, or have gaps over `SPLIT`, edges of walls move onto it, by up to `SPLIT`."""
+    """Cut edges near sharp corners, and fit trimmed faces exactly to their edges there."""
     face_edges = {e for face in faces for loop in face.loops for e, _ in loop}
     near_vertices = {v for e in face_edges for v in (model.edges[e].start, model.edges[e].end)}
     corners = {v: half for v, half in corner_tangents(model).items() if v in near_vertices}
@@ -149,7 +147,6 @@ def _on_rims(face: TrimmedFace, rims: Rims, held_curves: Iterable[Mapping[int, F
 
 
 def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats]) -> TrimmedFace | None:
-    """Move edges of walls onto a face; return it, or None if an edge moves by over `SPLIT`, or gaps get too wide."""
     change = rims.moved_onto(face, bool(seams))
     moves = [edge.poles - rims.edges[e].poles for e, edge in change.edges.items()] if change else []
     if change is None or np.abs(moves).max() > SPLIT:
@@ -168,7 +165,6 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
-    """Return fractions of an edge where it is cut, so that fillets fit. halves : tan(bend angle / 2) at each end."""
     shortest_cut = 0.1  # least part between two cuts, or from a single cut to the far end, as a fraction of the edge
     radius = FILLET_SHARE * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
     line, shares = bernstein(TEST_PLACES) @ poles, list[float]()
@@ -185,7 +181,6 @@ def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
 
 
 def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Floats]) -> TrimmedFace:
-    """Fit a face exactly to edges; return the old face if no exact fit exists. held_curves : poles (4, 6) by edge."""
     curves = [held_curves[e] for e in sorted({e for loop in face.loops for e, _ in loop} & held_curves.keys())]
     if not curves:
         return face
@@ -205,8 +200,7 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
-    """Return poles of a surface near the old `poles`, through `points[0]`; None if it is too far from other points.
-    points : four groups: points to fit on held edges, test points on held edges, points on all edges, inside points."""
+    """Return poles of a surface near the old `poles`, through `points[0]`; None if no surface fits."""
     hopeless = 20.0  # the search ends after three polynomial degrees if a residual is over 20 times its limit
     more_degrees = 6  # the degree of a surface rises by at most 6
     exact = 5e-8  # mm; goal of the fit. OCCT ignores gaps up to twice this, but rounding of poles widens gaps
@@ -236,9 +230,7 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
-    """Return changes of pole heights that put a surface onto the first group of points, and near the third group.
-    rows : basis functions at each group.    distances : of each group from the surface.
-    calm, smooth : weights of a surface that stays in place, and of smooth changes."""
+    """Return changes of pole heights."""
     held_weight, move_weight = 1e6, 1e-4  # weights: of points that the surface must contain; of small pole movements
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), move_weight * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]

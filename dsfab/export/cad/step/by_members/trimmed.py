@@ -1,4 +1,4 @@
-"""Trimmed faces for regions without four sides: Bezier surfaces over a region's mean plane, and gaps at their edges."""
+"""Trimmed faces for regions without four sides: Bezier surfaces over a mean plane."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -25,10 +25,9 @@ from dsfab.export.splines import bernstein, polyline_length
 
 @dataclass(frozen=True, eq=False)
 class FaceDomain:
-    """Parallelogram around the edges of a face. axes : (3, 3) two axes of its plane, and the plane's normal.
+    """Parallelogram around the edges of a face. axes : (3, 3) two axes of the plane, and the normal.
     origin : (3,) in the plane.    sides : (2, 2) directions of the sides.    low, high : (2,) extent along the sides.
-    uv, z  : (k, 2) parameters and (k,) heights of points: first inner points, then points of edges.
-    inside : number of inner points."""
+    uv, z  : (k, 2) parameters and (k,) heights of points.    inside : number of inner points, which come first."""
 
     origin: Floats
     axes: Floats
@@ -41,8 +40,7 @@ class FaceDomain:
 
     @classmethod
     def from_edges(cls, points: Floats, edges: Floats, axes: Floats, sides: Floats) -> "FaceDomain":
-        """Return the domain around edges (j, 3), with 1 mm more in each direction. axes, sides : as in the class.
-        points : (k, 3) inner points; the domain leaves out points outside of the parallelogram."""
+        """Return the domain around edges (j, 3), without points (k, 3) outside of the parallelogram."""
         origin, across = edges.mean(axis=0), np.linalg.inv(sides)
         inside, around = (points - origin) @ axes.T, (edges - origin) @ axes.T
         inner_places, ends = inside[:, :2] @ across, around[:, :2] @ across
@@ -53,25 +51,24 @@ class FaceDomain:
         return cls(origin, axes, sides, low, high, uv, z, int(within.sum()))
 
     def poles_at(self, z: Floats) -> Floats:
-        """Return evenly spaced poles (p + 1, p + 1, 3) at heights z (p + 1, p + 1) over the parallelogram."""
+        """Return evenly spaced poles (p + 1, p + 1, 3) at heights z (p + 1, p + 1)."""
         u, v = (np.linspace(self.low[i], self.high[i], len(z)) for i in (0, 1))
         plane = np.stack(np.broadcast_arrays(u[:, None], v[None]), axis=2) @ self.sides
         return np.asarray(self.origin + np.concatenate([plane, z[..., None]], axis=2) @ self.axes)
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
-        """Return two of the directions `ways` (k, 2) for the sides of a parallelogram, in right-handed order.
-        With these sides, the corners of a quadratic surface fitted to the points are least far outside of `box`."""
-        least_sine = 1 / 4  # sine of the angle of the sides; at smaller angles, a bent surface would have folds
+        """Return two of the directions `ways` (k, 2) for the sides of a parallelogram, in right-handed order."""
+        least_sine = 1 / 4  # least sine of the angle of the sides
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
         long = np.linalg.norm(ways, axis=1)[:, None]
-        ways = ways[long[:, 0] > 0] / long[long > 0][:, None]  # a closed edge has no chord
+        ways = ways[long[:, 0] > 0] / long[long > 0][:, None]
         turned = np.stack([-ways[:, 1], ways[:, 0]])
         leftwards = places_in_plane @ turned
         ends = np.stack([leftwards.min(axis=0), leftwards.max(axis=0)])  # (2, k) extent perpendicular to each way
         i, j = np.triu_indices(len(ways), 1)
         sine = (ways @ turned)[j, i]
-        i, j = np.where(sine > 0, (i, j), (j, i))  # right-handed axes make the surface face outwards
+        i, j = np.where(sine > 0, (i, j), (j, i))
         i, j, sine = (x[np.abs(sine) >= least_sine] for x in (i, j, np.abs(sine)))
         if not len(i):
             return self.sides
@@ -90,7 +87,7 @@ def _quadric(plane_points: Floats) -> Floats:
 
 
 def distance_outside(points: Floats, box: Floats) -> float:
-    """Return the largest distance of points (..., 3) outside of a box (2, 3); 0 if all are inside."""
+    """Return the largest distance of points (..., 3) outside of a box (2, 3)."""
     return float(_outside(points, box).max(initial=0.0))
 
 
@@ -99,31 +96,30 @@ def _outside(points: Floats, box: Floats) -> Floats:
 
 
 SPLIT = 0.045
-"""Widest gap (mm) between a face and its edge so that OCCT can cut the edge, measured at 23 points of the edge.
-OCCT measures each part of a cut edge at 23 new points, and allows gaps up to 0.05 mm (`BOPAlgo_Builder::PostTreat`)."""
+"""Widest gap (mm) between a face and its edge at which OCCT can cut the edge."""
 
 EDGE_WEIGHTS = (100.0, 10.0)
-"""Weights of edge points in trial fits of a face; inner points have weight 1. The last trials use the smaller one."""
+"""Weights of edge points in trial fits of a face; inner points have weight 1."""
 
 SMOOTH_WEIGHTS = (1e-1, 1e-2)
-"""Weights of second differences of pole movements in trial fits. Later trials use the smaller weight."""
+"""Weights of second differences of pole movements in trial fits."""
 
-BASE_DEGREE = 2  # degree of the surface to which corrections of higher degree are added
+BASE_DEGREE = 2  # degree of the first surface
 
 USUAL_TRIALS = tuple((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[0], degree) for degree in (2, 3, 4, 5, 6, 7, 8, 9))
-"""Trial fits of a face: weight of edges, weight of second differences, degree. The first fit within limits is used."""
+"""Trial fits of a face: weight of edges, weight of second differences, degree."""
 
 FURTHER_TRIALS = (
     *((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[1], degree) for degree in (7, 9, 11, 13, 15)),
     *((EDGE_WEIGHTS[1], SMOOTH_WEIGHTS[1], degree) for degree in (3, 4, 5, 6, 7, 8, 9)),
 )
-"""Trial fits after `USUAL_TRIALS`, until the gap of one fit is below `SPLIT`."""
+"""Trial fits of a face after `USUAL_TRIALS`."""
 
 TURNED = np.array([[[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]] for a in np.radians(np.arange(0, 90, 5))])
 """Axes (t, 2, 2) of the rectangles that are tried around a region."""
 
 HELD_PLACES = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
-"""Parameters where a surface is fitted to an edge; between them the distance from the edge is below 5e-8 mm."""
+"""Parameters where a surface is fitted to an edge."""
 
 LEAST_NORMAL_COSINE = 0.35  # smallest cosine between mean normal and normals of a region
 
@@ -132,10 +128,9 @@ LEAST_NORMAL_COSINE = 0.35  # smallest cosine between mean normal and normals of
 class TrimmedFace:
     """Faces of a region, one on each skin of the sheet.
     loops : loops of edges, the outer loop first.    outer, inner : poles (p + 1, p + 1, 3), mm.
-    axes  : (3, 3) for each surface: two axes of its plane, and the direction of its heights.
-    gap   : widest gap at the edges, mm.    off : largest distance of inner points along the heights, mm.
-    exact : True if edges lie exactly, or nearly, on the surfaces. The file then has all digits of the poles.
-    astray : largest (distance from the mesh - allowed distance), mm; -inf if no distance is set."""
+    axes  : (3, 3) for each surface: two axes of the plane, and the direction of heights.
+    gap   : widest gap at the edges, mm.    off : largest distance of inner points, mm.
+    exact : True if edges lie on the surfaces.    astray : distance from the mesh beyond the limit, mm, or -inf."""
 
     loops: list[ChainLoop]
     outer: Floats
@@ -148,19 +143,20 @@ class TrimmedFace:
 
     @property
     def skins(self) -> tuple[tuple[Floats, Floats, slice], ...]:
-        """For each skin: poles and axes of its surface, and the slice of columns for this skin in points (k, 6)."""
+        """For each skin: poles and axes of the surface, and the slice of columns in points (k, 6)."""
         return (self.outer, self.axes[0], slice(3)), (self.inner, self.axes[1], slice(3, 6))
 
     def gaps(self, points: Floats) -> Floats:
-        """Return heights (k, 2), mm, of points (k, 6) on edges above the face's outer and inner surface."""
+        """Return heights (k, 2), mm, of points (k, 6) on edges above the outer and inner surface."""
         return np.stack([_heights_over(poles, axes, points[:, s]) for poles, axes, s in self.skins], axis=1)
 
 
 def trimmed_face(
     model: NetModel, loops: list[ChainLoop], points: Floats, limits: FaceLimits, part: bool = False
 ) -> TrimmedFace:
-    """Fit one surface on each skin to a region of the sheet. Raises ExportError if a single surface cannot fit.
-    points : (k, 6) in the region. If `part` is true, points outside of the region are allowed, and ignored."""
+    """Return the trimmed face of a region, with one surface on each skin.
+    Raises ExportError if a single surface cannot fit.
+    points : (k, 6).    part : True if the points may lie outside of the region."""
     lines = [loop_samples(model, loop) for loop in loops]
     edges = np.concatenate(lines)
     if part:
@@ -183,7 +179,7 @@ def trimmed_face(
 
 
 def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
-    """Return a mask of points (k, 6) inside lines (., 6), with normals within 70 degrees of the lines' mean normal."""
+    """Return a mask of points (k, 6) of the sheet inside lines (., 6)."""
     mean = middle_normal(np.concatenate(lines))
     plane = axes_of(mean)[:2].T
     is_inside = points_inside(points[:, :3] @ plane, [line[:, :3] @ plane for line in lines])
@@ -191,14 +187,14 @@ def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
 
 
 def inside_of(line: Floats) -> Floats:
-    """Return sample points (k, d) on the segments from the middle of an outline to its points (n, d)."""
+    """Return sample points (k, d) inside an outline (n, d)."""
     shares, middle = np.array([0.3, 0.5, 0.7, 0.85, 0.95]), line.mean(axis=0)  # fractions from middle to outline
     return np.asarray((middle + shares[:, None, None] * (line - middle)).reshape(-1, line.shape[1]))
 
 
 def loop_samples(model: NetModel, loop: ChainLoop) -> Floats:
-    """Return points (k, 6) along a loop, denser at the ends of edges."""
-    fewest, step_share = 12, 1 / 160  # fewest steps along an edge; usual step, as a fraction of the loop's length
+    """Return points (k, 6) along a loop."""
+    fewest, step_share = 12, 1 / 160  # least number of steps of an edge; usual step / length of the loop
     poles = [model.poles(step) for step in loop]
     long = np.array([polyline_length(P[:, :3]) for P in poles])
     steps = np.maximum(fewest, np.ceil(long / (step_share * max(long.sum(), 1e-300)))).astype(int)
@@ -222,7 +218,7 @@ def middle_normal(points: Floats) -> Floats:
 
 
 def axes_of(normal: Floats) -> Floats:
-    """Return (3, 3) right-handed axes; the last one is the normal."""
+    """Return right-handed axes (3, 3); the last axis is the normal."""
     along = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
     along /= np.linalg.norm(along)
     return np.stack([along, np.cross(normal, along), normal])
@@ -238,8 +234,7 @@ def height_surface(
     points: Floats, edges: Floats, ways: Floats, axes: Floats, limits: FaceLimits
 ) -> tuple[Floats, Floats, float, float]:
     """Fit a surface to inner points (k, 3) and edges (j, 3). Return its poles and axes, and its largest distances (mm)
-    from edges and from inner points. The surface covers a rectangle in the mean plane. If poles are outside
-    `limits.box`, a parallelogram is tried, with sides along two of the edges' chords `ways` (c, 3)."""
+    from edges and from inner points."""
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
     over = FaceDomain.from_edges(points, edges, axes, np.eye(2))
     poles, gap, inner_distance = _fit_domain(over, limits)
@@ -253,7 +248,7 @@ def height_surface(
 
 
 def _fit_domain(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
-    high = 2.0  # the degree rises if a pole is above or below all points by more than 2 * `limits.off`
+    high = 2.0  # largest height of poles beyond the points, divided by `limits.off`
     z, gap, inner_distance = _best(over, limits)
     if len(z) == BASE_DEGREE + 1 and max(z.max() - over.z.max(), over.z.min() - z.min()) > high * limits.off:
         z = raised_poles(z, BASE_DEGREE + 1)
@@ -266,13 +261,13 @@ def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
 
 
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
-    """Fit a surface on each skin to a closed line (k, 6) and inner points (j, 6); return the line's distances (k,), mm.
-    Each is the larger of the distances from the two surfaces. All values are infinite if the region bends too much."""
+    """Return the distances (k,), mm, of a closed line (k, 6) from surfaces fitted on each skin; inf without a fit.
+    points : (j, 6) inner points."""
     return np.maximum(*misfits(points, line, degree))
 
 
 def misfits(points: Floats, line: Floats, degree: int) -> Iterator[Floats]:
-    """Yield the distances (k,) of a line from surfaces (see `misfit`): first on the outer skin, then on the inner."""
+    """Yield the distances (k,) of a line from the fitted surface of the outer, then of the inner skin."""
     points = points[inside_outlines(points, [line])]
     allowed = np.concatenate([points, line])
     mean = middle_normal(allowed)
@@ -291,7 +286,7 @@ def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
 
 
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
-    least_gain = 3 / 4  # axes rotate only if the area of the new rectangle is below this fraction of the old area
+    least_gain = 3 / 4  # largest ratio of the areas of the new and the old rectangle
     turned = TURNED @ axes[:2]
     area = np.ptp(line @ turned.transpose(0, 2, 1), axis=1).prod(axis=1)
     smallest = int(np.argmin(area))
@@ -304,7 +299,6 @@ def _base_poles(over: FaceDomain) -> Floats:
 
 
 def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
-    """Fit a surface; return the heights of its poles, and its largest distances from edges and from inner points."""
     z, inside, base = over.z, over.inside, _base_poles(over)
     fits, splittable = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
     for i, (edge, smooth, degree) in enumerate((*USUAL_TRIALS, *FURTHER_TRIALS)):
@@ -322,9 +316,8 @@ def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
 
 
 def _heights(A: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) -> Floats:
-    """Fit pole heights (p + 1, p + 1) to heights z (k,): `base` plus a smooth correction. A : basis (k, (p + 1)^2)."""
     rows = np.concatenate([weight[:, None] * A, smooth * differences(len(base))])
     right = np.zeros(len(rows))
     right[: len(z)] = weight * (z - A @ base.ravel())
-    correction = lstsq(rows, right, lapack_driver="gelsy", check_finite=False)[0]  # scipy takes half of numpy's time
+    correction = lstsq(rows, right, lapack_driver="gelsy", check_finite=False)[0]
     return np.asarray(base + correction.reshape(base.shape))

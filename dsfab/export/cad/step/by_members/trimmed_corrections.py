@@ -1,4 +1,4 @@
-"""Corrections of trimmed faces that are far from the skins, or whose widest gaps lie between OCCT's samples."""
+"""Corrections of trimmed faces that are far from the skins of the sheet."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ from dsfab.export.cad.step.by_members.trimmed import (
 from dsfab.export.splines import bernstein
 
 ROWS = rows_at(np.stack(np.meshgrid(*[np.arange(0.5, 12) / 12] * 2, indexing="ij"), axis=2).reshape(-1, 2))
-"""Function of a surface's degree; it returns the Bezier basis at 12 x 12 places."""
+"""Function of a surface's degree that returns the Bezier basis at 12 x 12 places."""
 
 
 def without_strays(
@@ -35,9 +35,8 @@ def without_strays(
     limits: FaceLimits,
 ) -> dict[int, TrimmedFace]:
     """Fit faces again, with more points, if they are too far from the skins of the sheet.
-    points : (k, 6) that each face was fitted to.    away : function of points; returns the vectors to both skins.
-    With `limits.beyond_mesh`, the faces do not change."""
-    rounds = 2  # after a correction in one place, a face may be too far from the skins in another place
+    points : (k, 6) for each face.    away : function of points; returns the vectors to both skins."""
+    rounds = 2
     result, todo, fit_points = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
     for _ in range(rounds):
         if not todo:
@@ -49,7 +48,7 @@ def without_strays(
             fit_points[i] = np.concatenate([fit_points[i], face_points])
             try:
                 result[i] = trimmed_face(model, result[i].loops, fit_points[i], limits, True)
-            except ExportError:  # no single surface fits the first points and the points added on the skins
+            except ExportError:
                 continue
             todo.append(i)
     return result
@@ -58,8 +57,7 @@ def without_strays(
 def _skins_beside(
     model: NetModel, faces: Sequence[TrimmedFace], away: Callable[[Floats], Floats], tolerance: float
 ) -> list[Floats]:
-    """Return for each face the points (k, 6) on both skins beside sample points of the face.
-    Return no points for a face if all its samples are within `tolerance`, mm, of the skins."""
+    """Return for each face the points (k, 6) on both skins beside stray sample points."""
     samples = [_places(model, face) for face in faces]
     ways = away(np.concatenate(samples))
     result = list[Floats]()
@@ -75,14 +73,12 @@ def _places(model: NetModel, face: TrimmedFace) -> Floats:
 
 
 SAMPLES = 23  # number of OCCT's points along an edge, ends included
-BETWEEN = 8  # number of dsfab's steps along an edge between two of the points where OCCT measures gaps
+BETWEEN = 8  # number of dsfab's steps between two of OCCT's points
 SLOPE_STEP = 1e-3  # distance (mm) of two points that determine the slope of a surface
 
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
-    """Change faces so that OCCT measures, if possible, the widest gap of a face at each seam that ends at a wall.
-    OCCT measures gaps only at `SAMPLES` points of an edge. A change is left out if it widens a face's largest gap
-    beyond `SPLIT`, mm, or moves an inner point by more than `SPLIT`."""
+    """Change faces so that OCCT measures, if possible, the widest gaps of faces at seams."""
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
     exact_poles = {e: edge.poles for e, edge in enumerate(model.edges)} | curves_beyond(model)
@@ -92,12 +88,12 @@ def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[Trimme
 def _with_peaks(
     face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int], exact_poles: Mapping[int, Floats]
 ) -> TrimmedFace:
-    fine = 5e-4  # mm; if a face has a smaller gap at a seam, the poles of the face are written with all digits
+    fine = 5e-4  # mm; a face with a smaller gap is written with all digits
     face_edges = sorted({e for loop in face.loops for e, _ in loop})
     seams = [e for e in face_edges if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
     if not seams:
         return face
-    B = bernstein(np.linspace(0, 1, (SAMPLES - 1) * BETWEEN + 1))  # OCCT measures gaps at every `BETWEEN`th place
+    B = bernstein(np.linspace(0, 1, (SAMPLES - 1) * BETWEEN + 1))
     dense = np.stack([B @ model.edges[e].poles for e in seams])
     firm = np.stack([bernstein(HELD_PLACES) @ exact_poles[e] for e in face_edges])
     edges = np.concatenate([loop_samples(model, loop) for loop in face.loops])
@@ -112,10 +108,7 @@ def _with_peaks(
 
 @dataclass(frozen=True, eq=False)
 class _PeakSurface:
-    """Surface of a trimmed face on one skin, and points on the face's edges, mm.
-    poles : (p + 1, p + 1, 3) poles.    axes : (3, 3) axes; the heights of poles are along the third axis.
-    seams : (e, k, 3) k points on each of e seams.    edges : (j, 3) points on all edges.
-    held  : (h, 6, 3) six points on each of h edges; edges that lie exactly on the surface can be kept on it."""
+    """Surface of a trimmed face on one skin."""
 
     poles: Floats
     axes: Floats
@@ -124,8 +117,6 @@ class _PeakSurface:
     edges: Floats
 
     def with_peaks_at_samples(self, exact: bool) -> Floats:
-        """Return poles such that OCCT measures the widest gap of as many seams as possible.
-        Low degrees are preferred. exact : True if edges that lie exactly on the surface must stay on it."""
         more_degrees = 2  # the degree of a surface may rise by 2
         exact_gap = 1e-6  # an edge with at most this gap (mm) is exact and stays exact
         local, count = self.poles @ self.axes.T, len(self.poles)
@@ -143,10 +134,9 @@ class _PeakSurface:
         return float(np.abs(self._gaps_and_cosines(poles @ self.axes.T)[0]).max(axis=1).min())
 
     def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
-        """Move the poles `local` in rounds, so that the widest gaps of seams move to points where OCCT measures gaps.
-        Return for each round the heights of the poles, and the number of seams whose widest gap is elsewhere."""
+        """Return for each round the heights of the poles, and a count of remaining seams."""
         rounds = 6  # largest number of times that all poles move
-        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of goals: gaps at samples, smooth and small pole movements
+        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of gaps at samples, smooth and small pole movements
         degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
         gaps, cosines = self._gaps_and_cosines(local)
         rows, pinned = self._seam_rows(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
@@ -194,9 +184,8 @@ class _PeakSurface:
         return (self.seams @ self.axes[2] - heights) * cosines, cosines
 
     def _misplaced(self, gaps: Floats) -> Bools:
-        """Return a mask (e,) of seams whose widest gap lies between two points where OCCT measures gaps."""
         exact = 1e-7  # OCCT ignores a gap below this (mm)
-        short = 3e-6  # the widest gap may exceed the gap at OCCT's samples by this fraction; OCCT allows 1e-5
+        short = 3e-6  # allowed relative excess of the widest gap over the gap at OCCT's samples
         wide = np.abs(gaps).max(axis=1)
         sampled = np.abs(gaps[:, ::BETWEEN]).max(axis=1)
         return np.asarray((sampled < (1 - short) * _summits(np.abs(gaps))) & (wide > exact) & (wide <= SPLIT))
@@ -211,17 +200,13 @@ def _summits(gaps: Floats) -> Floats:
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
-    """Return the index of OCCT's sample nearest to the widest of `gaps` (k,), and the wanted gap there; 0: any gap.
-    again : True if an earlier round moved this gap; only then a gap is wanted."""
-    higher = 1.003  # in later rounds, the wanted gap is this factor times the widest gap of the previous round
+    higher = 1.003  # wanted gap / widest gap of the previous round
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
-    """Return linear equations (matrix, right side) for moves of pole heights that put widest gaps at OCCT's samples.
-    rows   : (e, k, N) decrease of the gaps (e, k) per move of each pole.
-    pinned : seam -> (index of the sample, wanted gap or 0). At samples between the ends, the gap's slope becomes 0."""
+    """Return linear equations (matrix, right side) for moves of pole heights."""
     slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # derivative along a seam, from 5 points in a row
     pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():

@@ -1,4 +1,4 @@
-"""Division of trimmed regions by seams, if the surface of a region is too far from its own edges or from the mesh."""
+"""Division of trimmed regions by seams."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,20 +27,20 @@ from dsfab.export.cad.step.by_members.trimmed import (
 from dsfab.export.cad.step.by_members.trimmed_corrections import without_strays
 from dsfab.export.splines import bernstein
 
-TRIED = 24  # largest number of tried chords across a region; half of these chords begin at the widest gaps
+TRIED = 24  # largest number of tried chords across a region
 POINTS = 8  # number of points of the outline along half an edge
 
 
 @dataclass(frozen=True, eq=False)
 class HalvedOutline:
     """Outline of a region, with each edge cut into halves. Place i is the start of half edge i.
-    poles : (2 e, 4, 6) consecutive cubics, two for each edge of the loop."""
+    poles : (2 e, 4, 6) consecutive cubics."""
 
     poles: Floats
 
     @classmethod
     def from_loop(cls, model: NetModel, loop: ChainLoop) -> "HalvedOutline":
-        """Return the outline along a loop of e edges, with each edge cut into halves."""
+        """Return the halved outline of a loop of edges."""
         step_poles = np.stack([model.poles(step) for step in loop])
         start, end = np.tile([0.0, 0.5], len(loop)), np.tile([0.5, 1.0], len(loop))
         poles = parts_of(np.repeat(step_poles, 2, axis=0), start, end)
@@ -49,20 +49,19 @@ class HalvedOutline:
 
     @cached_property
     def line(self) -> Floats:
-        """Points (2 e POINTS, 6) along the outline, from the start of its first edge."""
+        """Points (2 e POINTS, 6) along the outline."""
         return np.asarray(bernstein(np.arange(POINTS) / POINTS) @ self.poles).reshape(-1, 6)
 
     def part(self, a: int, b: int, seam: Floats) -> Floats:
-        """Return the closed line (k, 6) from place a to place b along the outline, and back along a seam (c, 4, 6)."""
+        """Return the closed line (k, 6) from place a to place b, and back along a seam (c, 4, 6)."""
         turned = np.roll(self.line, -a * POINTS, axis=0)[: (b - a) % len(self.poles) * POINTS]
         back = bernstein(1 - np.arange(2 * POINTS) / (2 * POINTS)) @ seam[::-1]
         return np.concatenate([turned, back.reshape(-1, 6)])
 
     def chords(self, worst: Ints, times: int = 1) -> Iterator[tuple[int, int]]:
         """Yield pairs (i, j) of places, i < j, whose chord lies well inside the outline.
-        Chords that end at a place in `worst` (k,), where gaps are widest, are the first group, all others the second.
-        Each group has at most `times * TRIED / 2` chords, sorted by chord length / area of the smaller part."""
-        least_width = 1 / 20  # smallest width of a part / thickness; OCCT fails on narrower parts
+        worst : (k,) places with the widest gaps."""
+        least_width = 1 / 20  # least width of a part / thickness
         axes = axes_of(middle_normal(self.line))
         line, place_points = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
         i, j = np.triu_indices(len(place_points), 1)
@@ -72,7 +71,7 @@ class HalvedOutline:
         long = np.linalg.norm(place_points[j] - place_points[i], axis=1)
         order = np.argsort(long / np.maximum(least, 1e-300), kind="stable")
         narrow = least_width * float(np.linalg.norm(self.line[:, :3] - self.line[:, 3:], axis=1).mean())
-        order = order[least[order] > narrow * long[order]]  # drop chords with a narrow part, or outside the outline
+        order = order[least[order] > narrow * long[order]]
         is_near = np.isin(i[order], worst) | np.isin(j[order], worst)
         for group in (order[is_near], order[~is_near]):
             clear = (k for k in group.tolist() if _is_clear(place_points[i[k]], place_points[j[k]], line))
@@ -80,8 +79,7 @@ class HalvedOutline:
 
 
 def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
-    """Return True if the chord between points a and b (2,) of a closed line (k, 2) does not come close to the line."""
-    clear = 0.3  # least distance from a chord's point to the outline / distance from this point to the chord's end
+    clear = 0.3  # least distance of a chord's point from the outline / distance from the chord's end
     shares = np.linspace(0, 1, 17)[1:-1]
     P, directions = a + shares[:, None] * (b - a), np.roll(line, -1, axis=0) - line
     from_start = P[:, None] - line
@@ -90,18 +88,18 @@ def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
     return bool((apart >= clear * np.minimum(shares, 1 - shares) * np.linalg.norm(b - a)).all())
 
 
-TRIAL_DEGREE = 6  # degree of the surfaces that are fitted to compare possible seams
+TRIAL_DEGREE = 6  # degree of surfaces in trials of seams
 
 TIMES = 3
-"""Largest factor on the number of seams tried in a face. The factor rises if parts of a divided face exceed a limit."""
+"""Largest factor on the number of seams tried in a face."""
 
 OUT, OFF = 1 / 150, 2.0
-"""A face beyond these limits is divided. OUT : distance of poles from `limits.box`, as a fraction of its diagonal.
-OFF : distance of the face from the inner points of its region, as a multiple of `limits.off`."""
+"""Limits beyond which a face is divided.
+OUT : distance of poles from `limits.box` / diagonal of the box.    OFF : distance of inner points / `limits.off`."""
 
 CUBIC_COUNTS, STRAY_SHARE = (1, 2, 4), 1 / 2
-"""CUBIC_COUNTS : tried numbers of cubics in a seam. STRAY_SHARE : largest distance of seams from skins / `limits.off`.
-If the distance from the mesh is limited, a seam is a single cubic: OCCT would fail beside a seam of several cubics."""
+"""CUBIC_COUNTS : tried numbers of cubics in a seam.
+STRAY_SHARE : largest distance of seams from skins / `limits.off`."""
 
 
 def divided_faces(
@@ -111,8 +109,8 @@ def divided_faces(
     away: Callable[[Floats], Floats],
     limits: FaceLimits,
 ) -> list[TrimmedFace]:
-    """Divide each face that exceeds its limits (see `allowance_used`), and add the new edges to the model.
-    inside : function of region numbers; returns region -> points (k, 6) inside the region.
+    """Divide each face that exceeds its limits, and add the new edges to the model.
+    inside : function of region numbers; returns region -> points (k, 6).
     away   : function of rows (k, 6) of two points, one near each skin; returns the vectors (k, 6) to the skins."""
     bad = [region for region, face in faces.items() if allowance_used(face, limits) > 1 and len(face.loops) == 1]
     if not bad:
@@ -123,16 +121,15 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Return the largest value / limit of a face: over 1 if an edge gap, a distance, or a pole is beyond its limit."""
+    """Return the largest value / limit of a face."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
-    astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # includes the error of OCCT's triangles
+    astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off
     return max(face.gap / SPLIT, face.off / (OFF * limits.off), out / (OUT * size), astray)
 
 
 class FaceDivision:
-    """Division of faces of a model by seams. away, limits : as in `divided_faces`.
-    halves : halved edge -> its two new edges.    times : factor on the number of tried seams, see `TIMES`."""
+    """Division of faces of a model by seams. halves : halved edge -> its two new edges."""
 
     def __init__(self, model: NetModel, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
         self.model, self.away, self.limits = model, away, limits
@@ -140,7 +137,7 @@ class FaceDivision:
         self.times = 1
 
     def parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face, and return the parts. points : (k, 6) inside the face, on both skins."""
+        """Divide a face, and return the parts. points : (k, 6) inside the face."""
         edges, vertices, halves = len(self.model.edges), len(self.model.vertices), dict(self.halves)
         for times in range(1, TIMES + 1 if self.limits.beyond_mesh else 2):
             del self.model.edges[edges:], self.model.vertices[vertices:]
@@ -151,7 +148,7 @@ class FaceDivision:
         return pieces
 
     def _parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        largest_count = 12  # one region has at most 12 parts
+        largest_count = 12  # largest number of parts of a region
         todo, finished = [replace(face, loops=[self.over_halves(loop) for loop in face.loops])], list[TrimmedFace]()
         while todo:
             todo.sort(key=lambda face: allowance_used(face, self.limits))
@@ -170,16 +167,15 @@ class FaceDivision:
         return steps
 
     def two_parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face by a seam into two parts that keep the limits better; [] if no seam does so."""
-        less = 0.9  # `allowance_used` of each part / `allowance_used` of the undivided face must be less than this
-        loop, model = self.over_halves(face.loops[0]), self.model  # divisions of other faces may have halved edges
+        """Divide a face into two parts that keep the limits better; [] if no seam does so. points : (k, 6) inside."""
+        less = 0.9  # largest `allowance_used` of a part / `allowance_used` of the undivided face
+        loop, model = self.over_halves(face.loops[0]), self.model
         best_seam: tuple[int, int, Floats] | None = None
         least = less * allowance_used(face, self.limits)
         for ends, cubics in self.seams(HalvedOutline.from_loop(model, loop), points):
             edges, vertices, halves = len(model.edges), len(model.vertices), dict(self.halves)
             two = self.part_faces(self.seam_loops(loop, *ends, cubics), points)
             worse = max((allowance_used(part, self.limits) for part in two), default=np.inf)
-            # CAD programs cannot cut an edge whose gap to its face is wider than SPLIT
             wide = face.gap <= SPLIT < max((part.gap for part in two), default=0.0)
             if worse < least and not wide:
                 if self.times == 1:
@@ -190,7 +186,7 @@ class FaceDivision:
         return self.part_faces(self.seam_loops(loop, *best_seam), points) if best_seam else []
 
     def part_faces(self, loops: Iterable[ChainLoop], points: Floats) -> list[TrimmedFace]:
-        """Fit a face inside each loop. points : (k, 6) on both skins of the region. Returns [] if a fit fails."""
+        """Fit a face inside each loop; [] if a fit fails. points : (k, 6) of the region."""
         try:
             two = {i: trimmed_face(self.model, [loop], points, self.limits, True) for i, loop in enumerate(loops)}
         except ExportError:
@@ -198,10 +194,10 @@ class FaceDivision:
         return list(without_strays(self.model, two, dict.fromkeys(two, points), self.away, self.limits).values())
 
     def seams(self, outline: HalvedOutline, points: Floats) -> list[tuple[tuple[int, int], Floats]]:
-        """Return the best seams across a region: their ends as places on the outline, and their cubics (c, 4, 6)."""
-        full = 3  # at most 3 * `times` seams, with the smallest errors, are returned
+        """Return the best seams across a region: ends as places on the outline, and cubics (c, 4, 6)."""
+        full = 3  # largest number of returned seams / `times`
         many = 2000  # largest number of points in a trial
-        at_gap = 4  # half of the tried seams begin at the four places with the widest gaps
+        at_gap = 4  # number of places with the widest gaps
         points = points[:: 1 + len(points) // many]
         distances = misfit(points, outline.line, TRIAL_DEGREE).reshape(-1, POINTS).max(axis=1)
         worst = np.argsort(-np.maximum(distances, np.roll(distances, 1)), kind="stable")[:at_gap]
@@ -216,8 +212,8 @@ class FaceDivision:
         return [(pairs[i], seams[i]) for i in np.argsort(errors, kind="stable").tolist()[:limit]]
 
     def chord_cubics(self, chords: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
-        """Return cubics (k, 4, 6) on both skins between the ends of each chord. An end is a pair of points (6,)."""
-        checks = 8  # the distance of each cubic from the skins is measured at 8 places
+        """Return cubics (k, 4, 6) on both skins between the ends (6,) of each chord."""
+        checks = 8
         result, todo, share = [np.zeros((0, 4, 6))] * len(chords), list(range(len(chords))), np.linspace(0, 1, 4)
         for count in CUBIC_COUNTS[:1] if self.limits.beyond_mesh else CUBIC_COUNTS:
             if not todo:
@@ -238,7 +234,7 @@ class FaceDivision:
         return beyond is None or float(beyond(samples.reshape(-1, 3)).max()) <= 0
 
     def seam_loops(self, loop: ChainLoop, a: int, b: int, cubics: Floats) -> tuple[ChainLoop, ChainLoop]:
-        """Add a seam of cubics (c, 4, 6) that divides a loop at places a and b; return the loops of the two parts."""
+        """Divide a loop at places a and b by a seam of cubics (c, 4, 6); return the two loops."""
         steps, place_steps, model = list[tuple[int, bool]](), list[int](), self.model
         for i, step in enumerate(loop):
             place_steps.append(len(steps))
@@ -264,7 +260,7 @@ class FaceDivision:
         edges += [NetEdge(edge.start, middle, first_poles), NetEdge(middle, edge.end, second_poles)]
 
     def finish(self, faces: list[TrimmedFace]) -> list[TrimmedFace]:
-        """Remove the edges that `halve` replaced by two new edges; return the faces with the new edge numbers."""
+        """Remove halved edges; return the faces with the new edge numbers."""
         model = self.model
         remaining = [e for e in range(len(model.edges)) if e not in self.halves]
         number = {e: i for i, e in enumerate(remaining)}
@@ -279,7 +275,7 @@ class FaceDivision:
 
 
 def worst_misfit(points: Floats, lines: Iterable[Floats], least: float) -> float:
-    """Return the largest distance (mm) of closed lines (k, 6) from fitted surfaces; infinity if it reaches `least`."""
+    """Return the largest distance (mm) of closed lines (k, 6) from fitted surfaces; inf if it reaches `least`."""
     worst = 0.0
     for line in lines:
         for distances in misfits(points, line, TRIAL_DEGREE):

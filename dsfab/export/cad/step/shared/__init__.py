@@ -1,1 +1,1 @@
-"""Preparation of curved solids for step = 'smooth' and step = 'members': outlines, and both skins with tolerances."""
+"""Preparation of curved solids: outlines, and both skins with tolerances."""

@@ -1,4 +1,4 @@
-"""Lifting of mesh points to both skins. At a crease, each side has its own normals, and a mitre joins the sides."""
+"""Lifting of mesh points to both skins of a sheet, also at creases."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,16 +21,16 @@ OTHER_EDGES = [[1, 2], [2, 0], [0, 1]]  # the two other edges of a face, for eac
 
 def crease_edges(surface: Surface) -> Bools:
     """Return a mask (e,) of the edges on creases, which are rows of sharp edges."""
-    shortest = 6  # a crease has at least 6 edges; single sharp edges are noise of the mesh
+    shortest = 6  # a crease has at least 6 edges
     edges = surface.edges
     inner = edges.count == 2
     bend = np.zeros(len(edges.ends))
     normals_left, normals_right = surface.normals[edges.pairs // 3].transpose(1, 0, 2)
     bend[inner] = np.degrees(np.arccos(np.clip(np.einsum("ei,ei->e", normals_left, normals_right), -1, 1)))
     crease = np.zeros(len(bend), dtype=bool)
-    for _ in range(2):  # the second round ignores known creases, to find the second sharp edge of a face
+    for _ in range(2):
         rest = np.where(crease | ~inner, 0.0, bend)
-        sharper_other = rest[edges.of[:, OTHER_EDGES]].max(axis=2)  # (m, 3) larger bend of a face's two remaining edges
+        sharper_other = rest[edges.of[:, OTHER_EDGES]].max(axis=2)  # (m, 3)
         around = np.zeros(len(bend))
         np.maximum.at(around, edges.of, sharper_other)
         crease |= inner & (bend >= np.maximum(LEAST_BEND, BEND_RATIO * around))
@@ -46,7 +46,6 @@ def crease_edges(surface: Surface) -> Bools:
 
 
 def _extended_creases(surface: Surface, bend: Floats, inner: Bools, crease: Bools) -> Bools:
-    """Extend creases straight. An added edge bends far more than at least one other edge in each of its two faces."""
     edges = surface.edges
     around = np.zeros(len(bend))
     np.maximum.at(around, edges.of, np.where(inner, bend, 0.0)[edges.of[:, OTHER_EDGES]].min(axis=2))
@@ -71,7 +70,7 @@ class CreaseSides:
     """Creases of a surface, with a copy of each crease vertex for each side of the crease.
     creases : (k, 2) edges, smaller vertex number first.    corner : (m, 3) index in `vertex` of each face's corners.
     vertex  : (s,) numbers of all n vertices, then of the copied vertices.
-    normals : (s, 3) at vertices and copies. half   : (s,) half the thickness, as in `DenseSurface`.
+    normals : (s, 3).    half : (s,) half the thickness.
     mitre   : (s, 3) vector, m; half * normal + mitre leads to the point where the skins of all sides meet."""
 
     surface: Surface
@@ -84,7 +83,7 @@ class CreaseSides:
 
     @classmethod
     def from_skins(cls, skins: DenseSurface) -> "CreaseSides":
-        """Find the creases of a surface, and copy each crease vertex for each side of the crease."""
+        """Find the creases of a surface, and copy the crease vertices for each side."""
         surface, crease = skins.surface, crease_edges(skins.surface)
         vertex, creases = np.arange(surface.n), surface.edges.ends[crease]
         if not len(creases):
@@ -104,8 +103,7 @@ class CreaseSides:
         return cls(surface, creases, vertex, corner, N, half, mitre)
 
     def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
-        """Return weights (k, n) of points as two matrices (k, s), with a column for each entry of `vertex`.
-        For a point on an edge of a crease, each matrix uses copies on one side; other points have equal rows."""
+        """Return weights (k, n) of points as two matrices (k, s)."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         columns = np.tile(weights.indices, (2, 1)).astype(np.int64)
@@ -121,7 +119,7 @@ class CreaseSides:
         return first_rows, second_rows
 
     def between_faces(self, weights: csr_array) -> Ints:
-        """Return numbers (j,) of rows of weights (k, n) whose vertices include a crease vertex, but share no face."""
+        """Return rows (j,) of weights (k, n) whose vertices include a crease vertex, but share no face."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         faces = self._faces(weights.indices[is_beside].astype(np.int64), row[is_beside], weights.shape[0])
@@ -136,9 +134,6 @@ class CreaseSides:
         return row, np.isin(row, row[split[weights.indices] & real]) & real
 
     def _faces(self, vertices: Ints, row: Ints, count: int) -> Ints:
-        """Return two faces (count, 2) with all vertices of each of `count` rows; -1 if there is no such face.
-        For the two vertices of an edge, the faces are those beside the edge; otherwise they are the same face.
-        vertices, row : (j,) vertices, and the row of each vertex."""
         row_faces = np.full((count, 2), -1)
         order = np.lexsort([vertices, row])
         vertices, row = vertices[order], row[order]
@@ -161,14 +156,14 @@ class CreaseSides:
         return row_faces
 
     def on_creases(self, weights: csr_array) -> Bools:
-        """Return a mask (k,) of the points with barycentric weights (k, n) that lie on a crease."""
+        """Return a mask (k,) of the points on creases. weights : (k, n) barycentric."""
         low, high = ends_of_rows(weights)
         n, split = self.surface.n, self.vertex[self.surface.n :]
         on_edge = _positions_of(_keys(self.creases, n), low * n + high) >= 0
         return np.asarray((low >= 0) & (on_edge | ((low == high) & np.isin(low, split))))
 
     def lines_on_creases(self, weights: csr_array, start: Ints, end: Ints) -> Bools:
-        """Return a mask (e,) of lines that lie on creases. start, end : (e,) rows in `weights` of the lines' ends."""
+        """Return a mask (e,) of lines that lie on creases. start, end : (e,) rows in `weights`."""
         low, high = ends_of_rows(weights)
         n, is_on_edge = self.surface.n, (low[start] >= 0) & (low[end] >= 0)
         a, b = np.minimum(low[start], low[end]), np.maximum(high[start], high[end])
@@ -177,7 +172,7 @@ class CreaseSides:
 
 
 def ends_of_rows(weights: csr_array) -> tuple[Ints, Ints]:
-    """Return two vertices (k,), the smaller number first, of the edge through each point; -1 for points in faces."""
+    """Return the two vertices (k,), smaller first, of the edge through each point; -1 for points in faces."""
     row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
     real = np.abs(weights.data) > ZERO_WEIGHT
     row, vertex = row[real], weights.indices[real].astype(np.int64)
@@ -231,24 +226,23 @@ def _positions_of(numbers: Ints, sought: Ints) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class Lifting:
-    """Mapping of mesh points to the two skins (outer and inner side) of the uncut surface, see `DenseSurface`."""
+    """Mapping of mesh points to the outer and inner skin of the uncut surface."""
 
     skins: DenseSurface
 
     @classmethod
     def from_sheet(cls, surface: Surface, curved: Curved) -> "Lifting":
-        """Return the mapping for the uncut surface of a sheet. curved : the sheet, with half-thickness vectors."""
+        """Return the mapping for the uncut surface of a sheet."""
         return cls(dense_surface(surface, curved))
 
     def points(self, weights: csr_array) -> Floats:
-        """Return points (k, 6) on the outer and the inner skin, mm, for barycentric weights (k, n) on the surface."""
+        """Return points (k, 6) on the outer and the inner skin, mm, for barycentric weights (k, n)."""
         if not len(self.sides.creases):
             return self._points(weights)
         left_weights, right_weights = self.sides.rows(self._in_faces(weights))
         return np.asarray((self._points(left_weights) + self._points(right_weights)) / 2)
 
     def _in_faces(self, weights: csr_array) -> csr_array:
-        """Return weights (k, n) of points; the points that `between_faces` selects are moved onto the nearest face."""
         between = self.sides.between_faces(weights)
         if not len(between):
             return weights
@@ -258,7 +252,7 @@ class Lifting:
         return csr_array(vstack([weights, nearest], format="csr")[row])
 
     def _points(self, weights: csr_array) -> Floats:
-        most_lift = 1 / 5  # largest distance from the mesh, divided by the thickness; `MOST_CHORD` limits chord errors
+        most_lift = 1 / 5  # largest distance from the mesh, divided by the thickness
         V, N = self.skins.points[self.sides.vertex], self.sides.normals
         P, n = np.asarray(weights @ V), np.asarray(weights @ N)
         along = np.einsum("ni,ni->n", V, N)
@@ -274,10 +268,10 @@ class Lifting:
         return np.concatenate([middle + D, middle - D], axis=1)
 
     def vectors_to_skins(self, Q: Floats) -> Floats:
-        """Return perpendicular vectors (k, 6) to the skins: from Q[:, :3] to the outer, from Q[:, 3:] to the inner."""
+        """Return perpendicular vectors (k, 6) from points Q (k, 6) to the outer and inner skin."""
         targets = self.points(self.weights_at((Q[:, :3] + Q[:, 3:]) / 2))
         across = targets[:, :3] - targets[:, 3:]
-        is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # on a one-sided surface, skins may swap
+        is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0
         targets[is_flipped], across[is_flipped] = np.roll(targets[is_flipped], 3, axis=1), -across[is_flipped]
         across = unit_vectors(across)
         vectors = [np.einsum("ki,ki->k", (targets - Q)[:, s : s + 3], across)[:, None] * across for s in (0, 3)]
@@ -300,7 +294,7 @@ class Lifting:
 
     @cached_property
     def sides(self) -> CreaseSides:
-        """Creases of the surface, with a copy of each crease vertex for each side of the crease."""
+        """Creases of the surface."""
         return CreaseSides.from_skins(self.skins)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Plan for the curved solid of a part: the sheet, the limits, and the mesh that the solid must follow."""
+"""Plan for the curved solid of a part."""
 
 from collections.abc import Container
 from dataclasses import dataclass
@@ -21,9 +21,9 @@ from dsfab.surface.topology import corners_of
 
 
 class MeshDistances(NamedTuple):
-    """Distances of points of a solid from the mesh, or of points of the mesh from a solid, mm.
-    most  : largest distance.    bad : (k, 3) points that are farther away than allowed.
-    worst : distance that exceeds its allowed distance most.    allowed : distance allowed at this point."""
+    """Distances of points from a mesh or a solid, mm.
+    most  : largest distance.    bad : (k, 3) points that are too far away.
+    worst : distance at the worst point.    allowed : distance allowed at this point."""
 
     most: float
     worst: float
@@ -46,7 +46,7 @@ class MeshSolids:
         return cKDTree(self.part.V)
 
     def distances(self, points: Floats) -> Floats:
-        """(k,) distances of points (k, 3) from the nearest triangle of the mesh."""
+        """Return the distances (k,) of points (k, 3) from the mesh."""
         P, V, F = (np.ascontiguousarray(x) for x in (points, self.part.V, self.part.F))
         return np.asarray(np.sqrt(self._triangles.squared_distance(V, F, P)[0]))
 
@@ -57,7 +57,7 @@ class MeshSolids:
         return tree
 
     def solids_at(self, points: Floats) -> Ints:
-        """(k,) number of the solid that contains the mesh vertex nearest to each point (k, 3)."""
+        """Return the number (k,) of the solid with the mesh vertex nearest to each point (k, 3)."""
         shell, solids = self._shells
         vertex_shell = np.full(len(self.part.V), -1)
         vertex_shell[self.part.F] = shell[:, None]
@@ -67,7 +67,7 @@ class MeshSolids:
         return np.asarray(shell_solid[vertex_shell[self._tree.query(points)[1]]])
 
     def faces(self, selected: Container[int]) -> Ints:
-        """(m, 3) triangles of the solids with the numbers `selected`."""
+        """Return the triangles (m, 3) of the solids with the numbers `selected`."""
         shell, solids = self._shells
         shells = [k for i, solid_shells in enumerate(solids) if i in selected for k in solid_shells]
         return np.asarray(self.part.F[np.isin(shell, shells)])
@@ -80,7 +80,7 @@ class MeshSolids:
 
 @dataclass(frozen=True, eq=False)
 class PieceJudge:
-    """Comparison of a sheet's pieces (connected parts) with the solids in the mesh of a part, millimetres."""
+    """Comparison of a sheet's pieces with the solids in the mesh of a part, millimetres."""
 
     solids: MeshSolids
     sheet: SheetOutline
@@ -88,20 +88,20 @@ class PieceJudge:
 
     @cached_property
     def solid(self) -> Ints:
-        """(p,) number of the mesh solid that each piece of the sheet belongs to."""
+        """(p,) number of the mesh solid of each piece."""
         sample_vertices = self.sheet.F[np.unique(self.sheet.piece, return_index=True)[1], 0]
         return self.solids.solids_at((self.sheet.V + self.sheet.D)[sample_vertices])
 
     @cached_property
     def volumes(self) -> Floats:
-        """(p,) volume of each piece with flat triangles, mm3: sum of the prisms between upper and lower skin."""
+        """(p,) volume of each piece, mm3."""
         return self._sum(np.ones(len(self.sheet.F)))
 
     @cached_property
     def excess_volumes(self) -> Floats:
-        """(p,) fraction by which each smooth piece may exceed `volumes`, because flat triangles cut bends short."""
+        """(p,) fraction by which each smooth piece may exceed `volumes`."""
         sheet = self.sheet
-        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # `nearest` is twice as fast for points on a skin
+        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)
         return np.maximum(self._sum(self.limits.rounder[self.limits.nearest(upper)]) / self.volumes, 0.0)
 
     def _sum(self, share: Floats) -> Floats:
@@ -110,23 +110,23 @@ class PieceJudge:
         return np.asarray(np.bincount(sheet.piece, volumes, sheet.count), dtype=np.float64)
 
     def distances(self, V: Floats, F: Ints) -> tuple[MeshDistances, MeshDistances]:
-        """Return distances from triangles V (n, 3), F (m, 3) of all solids to the mesh, and from the mesh to V, F."""
+        """Return distances from triangles V (n, 3), F (m, 3) to the mesh, and back from the mesh."""
         part = self.solids.part
         return self.farthest(V, F, part.V, part.F), self.farthest(part.V, part.F, V, F)
 
     def excess_distances(self, points: Floats) -> Floats:
-        """(k,) distance of each point (k, 3) from the mesh, minus the allowed distance; negative if allowed."""
+        """Return the distance (k,) of points (k, 3) from the mesh, minus the allowed distance."""
         away = self.solids.distances(points)
-        is_far = away > self.limits.distance / 2  # near points need no chord errors, which take time to compute
+        is_far = away > self.limits.distance / 2
         away[is_far] -= self.limits.allowed_distances(points[is_far])
         away[~is_far] -= self.limits.distance
         return away
 
     def farthest(self, V: Floats, F: Ints, V2: Floats, F2: Ints) -> MeshDistances:
-        """Return the distances of corners and centres of the triangles V (n, 3), F (m, 3) from the triangles V2, F2."""
+        """Return the distances of the triangles V (n, 3), F (m, 3) from the triangles V2, F2."""
         points = np.concatenate([V[corners_of(F, np.ones(len(F), dtype=bool), len(V))], V[F].mean(axis=1)])
         away = nearest_places(points, V2, F2).distance
-        far_points = points[away > self.limits.distance]  # points within `distance` are allowed everywhere
+        far_points = points[away > self.limits.distance]
         if not len(far_points):
             return MeshDistances(float(away.max()), float(away.max()), self.limits.distance, far_points)
         far_distances, allowed = away[away > self.limits.distance], self.limits.allowed_distances(far_points)
@@ -135,7 +135,7 @@ class PieceJudge:
 
 
 class SolidPlan:
-    """Data to write a part as a solid with curved faces. Raises ExportError if the sheet of the part is unknown."""
+    """Data to write a part as a solid with curved faces. Raises ExportError."""
 
     def __init__(self, part: Part) -> None:
         if part.curved is None:
@@ -146,10 +146,10 @@ class SolidPlan:
 
     @cached_property
     def whole(self) -> SheetOutline:
-        """The whole sheet with its outlines, not divided into charts (parts of a sheet)."""
+        """The whole sheet with its outlines."""
         return sheet_of(self.curved.divided(np.ones((self.surface.n, 1))), self.curved.shift)
 
     @cached_property
     def gate(self) -> PieceJudge:
-        """Comparison of the undivided sheet with the solids in the mesh of the part."""
+        """Comparison of the whole sheet with the mesh of the part."""
         return PieceJudge(self.solids, self.whole, self.limits)

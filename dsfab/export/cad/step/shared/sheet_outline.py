@@ -1,4 +1,4 @@
-"""Outlines of a sheet in each of its charts: regions, loops, and runs between corners."""
+"""Outlines of a sheet in each of its charts."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,8 +19,8 @@ WALL = -1  # number of the neighbouring chart where the sheet ends at a wall
 @dataclass(frozen=True, eq=False)
 class OutlineRun:
     """Part of the outline of a chart (a part of the sheet).
-    vertices : (k,) vertices in order, with the material on the left.    beyond : chart on the right side, or `WALL`.
-    width    : `loop_width` of the whole closed loop that contains this part, mm."""
+    vertices : (k,) with the material on the left.    beyond : chart on the right side, or `WALL`.
+    width    : mean width of the whole loop, mm."""
 
     vertices: Ints
     beyond: int
@@ -29,7 +29,7 @@ class OutlineRun:
 
 @dataclass(frozen=True, eq=False)
 class ChartRegion:
-    """Connected part of the sheet in one chart. loops : its outlines in any order, each a sequence of `OutlineRun`."""
+    """Connected part of the sheet in one chart. loops : outlines, each a sequence of `OutlineRun`."""
 
     chart: int
     piece: int
@@ -38,10 +38,9 @@ class ChartRegion:
 
 @dataclass(frozen=True, eq=False)
 class SheetOutline:
-    """Sheet in millimetres, divided into charts (parts of the sheet). Regions are connected parts of charts.
-    V, D    : (n, 3) vertices of the middle surface, and vectors to the upper skin (half the thickness).
-    F       : (m, 3) faces.    chart, piece : (m,) chart and piece of each face.
-    charts  : (v, 2) all pairs of a vertex and a chart that contains this vertex, sorted."""
+    """Sheet in millimetres, divided into charts (parts of the sheet).
+    V, D    : (n, 3) vertices of the middle surface, and vectors to the upper skin.
+    F       : (m, 3) faces.    chart, piece : (m,) of each face.    charts : (v, 2) pairs of a vertex and a chart."""
 
     V: Floats
     D: Floats
@@ -77,7 +76,7 @@ def _middle(sheet: DividedSheet, shift: int) -> tuple[Floats, Floats]:
 
 
 def sheet_of(sheet: DividedSheet, shift: int) -> SheetOutline:
-    """Return a sheet with its outlines in each chart. shift : from vertices to the middle, in half-thicknesses."""
+    """Return a sheet with its outlines. shift : from vertices to the middle, in half-thicknesses."""
     V, D, F = *_middle(sheet, shift), sheet.F
     table = edge_table(F)
     _, piece = pieces(F, table)
@@ -140,13 +139,12 @@ def _runs(V: Floats, loop: Ints, special: Bools, beyond: _HalfEdgeCharts, touchi
 
 
 def loop_width(line: Floats, length: float) -> float:
-    """Return twice the area of a closed line (k, 3), divided by its length: radius of a circle, or width of a slit."""
+    """Return twice the area of a closed line (k, 3), divided by its length."""
     P = line - line.mean(axis=0)
     return float(np.linalg.norm(np.cross(P, np.roll(P, -1, axis=0)).sum(axis=0))) / max(length, 1e-300)
 
 
 def _run_starts(V: Floats, loop: Ints, starts: Ints) -> Ints:
-    """Return the positions in `loop` where runs start: `starts`; if it has fewer than two, two positions far apart."""
     if len(starts) > 1:
         return starts
     start = int(starts[0]) if len(starts) else int(np.argmin(loop))

@@ -1,4 +1,4 @@
-"""Smooth upper and lower skins of a sheet, and the allowed distance of a solid from the mesh."""
+"""Smooth upper and lower skins of a sheet."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,8 +16,8 @@ from dsfab.surface.topology import on_boundary
 
 @dataclass(frozen=True, eq=False)
 class DenseSurface:
-    """Surface with an upper and a lower skin, perhaps with divided triangles. Fields in metres, properties in mm.
-    half   : (n,) half the thickness at each vertex.    shift : distance from surface to the sheet's middle / half.
+    """Surface with an upper and a lower skin. Fields in metres, properties in mm.
+    half   : (n,) half the thickness.    shift : distance from surface to the sheet's middle / half.
     parent : (m,) undivided triangle that contains each triangle.    twins : (k, 2) vertices with opposite normals."""
 
     surface: Surface
@@ -33,7 +33,7 @@ class DenseSurface:
 
     @cached_property
     def normals(self) -> Floats:
-        """(n, 3) vertex normals: means of the faces' normals, weighted with angles."""
+        """(n, 3) normals of the vertices."""
         V, F = self.surface.V, self.surface.F
         N = np.asarray(igl.per_vertex_normals(V, F, igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_ANGLE))
         a, b = self.twins.T
@@ -42,7 +42,7 @@ class DenseSurface:
 
     @cached_property
     def half_vectors(self) -> Floats:
-        """(n, 3) vectors from `middle` to the upper skin, along `normals`."""
+        """(n, 3) vectors from `middle` to the upper skin."""
         return np.asarray(MM_PER_M * self.half[:, None] * self.normals)
 
     @cached_property
@@ -66,12 +66,12 @@ class DenseSurface:
         return DenseSurface(divided, self.carry(self.half), self.shift, np.tile(self.parent, 4))
 
     def carry(self, fields: Floats) -> Floats:
-        """Interpolate vertex values (n, ...) linearly to the vertices of `finer`, the divided surface."""
+        """Interpolate vertex values (n, ...) to the vertices of `finer`."""
         return np.concatenate([fields, end_means(fields, self.surface.edges.ends)])
 
 
 def dense_surface(surface: Surface, curved: Curved) -> DenseSurface:
-    """Return a surface with its two skins; its triangles are not divided. curved : gives the half-thickness vectors."""
+    """Return a surface with its two skins. curved : gives the half-thickness vectors."""
     D = curved.D[surface.F]  # vectors are longer at creases, so that faces keep their thickness
     seen = np.bincount(surface.F.ravel(), np.einsum("mci,mi->mc", D, surface.normals).ravel(), surface.n)
     half = seen / np.bincount(surface.F.ravel(), minlength=surface.n)
@@ -80,7 +80,7 @@ def dense_surface(surface: Surface, curved: Curved) -> DenseSurface:
 
 
 def cubic_midpoints(P: Floats, d: Floats, ends: Ints) -> Floats:
-    """Return the middle (e, 3) of a cubic curve between each pair of points. ends : (e, 2) numbers of points P (n, 3).
+    """Return the middle (e, 3) of a cubic curve between pairs `ends` (e, 2) of points P (n, 3).
     d : (n, 3) vectors at the points, perpendicular to the curves."""
     N, chord = unit_vectors(d), P[ends[:, 1]] - P[ends[:, 0]]
     slopes = [chord - N[e] * np.einsum("ki,ki->k", chord, N[e])[:, None] for e in ends.T]
@@ -94,15 +94,14 @@ def end_means(values: Floats, ends: Ints) -> Floats:
 
 
 def chord_errors(skins: DenseSurface) -> Floats:
-    """Return the (m,) distance of each triangle's centre from the smooth surface through its corners, metres.
-    The estimate is 4/3 of the largest distance at edge middles (exact for equilateral triangles on a sphere)."""
+    """Return the (m,) distance of each triangle's centre from the smooth surface, metres."""
     V, edges = skins.surface.V, skins.surface.edges
     sags = np.linalg.norm(cubic_midpoints(V, skins.normals, edges.ends) - end_means(V, edges.ends), axis=1)
     return np.asarray(4 / 3 * sags[edges.of].max(axis=1))
 
 
 def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
-    """Return the (m,) fraction by which each triangle's smooth solid has more volume than its flat prism."""
+    """Return the (m,) fraction by which each triangle's smooth solid has more volume than its prism."""
     coarse, D = prisms(skins.middle, skins.half_vectors, skins.surface.F), MM_PER_M * curved.D
     fine = skins.finer
     parts = np.bincount(fine.parent, prisms(fine.middle, fine.half_vectors, fine.surface.F), skins.surface.m)
@@ -111,7 +110,7 @@ def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
 
 
 def prisms(V: Floats, D: Floats, F: Ints) -> Floats:
-    """(m,) volumes of prisms between the triangles F of points V - D and the triangles F of points V + D (n, 3)."""
+    """(m,) volumes of prisms between triangles F of points V - D and triangles F of points V + D (n, 3)."""
     a, b, c = F.T
     # mean area vector of the triangles V + s D for s from -1 to 1
     across = cross(V[b] - V[a], V[c] - V[a]) + cross(D[b] - D[a], D[c] - D[a]) / 3
@@ -124,7 +123,7 @@ LOOP_SHARE = 0.03  # largest tolerance of an outline loop, as a fraction of the 
 
 
 def decimals(thickness: float) -> int:
-    """Return the number of decimals of coordinates (mm) that makes rounding negligible at a thickness (mm)."""
+    """Return the number of decimals of coordinates (mm) for a thickness (mm)."""
     rounding = 3e-5
     return int(np.clip(np.ceil(-np.log10(rounding * thickness)), 2, 6))
 
@@ -134,11 +133,10 @@ MOST_CHORD = 1 / 4  # upper limit of estimated chord errors / thickness; at crea
 
 @dataclass(frozen=True, eq=False)
 class SmoothLimits:
-    """Limits for the distance (mm) and volume of a smooth solid, compared with the mesh. thickness : of the sheet.
-    V, F     : (n, 3) and (m, 3) triangles of both skins of the uncut surface.
-    chord    : (m,) chord errors: distances of these flat triangles from the smooth surface.
-    distance : allowed distance from the mesh, in addition to the chord error.
-    rounder  : (m,) fraction by which the smooth solid may have more volume than the mesh at each triangle."""
+    """Limits for the distance (mm) and volume of a smooth solid, compared with the mesh.
+    V, F     : (n, 3) and (m, 3) triangles of both skins.    chord : (m,) distances from the smooth surface.
+    distance : allowed distance from the mesh, in addition to `chord`.
+    rounder  : (m,) fraction by which the solid may have more volume than the mesh."""
 
     thickness: float
     distance: float
@@ -149,12 +147,12 @@ class SmoothLimits:
 
     @cached_property
     def usual_chord(self) -> float:
-        """Chord error that only 10 % of the triangles exceed, mm."""
+        """Value of `chord` that only 10 % of the triangles exceed, mm."""
         return float(np.percentile(self.chord, 90))
 
     @property
     def summary(self) -> str:
-        """Phrase for a message: allowed distance from the mesh, usual chord error, largest chord error if unusual."""
+        """Phrase for a message on the limits."""
         coarse = 2  # the largest chord error is unusual if it exceeds twice `usual_chord`
         largest = float(self.chord.max())
         usual_text = f"usually under {self.usual_chord:.2g} mm" if self.usual_chord > 0 else "usually none"
@@ -163,7 +161,7 @@ class SmoothLimits:
         return f"allowed: {self.distance:.2g} mm plus the mesh's own chord error, {usual_text}{coarsest_text}"
 
     def allowed_distances(self, points: Floats) -> Floats:
-        """(k,) allowed distances of points (k, 3) from the mesh: `distance` plus the nearest triangle's chord error."""
+        """(k,) allowed distances of points (k, 3) from the mesh, mm."""
         return np.asarray(self.distance + self.chord[self.nearest(points)])
 
     def nearest(self, points: Floats) -> Ints:
@@ -178,8 +176,7 @@ class SmoothLimits:
 
 
 def smooth_limits(surface: Surface, curved: Curved, tolerance: float = 0.0) -> SmoothLimits:
-    """Return limits for the distance of a solid from the mesh. tolerance : of the user, mm.
-    Tolerance 0 means `OFF_SURFACE` times the thickness."""
+    """Return limits for the distance of a solid from the mesh. tolerance : of the user, mm; 0 for the default."""
     mesh = dense_surface(surface, curved)
     t = 2 * MM_PER_M * float(np.median(np.linalg.norm(curved.D, axis=1)))
     chord = np.minimum(MM_PER_M * chord_errors(mesh), MOST_CHORD * t)

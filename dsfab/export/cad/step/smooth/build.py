@@ -1,6 +1,6 @@
-"""Smooth STEP of a part: pieces that OCCT checks. Refused pieces are built again, and finally become faceted.
+"""Smooth STEP file of a part, in pieces that OCCT checks.
 
-1. Build all pieces with one division into charts, write a file, and let OCCT check it (`findings`, `PieceJudge`).
+1. Build all pieces with one division into charts, write a file, and let OCCT check it.
 2. Build refused pieces again, with smaller tolerances of curves.
 3. Divide solids that are still refused into other charts. If no division is left, they become faceted."""
 
@@ -42,9 +42,9 @@ from dsfab.surface.topology import faces_at
 
 @dataclass(frozen=True, eq=False)
 class Acceptance:
-    """Verdict on a smooth piece of a sheet. volume : of the piece, mm3.
-    reason : of a refusal; '' if accepted.    bad : (k, 3) places where smaller tolerances of curves may help.
-    there  : largest distance from piece to mesh, mm.    back : largest distance from mesh to piece, mm."""
+    """Verdict on a smooth piece of a sheet. volume : mm3.    reason : of a refusal; '' if accepted.
+    bad    : (k, 3) places where smaller tolerances may help.
+    there, back : largest distances from piece to mesh, and from mesh to piece, mm."""
 
     reason: str
     bad: Floats = field(default_factory=lambda: np.zeros((0, 3)))
@@ -59,7 +59,7 @@ _NOWHERE = MeshDistances(0.0, 0.0, 0.0, np.zeros((0, 3)))
 def all_verdicts(
     gate: PieceJudge, pieces: dict[int, SmoothPiece], findings: dict[int, OcctFinding]
 ) -> dict[int, Acceptance]:
-    """Return a verdict on each piece, by number, from findings of OCCT (CAD kernel). gate : the sheet and the mesh."""
+    """Return a verdict on each piece, by number. gate : the sheet and the mesh."""
     distances = _distances(gate, {k: findings[k] for k in pieces if k in findings and findings[k].tessellates})
     return {
         k: piece_verdict(gate, k, piece, findings.get(k), distances.get(k, (_NOWHERE, _NOWHERE)))
@@ -70,8 +70,8 @@ def all_verdicts(
 def piece_verdict(
     gate: PieceJudge, k: int, piece: SmoothPiece, finding: OcctFinding | None, away: tuple[MeshDistances, MeshDistances]
 ) -> Acceptance:
-    """Return the verdict on piece k. finding : of OCCT (CAD kernel); None if OCCT failed.
-    away : distances from the piece to the mesh, and from the mesh to the piece."""
+    """Return the verdict on piece k. finding : of OCCT; None if OCCT failed.
+    away : distances from piece to mesh, and from mesh to piece."""
     if piece.refused or finding is None:
         return Acceptance(piece.refused or "OCCT did not read a smooth piece of the sheet within the time limit")
     mesh_volume, gap, widest = gate.volumes[k], max(piece.gap, finding.gap), GAP_SHARE * gate.limits.thickness
@@ -132,7 +132,7 @@ class SmoothSolid:
 
 
 class SmoothPlan(SolidPlan):
-    """Data for a smooth STEP file; raises ExportError if the sheet is unknown or has too many walls for `hurry`."""
+    """Data for a smooth STEP file. Raises ExportError if the sheet is unknown or has too many walls."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
@@ -150,7 +150,7 @@ class SmoothPlan(SolidPlan):
         return [loop for region in self.whole.regions for loop in region.loops]
 
     def layouts(self) -> Iterator[Floats]:
-        """Yield fields (n, c), each for one division of the sheet into charts: chart k is where field k is largest.
+        """Yield fields (n, c) for divisions into charts: chart k is where field k is largest.
         Raises ExportError for a one-sided surface."""
         if len(self.curved.twins):
             raise ExportError("the surface has one side only, so it has no two skins")
@@ -166,7 +166,7 @@ class SmoothPlan(SolidPlan):
             seen.add(chart)
 
     def build(self, fields: Floats, finished: Collection[int] = ()) -> SmoothSolid:
-        """Build the pieces of all solids except the numbers `finished`, in charts of fields (n, c), see `layouts`.
+        """Build the pieces of all solids except the numbers `finished`. fields : (n, c), one for each chart.
         Raises ExportError if the part has only one solid and a chart fails."""
         atlas = ChartAtlas(self.surface, self.curved, fields, FIT_SHARE * self.limits.distance)
         needed = set[int]()
@@ -195,7 +195,7 @@ class SmoothPlan(SolidPlan):
         return SmoothSolid(gate, builder, model, requested)
 
     def unfinished_vertices(self, finished: Collection[int]) -> Ints:
-        """Return the surface vertices (k,) nearest to solids that are not `finished`, with neighbouring vertices."""
+        """Return the surface vertices (k,) near solids that are not `finished`."""
         is_unfinished = np.isin(self.whole.piece, _unfinished_pieces(self.gate, finished))
         points = self.whole.V[np.unique(self.whole.F[is_unfinished])]
         marks = np.zeros(self.surface.n, dtype=bool)
@@ -219,12 +219,12 @@ class _AcceptedPiece(NamedTuple):
 
 @derived
 def smooth_file(part: Part) -> SmoothPieceFile:
-    """Return a part's smooth STEP file, computed only once; raises ExportError if all pieces are refused."""
+    """Return a part's smooth STEP file. Raises ExportError if all pieces are refused."""
     return _SmoothSearch(part).search()
 
 
 def first_draft(part: Part) -> tuple[int, int]:
-    """Count faces and bytes of a part's first, unchecked smooth STEP file; raises ExportError if no piece is built."""
+    """Count faces and bytes of a part's first, unchecked smooth STEP file. Raises ExportError if no piece is built."""
     plan = SmoothPlan(part)
     with one_blas_thread():
         model = plan.build(next(plan.layouts())).model
@@ -244,7 +244,6 @@ class _SmoothSearch:
         self.last, self.text = list[tuple[SmoothModel, int]](), ""
 
     def search(self) -> SmoothPieceFile:
-        """Try divisions of the sheet into charts; return the file. A solid is accepted if no piece is refused."""
         for turn, fields in enumerate(self.plan.layouts(), 1):
             try:
                 with ExitStack() as programs:
@@ -320,7 +319,7 @@ class _SmoothSearch:
 
 
 def raise_levels(model: SmoothModel, k: int, level: dict[RunKey, int], bad: Floats) -> bool:
-    """Raise levels (lower tolerances) of piece k's curves near `bad` points (b, 3), mm; return True if any rises."""
+    """Lower the tolerances of piece k's curves near `bad` points (b, 3), mm; return True if any changes."""
     piece = model.pieces[k]
     x = np.linspace(0, 1, 9)
     tree = cKDTree(np.concatenate([curve(x) for edge in piece.edges for curve in (edge.upper, edge.lower)]))
@@ -332,7 +331,7 @@ def raise_levels(model: SmoothModel, k: int, level: dict[RunKey, int], bad: Floa
 
 
 def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) -> None:
-    """Rebuild piece k with ever smaller tolerances while its curves cross, leave wide gaps or are far from the mesh."""
+    """Rebuild piece k with smaller tolerances."""
     model, corners = built.model, _corners(built.gate.sheet, k)
     for _ in range(CLOSEST):
         piece = model.pieces[k]
@@ -344,7 +343,7 @@ def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) ->
 
 
 def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
-    """Return the corners (k, 3) whose distance from the piece's edges is larger than `limits` allows.
+    """Return the corners (k, 3) that are too far from the piece's edges.
     corners : (n, 3) mesh corners at walls."""
     chord_count, nearest_count = 64, 4  # chords of each edge; number of chords whose distance from a corner is computed
     x = np.linspace(0, 1, chord_count + 1)

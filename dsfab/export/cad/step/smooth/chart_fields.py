@@ -22,15 +22,15 @@ SYMMETRIC: dict[str, Any] = {
     "options": {"SymmetricMode": True},
     "diag_pivot_thresh": 0.0,
 }
-"""SuperLU options for symmetric matrices; the factors then have fewer entries."""
+"""SuperLU options for symmetric matrices."""
 
 SWEEPS = 4  # number of diffusions of the fields; before a repetition, each vertex's largest field becomes 1, others 0
 
 
 def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Floats:
-    """Return fields (n, c) that divide a surface into charts: chart k is the part where field k is largest.
-    cone   : largest angle (radians) between the normals of a cluster of faces and their mean.
-    fewest : smallest number of charts.    start : seed of random numbers; another seed gives other charts."""
+    """Return fields (n, c) that divide a surface into charts: field k is largest in chart k.
+    cone   : largest angle (radians) between the normals of a cluster of faces and the mean normal.
+    fewest : smallest number of charts.    start : seed of random numbers."""
     label = _clusters(surface, cone, fewest, start)
     if label.max() == 0:
         return np.ones((surface.n, 1))
@@ -38,7 +38,7 @@ def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0)
 
 
 def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
-    """Return the cluster (m,) of each face. If possible, normals are within `cone` of the cluster's mean normal."""
+    """Return the cluster (m,) of each face."""
     rounds = 30  # largest number of rounds that add clusters of faces
     graph = _dual(surface)
     count, piece = connected_components(graph, directed=False)
@@ -64,7 +64,6 @@ def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
 
 
 def _dual(surface: Surface) -> csr_array:
-    """Return the graph of distances between neighbouring faces. Bends add distance, so clusters of faces end there."""
     turn_cost = 0.2  # distance added for a bend of one radian, as a fraction of the root of the surface's area
     f, g = (surface.edges.pairs // 3).T
     away = np.linalg.norm(surface.centroids[f] - surface.centroids[g], axis=1)
@@ -82,7 +81,8 @@ def _nearest_seeds(graph: csr_array, seeds: list[int]) -> tuple[Ints, Floats]:
 
 
 def middle_faces(surface: Surface, label: Ints) -> list[int]:
-    """Return the face nearest to the middle of each cluster; label : (m,) cluster of each face."""
+    """Return the face nearest to the middle of each cluster.
+    label : (m,) cluster of each face."""
     area = np.bincount(label, surface.areas)
     middle = np.stack([np.bincount(label, surface.areas * c) for c in surface.centroids.T], axis=1) / area[:, None]
     away = np.linalg.norm(surface.centroids - middle[label], axis=1)
@@ -101,8 +101,8 @@ def _cosines(surface: Surface, label: Ints) -> Floats:
 
 
 def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
-    """Return fields (n, c) of charts with straight borders, from clusters `label` (m,) of faces. Charts with several
-    parts or steep faces are divided. least : smallest cosine between a face's normal and its chart's mean normal."""
+    """Return fields (n, c) of charts with straight borders.
+    least : smallest cosine between the normals of a face and of the chart."""
     f, g = (surface.edges.pairs // 3).T
     for turn in range(5):
         fields = diffused_fields(surface, label, 1.0 if turn == 0 else 0.7)
@@ -135,7 +135,7 @@ def diffused_fields(surface: Surface, label: Ints, share: float) -> Floats:
         for _ in range(SWEEPS - 1):
             chosen = np.zeros_like(load)
             chosen[np.arange(surface.n), fields.argmax(axis=1)] = mass
-            moved = (chosen != load).any(axis=0)  # only these fields must be solved again
+            moved = (chosen != load).any(axis=0)
             fields[:, moved] = step.solve(chosen[:, moved])
             load = chosen
     return fields

@@ -1,4 +1,4 @@
-"""Spline surfaces of both skins over each chart, fitted by least squares with few poles."""
+"""Spline surfaces of both skins over each chart (part of the sheet)."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ class SplinePatch:
         return self._along_v(b, self._across_u(a, self._local_poles(i, j)))
 
     def slopes(self, uv: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return the points at uv (k, 2), and the derivatives by u and by v: three arrays (k, d)."""
+        """Return the points at uv (k, 2), and the derivatives by u and by v."""
         (i, a, da), (j, b, db) = hats(uv[:, 0], self.u), hats(uv[:, 1], self.v)
         local_poles = self._local_poles(i, j)
         across_u, du = self._across_u(a, local_poles), self._across_u(da, local_poles)
@@ -61,8 +61,8 @@ class SplinePatch:
         return SplinePatch(self.u, self.v, self.poles[:, :, begin:end])
 
     def nearest(self, points: Floats, uv: Floats, rounds: int = 8) -> Floats:
-        """Return the parameters (k, 2) of the surface points nearest to `points` (k, 3). uv : (k, 2) first guesses."""
-        step_limit = 1e-8  # length of the last step / size of the surface
+        """Return the parameters (k, 2) of the nearest surface points. uv : (k, 2) first guesses."""
+        step_limit = 1e-8
         low, high = np.array([self.u[0], self.v[0]]), np.array([self.u[-1], self.v[-1]])
         uv, going = np.clip(uv, low, high), np.arange(len(uv))
         for _ in range(rounds):
@@ -78,17 +78,17 @@ class SplinePatch:
         return uv
 
 
-SMOOTHING = 1e-5  # weight of second differences of the poles in the fit; distances from points have weights up to 1
+SMOOTHING = 1e-5  # weight of second differences of the poles in the fit
 FEWEST_POLES, MOST_POLES = 6, 48  # smallest and largest number of poles of a fit in one direction
-FEW_POLES = 24  # largest number of poles in one direction before a chart is divided; OCCT is slow with more
-FIRST_POLES = 8.0  # poles of the first attempt: geometric mean of the numbers along u and along v
+FEW_POLES = 24  # largest number of poles in one direction before a chart is divided
+FIRST_POLES = 8.0  # poles of the first attempt, geometric mean of both directions
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceFit:
     """Surface that was fitted to points.
-    off     : largest distance, mm, from the points `inside` (the tolerance applies only to these points).
-    size    : geometric mean of the wanted numbers of poles in both directions.
+    off     : largest distance from the points `inside`, mm.
+    size    : mean of the wanted numbers of poles in both directions.
     starved : True if the number of points limited the number of poles."""
 
     patch: SplinePatch
@@ -106,12 +106,11 @@ def fitted_surface(
     first_poles: float = FIRST_POLES,
     most_poles: int = MOST_POLES,
 ) -> SurfaceFit:
-    """Fit one surface with few poles to both skins. Q : (k, 6) points, each on upper and lower skin, mm.
-    uv          : (k, 2) positions of the points in a plane.    weight : (k,) weight of each point in the fit.
-    inside      : (k,) True for points to which the tolerance (mm) applies.
-    first_poles : number of poles at the start, the geometric mean of the numbers along u and along v.
-    most_poles  : largest number of poles in each direction."""
-    points_per_pole = 2.5  # with fewer points, surfaces have waves between the points and gaps at seams
+    """Fit a surface with few poles to both skins.
+    uv, Q       : (k, 2) points in a plane, and (k, 6) points on upper and lower skin, mm.
+    inside      : (k,) True for points to which the tolerance (mm) applies.    weight : (k,) weights in the fit.
+    first_poles : poles at the start, geometric mean of both directions.    most_poles : most poles in a direction."""
+    points_per_pole = 2.5
     extent = np.ptp(uv, axis=0)
     aspect = np.sqrt(np.clip(extent[0] / extent[1], 0.1, 10.0))
     pole_limit = np.sqrt(len(uv) / points_per_pole)
@@ -129,8 +128,8 @@ def fitted_surface(
 def patch_through(
     uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float
 ) -> tuple[SplinePatch, Floats]:
-    """Fit the bicubic surface of p x q poles nearest to points Q (k, d) at uv (k, 2); also return its points there.
-    weight : (k,) weights of the points.    smoothing : weight of second differences, for poles far from all points."""
+    """Fit a bicubic surface of p x q poles to points Q (k, d) at uv (k, 2).
+    Return the surface and its points at uv. smoothing : weight of second differences of the poles."""
     low, high = uv.min(axis=0), uv.max(axis=0)
     pad = 0.01 * (high - low)
     u, v = (
@@ -148,9 +147,7 @@ def patch_through(
 
 @dataclass(frozen=True, eq=False)
 class _Cells:
-    """Points sorted by cell of the knot grid. The same 16 poles influence all points of a cell (one matrix product).
-    order : (k,) points, cell after cell.    start : first index of each cell in `order`.
-    poles : (c, 16) poles of each cell.      hats  : (k, 16) values of the basis functions at the points of `order`."""
+    """Points sorted by cell of the knot grid."""
 
     order: Ints
     start: Ints
@@ -170,7 +167,7 @@ class _Cells:
         return (slice(a, b) for a, b in pairwise([*self.start.tolist(), len(self.order)]))
 
     def normal(self, weight: Floats, Q: Floats, p: int, q: int) -> tuple[Floats, Floats]:
-        """Return normal equations for p x q poles and points Q: lower band (3 q + 4, p q), right side (p q, d)."""
+        """Return normal equations for p x q poles: lower band (3 q + 4, p q), right side (p q, d)."""
         weighted = (weight[self.order, None] * self.hats).T
         hats_and_points = np.concatenate([self.hats, Q[self.order]], axis=1)
         sums = np.stack([weighted[:, part] @ hats_and_points[part] for part in self.parts])
@@ -181,7 +178,7 @@ class _Cells:
         return band.reshape(3 * q + 4, p * q), np.stack(right, axis=1)
 
     def sums(self, poles: Floats) -> Floats:
-        """Return the surface points (k, d) in the order of the input points. poles : (p q, d) for p x q poles."""
+        """Return the surface points (k, d) for poles (p q, d)."""
         points = np.empty((len(self.order), poles.shape[1]))
         for part, cell_poles in zip(self.parts, self.poles, strict=True):
             points[self.order[part]] = self.hats[part] @ poles[cell_poles]
@@ -190,7 +187,6 @@ class _Cells:
 
 @lru_cache(maxsize=256)
 def _roughness(p: int, q: int) -> tuple[Ints, Floats]:
-    """Return offsets and diagonals of a band matrix A; x^T A x sums the squared second differences of p x q poles x."""
     steps = ((0, 0), (0, 1), (0, 2), (1, -1), (1, 0), (1, 1), (2, 0))
     (*u,), (*v,) = ([_gram(n, order) for order in range(3)] for n in (p, q))
     terms = ((1.0, u[2], v[0]), (1.0, u[0], v[2]), (2.0, u[1], v[1]))
@@ -209,11 +205,10 @@ def _diagonal(table: Floats, below: int) -> Floats:
 
 
 OUTSIDE, BOUNDARY = 0.2, 0.5
-"""Weights in a chart's fit: OUTSIDE for points of neighbour charts, so that skins meet; BOUNDARY at sheet boundaries.
-Boundary points have inexact normals. The tolerance does not apply to points outside a chart or on the boundary."""
+"""Weights in a chart's fit: OUTSIDE for points of neighbour charts, BOUNDARY at boundaries."""
 
 FOLDED = 0.01
-"""Largest fraction of a chart's faces that face away from its axis. Division of coarse meshes turns some faces over."""
+"""Largest fraction of a chart's faces that face away from its axis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,8 +216,8 @@ class SkinPoints:
     """Points to which the spline surfaces of a chart are fitted, millimetres.
     origin, axes : plane of the chart.    steepest : cosine of the angle between this plane and the steepest faces.
     uv, Q  : (k, 2) points in the plane, and (k, 6) points on both skins.
-    inside : (k,) True for points to which the tolerance applies.    weight : (k,) weight of each point in the fit.
-    chord  : chord error of the mesh between the points, 90th percentile."""
+    inside : (k,) True for points to which the tolerance applies.    weight : (k,) weight in the fit.
+    chord  : chord error of the mesh, 90th percentile."""
 
     origin: Floats
     axes: Floats
@@ -235,7 +230,7 @@ class SkinPoints:
 
 
 def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPoints:
-    """Collect the points of a chart and of a ring of faces around it. dense : whole surface, perhaps subdivided.
+    """Collect the points of a chart and of a ring of faces around the chart.
     near_faces : (m,) True for undivided faces near the chart.    in_chart : (n,) True for the chart's vertices."""
     faces = np.flatnonzero(near_faces[dense.parent])
     used, F = np.unique(dense.surface.F[faces], return_inverse=True)
@@ -267,7 +262,7 @@ def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPo
 
 
 def mean_half_vectors(d: Floats, ends: Ints) -> Floats:
-    """Return (e, 3) means of half-thickness vectors (n, 3) at the ends (e, 2) of edges, scaled to the mean length."""
+    """Return (e, 3) means of vectors (n, 3) at the ends (e, 2) of edges, scaled to the mean length."""
     middle, length = end_means(d, ends), end_means(np.linalg.norm(d, axis=1), ends)
     return np.asarray(middle * (length / np.maximum(np.linalg.norm(middle, axis=1), 1e-300))[:, None])
 
@@ -285,16 +280,15 @@ def _axes(V: Floats, across: Floats) -> Floats:
 
 HALVED = 4  # largest number of divisions of a chart
 
-STEEPEST = np.cos(np.deg2rad(80.0))  # smallest cosine between normals and axis of a chart; steeper charts are divided
+STEEPEST = np.cos(np.deg2rad(80.0))  # smallest cosine between normals and axis of a chart
 
 
 @dataclass(frozen=True, eq=False)
 class SkinChart:
-    """Plane of a chart (part of the sheet), and both skins as surfaces over the plane. Lengths in millimetres.
+    """Plane of a chart (part of the sheet), and both skins as surfaces over the plane, millimetres.
     origin, axes : (3,) point of the plane, and (3, 3) axes: two axes in the plane, and its normal.
     upper, lower, middle : surfaces of both skins, and the surface half way between them.
-    tolerance    : tolerance of the fit; larger on a coarse mesh.
-    steepest     : cosine of the angle between face and plane; only 1 % of the faces are steeper.
+    steepest     : smallest cosine of the angle between face and plane, without the steepest 1 % of the faces.
     off          : largest distance of the skins from the inner points to which they were fitted."""
 
     origin: Floats
@@ -308,7 +302,7 @@ class SkinChart:
 
     @cached_property
     def skins(self) -> SplinePatch:
-        """Both skins as one surface of six coordinates: those of the upper skin, then those of the lower skin."""
+        """Both skins as one surface: three coordinates of the upper skin, then three of the lower."""
         return SplinePatch(self.upper.u, self.upper.v, np.concatenate([self.upper.poles, self.lower.poles], axis=2))
 
     def projected(self, points: Floats) -> Floats:
@@ -318,8 +312,8 @@ class SkinChart:
 
 class ChartAtlas:
     """Charts (parts) of a surface, with spline surfaces that are fitted on demand.
-    fields : (n, c) on the vertices; chart k is where field k is largest. Each division of a chart adds a field.
-    charts : surfaces of the fitted charts, by number.    failed : reasons for missing charts, by number."""
+    fields : (n, c) on the vertices; chart k is where field k is largest.
+    charts, failed : fitted charts, and reasons for missing charts, by number."""
 
     def __init__(self, surface: Surface, curved: Curved, fields: Floats, tolerance: float) -> None:
         self.surface, self.fields, self.tolerance = surface, fields, tolerance
@@ -330,10 +324,10 @@ class ChartAtlas:
     def make(
         self, numbers: Iterable[int], halve: bool = True, hopeless: Callable[[int], bool] = lambda _: False
     ) -> None:
-        """Fit the charts `numbers`. If `halve` is True, a chart may be divided; then its parts are fitted instead.
-        hopeless : function of a failed chart's number; returns True to stop before the remaining fits."""
-        useless = 3  # a chart fails if its error exceeds 3 times the tolerance; OCCT checks all pieces later
-        fewest = 12  # a chart with fewer vertices is not divided
+        """Fit the charts `numbers`. If `halve` is True, charts may be divided.
+        hopeless : function of a failed chart's number; returns True to stop."""
+        useless = 3  # a chart fails if its error exceeds 3 times the tolerance
+        fewest = 12  # smallest number of vertices of a chart that is divided
         todo = [(int(k), 0) for k in numbers if k not in self.charts and k not in self.failed]
         while todo:
             k, turn = todo.pop()
@@ -362,7 +356,7 @@ class ChartAtlas:
                     return
 
     def _lean_field(self, k: int) -> Floats | None:
-        """Return a field (n,) along which to halve chart k; None if few faces lean too far from the chart's plane."""
+        """Return a field (n,) along which to halve chart k, or None."""
         touched = faces_at(self.surface.F, self._best[0] == k)
         N = self.surface.normals[touched]
         mean = self.surface.areas[touched] @ N
@@ -391,9 +385,9 @@ class ChartAtlas:
         return fields
 
     def chart(self, k: int, first_poles: float, most_poles: int) -> SkinChart:
-        """Return chart k with fitted spline surfaces. The fit starts with about `first_poles` poles in each direction,
-        and uses at most `most_poles` in each direction."""
-        of_chord = 0.3  # the tolerance includes this fraction of the mesh's chord error
+        """Return chart k with fitted spline surfaces.
+        first_poles, most_poles : number of poles in each direction, at the start and at most."""
+        of_chord = 0.3  # fraction of the mesh's chord error in the tolerance
         most_divisions = 2  # largest number of divisions of a coarse mesh
         F = self.surface.F
         near_faces = faces_at(F, self._best[0] == k)

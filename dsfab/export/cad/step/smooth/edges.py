@@ -1,4 +1,4 @@
-"""Edges of smooth solids, as curves on the upper and lower skins: at walls, and at seams between two charts."""
+"""Edges of smooth solids, as curves on the upper and lower skins."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,12 +16,12 @@ from dsfab.export.splines import Fitted, Spline, even_samples, segment_spline, s
 
 @dataclass(eq=False)
 class OutlineNodes:
-    """Outline vertices in the planes of their charts, and points on both skins at ends of runs (parts of outlines).
+    """Outline vertices in the planes of their charts.
     uv     : by chart, (n, 2) positions in its plane; nan for vertices outside of the chart.
-    steep  : by chart, (n,) largest ratio of a length on the surface to its length in the plane; 1 or more.
+    steep  : by chart, (n,) largest ratio of a length on the surface to its length in the plane.
     around : by vertex, its charts.
-    at     : by vertex, (2, 3) points on both skins. Only for ends of runs and for vertices that were added later.
-    gap    : by vertex, largest distance of the points `at` from the skins of its charts."""
+    at     : by vertex, (2, 3) points on both skins.
+    gap    : by vertex, largest distance of the points `at` from the skins."""
 
     charts: dict[int, SkinChart]
     uv: dict[int, Floats]
@@ -31,7 +31,7 @@ class OutlineNodes:
     gap: dict[int, float]
 
     def add(self, vertices: Ints) -> None:
-        """Add points on both skins at vertices (k,): means of the points that the charts around a vertex give."""
+        """Add points on both skins at vertices (k,)."""
         missing = [v for v in vertices.tolist() if v not in self.at]
         by_chart_number, positions = dict[int, list[int]](), dict[int, list[Floats]]({v: [] for v in missing})
         for v in missing:
@@ -47,7 +47,7 @@ class OutlineNodes:
 
 
 def nodes_of(sheet: SheetOutline, charts: dict[int, SkinChart]) -> OutlineNodes:
-    """Return the outline vertices of a sheet, each at the nearest point of the middle surface of each of its charts."""
+    """Return the outline vertices of a sheet, with their places in the charts."""
     uv, steep = {}, {}
     for k in {region.chart for region in sheet.regions}:
         runs = [run.vertices for region in sheet.regions if region.chart == k for loop in region.loops for run in loop]
@@ -70,10 +70,9 @@ LEVEL_FACTORS = (1.0, 0.2, 0.04)  # factors of a curve's tolerance after 0, 1 an
 @dataclass(frozen=True, eq=False)
 class SmoothEdge:
     """Curves along a part of an outline.
-    start, end   : vertices of the sheet.    wall : True where the sheet ends at a wall; False where two charts meet.
-    upper, lower : cubics with equal knots, or lines.
-    flat         : curve in the plane of each chart, by the number of the chart.
-    gap          : largest distance of `upper` and `lower` from the curves `flat` mapped onto the skins, mm."""
+    start, end   : vertices of the sheet.    wall : True at a wall; False where two charts meet.
+    upper, lower : cubics with equal knots, or lines.    flat : by chart, curve in its plane.
+    gap          : largest distance of `upper` and `lower` from the curves `flat`, mm."""
 
     start: int
     end: int
@@ -85,7 +84,7 @@ class SmoothEdge:
 
     @cached_property
     def spans(self) -> int:
-        """Smallest factor 2^k that makes all knots whole numbers, because whole numbers are short in the file."""
+        """Smallest factor 2^k that makes all knots whole numbers."""
         knots = np.concatenate([self.upper.knots, *(curve.knots for curve in self.flat.values())])
         return next(1 << k for k in range(30) if not np.any((1 << k) * knots % 1))
 
@@ -99,20 +98,20 @@ class EdgeTolerances:
     chord: float
 
     def outline(self, run: OutlineRun, steep: float, level: int) -> float:
-        """Return the tolerance (mm) in the chart's plane of a curve along part `run`. level : number of failed checks.
-        steep : largest ratio of a length on the surface to its length in the plane."""
+        """Return the tolerance (mm) of a curve in the chart's plane. level : number of failed checks.
+        steep : ratio of a length on the surface to its length in the plane."""
         of_chord = 0.5  # fraction of the mesh's chord error that is added to the tolerance of an outline
         limit = min(OUTLINE_SHARE * self.distance + of_chord * self.chord, LOOP_SHARE * run.width)
         return LEVEL_FACTORS[level] * limit / steep
 
     def in_space(self, run: OutlineRun, level: int) -> float:
-        """Return the tolerance (mm) of curves along part `run` on the two skins. level : number of failed checks."""
+        """Return the tolerance (mm) of curves on the two skins. level : number of failed checks."""
         share = 1 / 50  # largest tolerance / thickness
         return LEVEL_FACTORS[level] * min(share * self.thickness, LOOP_SHARE * run.width)
 
 
 class RunRequest(NamedTuple):
-    """Request for curves along `run`, a part of a chart's outline. level : how often curves for `run` failed checks."""
+    """Request for curves along a part of an outline. level : number of failed checks."""
 
     run: OutlineRun
     chart: int
@@ -120,15 +119,14 @@ class RunRequest(NamedTuple):
 
 
 class RunPart(NamedTuple):
-    """Part of a chart's outline, and its curve in the plane of the chart. asked : the `RunRequest` for this part."""
+    """Part of a chart's outline, and its curve in the plane of the chart."""
 
     asked: RunRequest
     flat: Spline
 
 
 def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTolerances) -> list[list[SmoothEdge]]:
-    """Fit curves along walls (sides of the sheet), for all requests together; return the edges of each request.
-    nodes : end points of edges.    allowed : tolerances."""
+    """Fit curves along walls of the sheet, and return the edges of each request."""
     run_parts = flat_parts(requests, nodes, allowed)
     parts = [part for group in run_parts for part in group]
     nodes.add(np.unique([v for part in parts for v in part.asked.run.vertices[[0, -1]]]))
@@ -141,7 +139,7 @@ def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTol
 
 
 def skin_curves(parts: list[RunPart], nodes: OutlineNodes, tolerances: list[float]) -> list[Fitted]:
-    """Fit curves on both skins along the plane curves of `parts`; return each curve with its largest error, mm."""
+    """Fit curves on both skins along plane curves; return each curve with its largest error, mm."""
     results, todo = dict[int, Fitted](), list(range(len(parts)))
     for finer in (1, 4, 16):  # factors of the number of samples, until the curve is close enough
         x = [parameters(parts[i].flat, finer) for i in todo]
@@ -154,7 +152,7 @@ def skin_curves(parts: list[RunPart], nodes: OutlineNodes, tolerances: list[floa
 
 
 def flat_parts(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTolerances) -> list[list[RunPart]]:
-    """Fit a plane curve to the outline part of each request; if no curve is within the tolerance, divide the part."""
+    """Return, for each request, plane curves along parts of the outline."""
     lines = [nodes.uv[request.chart][request.run.vertices] for request in requests]
     results = {i: [RunPart(requests[i], segment_spline(*line))] for i, line in enumerate(lines) if len(line) == 2}
     curved_numbers = [i for i in range(len(requests)) if i not in results]
@@ -183,7 +181,7 @@ def _halves(request: RunRequest, line: Floats, worst: float) -> list[RunRequest]
 
 
 def by_chart(charts: list[int], rows: list[Floats], function: Callable[[int, Floats], Floats]) -> list[Floats]:
-    """Return function(chart, rows) for each array (k, d) in `rows` and its chart; one call for each chart."""
+    """Return function(chart, rows) for each array (k, d) in `rows` and its chart."""
     results = dict[int, Floats]()
     for k in dict.fromkeys(charts):
         members = [i for i, chart in enumerate(charts) if chart == k]
@@ -193,7 +191,7 @@ def by_chart(charts: list[int], rows: list[Floats], function: Callable[[int, Flo
 
 
 def parameters(curve: Spline, finer: int = 1) -> Floats:
-    """Return parameters (k,) of samples along a curve, many in each span. finer : factor on the number of samples."""
+    """Return parameters (k,) of samples along a curve. finer : factor on the number of samples."""
     return _parameters(curve.knots.tobytes(), finer)
 
 
@@ -208,8 +206,8 @@ def _parameters(knots: bytes, finer: int) -> Floats:
 def edge_on_nodes(
     run: OutlineRun, space: Spline, flat: dict[int, Spline], distance: float, nodes: OutlineNodes, wall: bool
 ) -> SmoothEdge:
-    """Return the edge along outline part `run`. space : curve on both skins, which gets the end points of `nodes`.
-    flat : curve in the plane of each chart, by number.    distance : largest error of `space`, mm."""
+    """Return the edge along a part of an outline. space : curve on both skins.
+    flat : by chart, curve in its plane.    distance : largest error of `space`, mm."""
     start, end = int(run.vertices[0]), int(run.vertices[-1])
     poles = space.poles.copy()
     node_points = np.concatenate([nodes.at[start].reshape(1, 6), nodes.at[end].reshape(1, 6)])
@@ -227,7 +225,7 @@ RunKey = tuple[int, int, int, int]  # first two and last two vertices of a part 
 def seam_edges(
     requests: list[RunRequest], nodes: OutlineNodes, sheet: SheetOutline, allowed: EdgeTolerances
 ) -> list[SmoothEdge]:
-    """Fit curves on both skins along seams (borders of two charts). A curve is the mean of one curve on each chart."""
+    """Fit curves on both skins along seams (borders of two charts)."""
     of_edge = 0.05  # tolerance of the first curve along a seam, as a fraction of the longest mesh edge along it
     of_thickness = 1 / 1000  # tolerance of a seam's curves in the charts and on the skins / thickness of the sheet
     runs, factors = [request.run for request in requests], [LEVEL_FACTORS[request.level] for request in requests]
@@ -270,7 +268,7 @@ def _in_space(lines: list[Floats], shares: list[float]) -> list[Spline]:
 
 
 def run_key(run: OutlineRun) -> tuple[RunKey, bool]:
-    """Return a key for a part of an outline, equal for both directions, and whether `run` has the key's direction."""
+    """Return a key for a part of an outline, equal for both directions; and True if `run` has the key's direction."""
     v: Ints = run.vertices
     ahead = (int(v[0]), int(v[1]), int(v[-1]), int(v[-2]))
     back = (ahead[2], ahead[3], ahead[0], ahead[1])

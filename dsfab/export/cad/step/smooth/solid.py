@@ -1,4 +1,4 @@
-"""Smooth solids: closed shells with shared edges, a test for crossing outlines, and the STEP entities and file."""
+"""Smooth solids: closed shells with shared edges, and the STEP file."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -44,7 +44,7 @@ from dsfab.export.splines import Spline, segment_spline
 
 @dataclass(frozen=True)
 class SmoothSkin:
-    """Upper and lower face over a region. loops : outlines (outer first) of pairs (edge number, True if forwards)."""
+    """Upper and lower face over a region. loops : outlines of pairs (edge number, True if forwards), outer first."""
 
     chart: int
     loops: tuple[tuple[tuple[int, bool], ...], ...]
@@ -53,8 +53,6 @@ class SmoothSkin:
 @dataclass(eq=False)
 class SmoothPiece:
     """Piece of the sheet, with edges and skins. gap : widest gap at an edge, mm.
-    keys    : for each edge, the key of its part of an outline (`run_key`).
-    traced  : True if the file also contains the curves of edges on skins and walls.
     refused : reason why the piece is not a single closed shell, or ''."""
 
     edges: list[SmoothEdge] = field(default_factory=list)
@@ -66,7 +64,7 @@ class SmoothPiece:
 
     @property
     def faces(self) -> int:
-        """Number of faces: a wall for each edge that is not a seam, and two skins for each region."""
+        """Number of faces of the piece, walls and skins."""
         return sum(edge.wall for edge in self.edges) + 2 * len(self.skins)
 
     @property
@@ -77,7 +75,7 @@ class SmoothPiece:
 
 @dataclass(frozen=True, eq=False)
 class SmoothModel:
-    """Pieces of the sheet, spline surfaces by chart, end points (nodes) of outline parts, and the thickness in mm."""
+    """Pieces of the sheet, with spline surfaces, and the thickness in mm."""
 
     charts: dict[int, SkinChart]
     nodes: OutlineNodes
@@ -86,7 +84,7 @@ class SmoothModel:
 
 
 class PieceBuilder:
-    """Builder of a sheet's pieces from its outlines and from charts (spline surfaces over planes)."""
+    """Builder of a sheet's pieces from outlines and charts (spline surfaces over planes)."""
 
     def __init__(self, sheet: SheetOutline, charts: dict[int, SkinChart], allowed: EdgeTolerances) -> None:
         self.sheet, self.allowed = sheet, allowed
@@ -95,8 +93,8 @@ class PieceBuilder:
         self._make(sheet.regions, {})
 
     def piece(self, number: int, level: dict[RunKey, int], traced: bool = False) -> SmoothPiece:
-        """Build the piece with this number. traced : as in `SmoothPiece`.
-        level : number of failed checks by key of an outline part, default 0; each failure lowers the tolerance."""
+        """Build the piece with this number. traced : True to also write the curves of edges.
+        level : number of failed checks by key of an outline part."""
         result, seams = SmoothPiece(traced=traced), dict[RunKey, int]()
         regions = [region for region in self.sheet.regions if region.piece == number]
         self._make(regions, level)
@@ -149,11 +147,11 @@ def _polygon(owner: SmoothPiece, loop: tuple[tuple[int, bool], ...], chart: int)
     return np.concatenate([poles[:-1] for poles in pole_rows])
 
 
-ROUNDED = 1e-9  # a point counts as on a chord if its distance is below this fraction of the chord's length
+ROUNDED = 1e-9  # largest distance of a point on a chord, divided by the chord's length
 
 
 def crossings(piece: SmoothPiece) -> Floats:
-    """(k, 3) places on the upper skin where curves of a region's outline cross in the plane of the chart."""
+    """(k, 3) places on the upper skin where curves of a region's outline cross."""
     return np.concatenate([np.zeros((0, 3)), *(_in_skin(piece, skin) for skin in piece.skins)])
 
 
@@ -170,7 +168,7 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
 
 
 def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
-    """Return numbers of edge ends (2 k, 2 k + 1 for edge k) at sharp corners where two edges cross near the corner."""
+    """Return numbers of edge ends at sharp corners where two edges cross."""
     least_cosine = 0.5  # the sides of a sharp corner enclose at most 60 degrees
     forwards = np.array([forwards for loop in skin.loops for _, forwards in loop])
     number = np.split(np.arange(len(forwards)), np.cumsum([len(loop) for loop in skin.loops])[:-1])
@@ -188,12 +186,12 @@ def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
 
 
 def crossing_chords(start: Floats, end: Floats) -> Ints:
-    """Return pairs (p, 2) of chords that cross and have no common end. start, end : (k, 2) ends of the chords."""
+    """Return pairs (p, 2) of chords that cross. start, end : (k, 2) ends of the chords."""
     middle, long = (start + end) / 2, np.linalg.norm(end - start, axis=1)
     reach = long.max()
     chord_a, chord_b = cKDTree(middle).query_pairs(reach, output_type="ndarray").T
     apart = np.linalg.norm(middle[chord_a] - middle[chord_b], axis=1)
-    is_close = apart <= (1 + ROUNDED) * (long[chord_a] + long[chord_b]) / 2  # distant chords cannot cross
+    is_close = apart <= (1 + ROUNDED) * (long[chord_a] + long[chord_b]) / 2
     chord_a, chord_b = chord_a[is_close], chord_b[is_close]
     meet = np.zeros(len(chord_a), dtype=bool)
     for a in (start, end):
@@ -289,7 +287,6 @@ class SmoothText:
         return self.new.spline(curve.degree, through, _shared_knot_text(spans * curve.knots))
 
     def _wall(self, edge: SmoothEdge, poles: list[list[int]]) -> int:
-        """Add the ruled surface between the upper and lower curve of an edge; its normal points right of the curves."""
         upper, lower = poles
         rows = map(list, zip(lower, upper, strict=True))
         knots = _shared_knot_text(edge.spans * edge.lower.knots)
@@ -316,10 +313,10 @@ def _knot_text_of_bytes(knots: bytes) -> KnotText:
 @dataclass(frozen=True, eq=False)
 class SmoothPieceFile:
     """Text of a file and its measured properties.
-    pieces  : number of pieces of the sheet.    smooth : number of pieces with smooth faces; the rest is faceted.
-    gap     : widest gap of smooth pieces, mm.    volume : volume of all smooth solids according to OCCT, mm3.
-    there   : largest distance of the file from the mesh, mm.    back : largest distance of the mesh from the file, mm.
-    refused : reason why pieces were refused, or ''."""
+    pieces, smooth : number of pieces of the sheet, and of pieces with smooth faces.
+    gap         : widest gap of smooth pieces, mm.    volume : volume of all smooth solids, mm3.
+    there, back : largest distance of the file from the mesh, and of the mesh from the file, mm.
+    refused     : reason why pieces were refused, or ''."""
 
     text: str
     pieces: int
@@ -344,7 +341,7 @@ class SmoothPieceFile:
 
 
 def file_text(part: Part, which: list[tuple[SmoothModel, int]], rest: Part | None = None) -> str:
-    """Return the STEP text of smooth pieces, and of `rest` as planar faces. which : (model, number) of the pieces."""
+    """Return the STEP text of smooth pieces, and of `rest` as planar faces."""
     entity_list, about = StepEntities(), "curved solid with spline skins"
     writers = {id(model): SmoothText(entity_list, model) for model, _ in which}
     pieces, name = [writers[id(model)].piece(model.pieces[k]) for model, k in which], part.name

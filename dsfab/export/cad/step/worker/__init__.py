@@ -1,1 +1,1 @@
-"""OCCT programs that read and check STEP files in processes of their own, and the readers of their reports."""
+"""OCCT programs that read and check STEP files."""

@@ -1,10 +1,7 @@
-"""OCCT's findings about each solid of a STEP file of smooth pieces.
+"""OCCT's findings about each solid of a STEP file.
 
-valid, closed : by OCCT's tests.    tessellates : every face gets triangles.    faces : number.    volume : mm3.
-box : lowest and highest corner, mm.    bad : (k, 3) ends of crossing edges, mm.
-gap : largest measured distance between an edge and its curve on a face, mm.
-
-An invalid solid gets no triangles, and a solid without triangles gets no volume."""
+tessellates : every face gets triangles.    volume : mm3.    bad : (k, 3) ends of crossing edges, mm.
+box : lowest and highest corner, mm.    gap : largest measured distance between an edge and its curve on a face, mm."""
 
 import ctypes
 import json
@@ -31,11 +28,11 @@ from dsfab.export.cad.step.worker.shapes import (
 from dsfab.export.cad.step.worker.triangles import draw, keep_drawn
 from dsfab.export.cad.step.worker.volume import VOLUME, volume
 
-CAN_FORK = sys.platform == "linux"  # true if the process can be forked safely
+CAN_FORK = sys.platform == "linux"
 
 
 class ForkedWork:
-    """A function that runs in a fork of this process; a call returns the function's result, which must fit JSON."""
+    """A function that runs in a fork of this process; a call returns the result, which must fit JSON."""
 
     def __init__(self, work: Callable[[], Any]) -> None:
         self._result, write_end = os.pipe()
@@ -47,7 +44,7 @@ class ForkedWork:
     @staticmethod
     def _run(work: Callable[[], Any], to: int) -> None:
         try:
-            ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG: the fork ends with its parent
+            ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # the fork ends with its parent
             with os.fdopen(to, "w") as pipe:
                 json.dump(work(), pipe)
         finally:
@@ -67,7 +64,7 @@ class ForkedWork:
 
 
 def map_with_fork(work: Callable[[int], Any], count: int) -> list[Any]:
-    """Return the results of `work` for 0, 1 ... count - 1. This process and a fork work at the same time."""
+    """Return the results of `work` for 0, 1 ... count - 1, from two processes."""
     numbers, issue = os.pipe()
     os.write(issue, array("I", range(count)).tobytes())
     os.close(issue)
@@ -88,13 +85,13 @@ REPAIRS = (
     *("IntersectingWires", "LoopWires", "NotchedEdges", "Tail", "Small", "SmallAreaWire", "Lacking", "Degenerated"),
     *("AddNaturalBound", "MissingSeam", "Seam", "SplitFace", "VertexTolerance"),
 )
-"""Repairs that OCCT's reader must not make, because a file that needs a repair is refused."""
+"""Repairs that OCCT's reader must not make."""
 
 
 def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies: bool = False) -> list[dict[str, Any]]:
     """Return OCCT's findings about each solid of a STEP file; [] if OCCT cannot read the file.
-    deflection : largest distance (mm) of triangles from the solid. Triangles become `0.stl`, `1.stl` ... in the folder.
-    copies     : True to share work with forked processes. A fork after OCCT has made triangles would hang."""
+    deflection : largest distance (mm) of triangles from the solid. `folder` gets the triangles as `0.stl`, `1.stl` ...
+    copies     : True to use forked processes; only before OCCT has made triangles in this process."""
     reader = _reader(path)
     if reader is None:
         return []
@@ -106,8 +103,7 @@ def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies:
 
 def whole_findings(path: str, folder: str, deflection: float, copies: bool = False) -> list[dict[str, Any]]:
     """Return OCCT's findings about each solid of a STEP file, read as one shape; [] if OCCT cannot read the file.
-    If every face has triangles, the folder gets the triangles and the shape, as from `write_triangles`.
-    copies : True if a forked process measures gaps and volumes while this process makes triangles."""
+    If every face has triangles, `folder` gets the triangles and the shape.    copies : True to use a forked process."""
     reader = _reader(path)
     if reader is None or not reader.TransferRoots():
         return []
@@ -137,7 +133,7 @@ def _reader(path: str) -> Any | None:
         repairs = DataMap_TCollection_AsciiString_TCollection_AsciiString()
         for name in REPAIRS:
             repairs.Bind(TCollection_AsciiString(f"FixShape.Fix{name}Mode"), TCollection_AsciiString("0"))
-        reader.SetShapeFixParameters(repairs)  # reading resets these parameters
+        reader.SetShapeFixParameters(repairs)
     return reader
 
 
@@ -210,7 +206,7 @@ def _measures(solid: Any, faces: list[Any], with_volume: bool = True) -> tuple[f
 
 
 def _untriangulated_findings(solids: list[Any]) -> list[dict[str, Any]]:
-    results = []  # the Gauss-Kronrod rule suits many small faces
+    results = []
     for solid in solids:
         checked = _shape_findings(solid)
         gap, _ = _measures(solid, faces_of(solid), with_volume=False)
@@ -220,8 +216,7 @@ def _untriangulated_findings(solids: list[Any]) -> list[dict[str, Any]]:
 
 
 def _gap(face: Any) -> float:
-    """Return the largest distance between a face's edges and their curves on the face, at equal parameters."""
-    samples = 24  # each edge has 24 samples
+    samples = 24
     from OCP.Adaptor3d import Adaptor3d_CurveOnSurface
     from OCP.BRep import BRep_Tool
     from OCP.BRepLib import BRepLib_ValidateEdge

@@ -2,9 +2,9 @@
 
     python -P program.py COMMAND FILE ARGUMENTS ...
 
-prints one line of JSON. The commands are the functions of `COMMANDS`. Without arguments, the program loads OCCT and
-then reads its arguments from its input: a list as one line of JSON.
-For a quick start, the modules beside this one import nothing else from dsfab."""
+prints one line of JSON. The commands are the functions of `COMMANDS`. Without arguments, the program reads a list of
+arguments from its input, as one line of JSON.
+The modules beside this one import nothing else from dsfab."""
 
 import gc
 import json
@@ -56,7 +56,6 @@ COMMANDS: dict[str, Callable[..., Any]] = {
 
 
 def _enter_package() -> None:
-    """Let Python import this folder's modules without their packages, whose code would load half of dsfab."""
     folder, names = Path(__file__).resolve().parent, ("dsfab", "export", "cad", "step")
     for depth in range(len(names)):
         package = ModuleType(".".join(names[: depth + 1]))
@@ -74,17 +73,17 @@ def _later_arguments() -> list[str]:
 
 
 def main() -> None:
-    """Run a command and print its report, or one line of error for an unreadable file."""
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # OpenBLAS must not use threads: a forked process does not inherit them
-    gc.disable()  # OCCT loads 10 % faster without garbage collection
+    """Run a command and print its report."""
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # a forked process does not inherit OpenBLAS's threads
+    gc.disable()  # faster
     command, *arguments = sys.argv[1:] or _later_arguments()
     try:
         report = COMMANDS[command](*arguments)
     except ValueError as error:
-        sys.exit(str(error))  # the caller shows this sentence without a traceback
+        sys.exit(str(error))
     sys.stdout.write(json.dumps(report) + "\n")
     sys.stdout.flush()
-    os._exit(0)  # a normal exit takes a quarter of a second to free the solids
+    os._exit(0)  # faster than a normal exit
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Reports of the OCCT program about a STEP file: facts, triangles, trial cuts, and findings about each solid."""
+"""Reports of the OCCT program about a STEP file."""
 
 import json
 import subprocess
@@ -27,9 +27,8 @@ def occt_report(command: str, *arguments: str, seconds: float) -> dict[str, Any]
 class StepMesh:
     """Triangles of a STEP file. solids : number of solids.
     V, F       : (n, 3) points, mm, and (m, 3) triangles. Different faces share no vertices.
-    face       : (m,) face of each triangle, counted through all solids.
-    deflection : largest distance of the triangles from curved faces, mm.
-    shape      : OCCT's binary shape (`.bin`)."""
+    face       : (m,) face of each triangle.
+    deflection : largest distance of the triangles from curved faces, mm."""
 
     V: Floats
     F: Ints
@@ -40,15 +39,15 @@ class StepMesh:
 
 
 def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
-    """Read the solids of a STEP file as triangles; raises ExportError if OCCT cannot read it or takes too long.
-    deflection : largest distance from curved faces, mm; 0 means `DEFLECTION_SHARE` of the solids' size."""
+    """Read the solids of a STEP file as triangles. Raises ExportError.
+    deflection : largest distance from curved faces, mm; 0 for the default."""
     with tempfile.TemporaryDirectory() as folder:
         return mesh_in(folder, _drawn(path, folder, *((str(deflection),) if deflection else ())))
 
 
 def drawn_anew(shape: bytes, deflection: float, faces: Ints | None = None) -> StepMesh:
-    """Triangulate OCCT's binary shape (see `StepMesh`) with another deflection, mm, without reading the file.
-    faces : (k,) numbers of the faces; None means all faces. Raises ExportError if OCCT takes too long."""
+    """Triangulate OCCT's binary shape. Raises ExportError.
+    deflection : largest distance from curved faces, mm.    faces : (k,) numbers of the faces; None for all."""
     with tempfile.TemporaryDirectory() as folder:
         path, only = Path(folder) / "shape.bin", Path(folder) / "faces.npy"
         path.write_bytes(shape)
@@ -71,8 +70,7 @@ def _drawn(path: Path, folder: str, *how: str) -> dict[str, float]:
 
 
 def mesh_in(folder: str, facts: dict[str, float], shape: bytes = b"") -> StepMesh:
-    """Read the triangles that OCCT's program wrote to a folder; raises OSError if there are none.
-    facts : `deflection`, and `solids` if known.    shape : OCCT's binary shape; by default, the file in the folder."""
+    """Read the triangles that OCCT's program wrote to a folder. Raises OSError."""
     shape = shape or (Path(folder) / "shape.bin").read_bytes()
     with np.load(Path(folder) / "mesh.npz") as mesh:
         solids = int(facts["solids"] if "solids" in facts else mesh["solids"])
@@ -80,14 +78,14 @@ def mesh_in(folder: str, facts: dict[str, float], shape: bytes = b"") -> StepMes
 
 
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
-"""Record of one triangle in a binary STL file, after 84 bytes of header."""
+"""Record of a triangle in a binary STL file."""
 
 
 @dataclass(frozen=True, eq=False)
 class OcctFinding:
     """OCCT's findings about a solid, in mm. tessellates : True if every face has triangles. faces : number of faces.
     gap : largest distance of an edge from its curve on a face.    box : lowest and highest corner.
-    bad : (k, 3) end points of edges that cross each other.    V, F : triangles of the solid."""
+    bad : (k, 3) end points of edges that cross.    V, F : triangles of the solid."""
 
     valid: bool
     closed: bool
@@ -102,7 +100,7 @@ class OcctFinding:
 
 
 def occt() -> PreparedProgram:
-    """Start the OCCT program that `findings` needs, in advance: OCCT takes most of a second to load."""
+    """Start the OCCT program for `findings` in advance."""
     return PreparedProgram(occt_program.__file__)
 
 
@@ -113,10 +111,9 @@ def findings(
     limit: float,
     on_triangles: Callable[[StepMesh], None] | None = None,
 ) -> list[OcctFinding]:
-    """Return findings about each solid of a STEP file `text`; [] if OCCT fails or takes longer than `limit` seconds.
+    """Return findings about each solid of a STEP file `text`; [] if OCCT fails or takes over `limit` seconds.
     deflection   : largest distance of the triangles from the solid, mm.
-    on_triangles : function of the triangles of all solids (as from `read_step`), called if every face has triangles.
-                   With this function, OCCT reads all solids together, and the findings contain no triangles."""
+    on_triangles : function of all triangles; with this function, the findings contain no triangles."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         path = Path(folder) / "a.step"
         path.write_text(text, encoding="ascii")
@@ -136,8 +133,7 @@ def solid_records(
     limit: float,
     look: Callable[[], None] | None = None,
 ) -> list[dict[str, Any]]:
-    """Return OCCT's findings about each solid of the file `path`, as dictionaries. limit : seconds of processor time.
-    look : function to call when triangles exist; with this function, OCCT reads all solids together."""
+    """Return OCCT's findings about each solid of a file. limit : seconds of processor time."""
     program.send("pieces", path, folder, str(deflection), *(["whole"] if look else []))
     mesh_path = Path(folder) / "mesh.npz"
     line = program.answer_with_work(mesh_path.exists, look, limit) if look else program.answer(limit)
@@ -153,7 +149,7 @@ def _finding(record: dict[str, Any], path: Path) -> OcctFinding:
 
 
 def distinct_points(points: Floats) -> tuple[Floats, Ints]:
-    """Return the distinct points (n, 3), sorted, and for each point (k, 3) its number (k,) in this list."""
+    """Return the distinct points (n, 3), sorted, and the number (k,) of each point (k, 3)."""
     order = np.lexsort(points.T[::-1])
     ranked = points[order]
     is_first = np.ones(len(points), dtype=bool)

@@ -1,4 +1,4 @@
-"""Shapes of OCCT: functions to read and write shapes; their parts, boxes, volume, validity, and facts of a file."""
+"""Functions to read, write and measure shapes of OCCT."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -6,7 +6,8 @@ from typing import Any
 
 
 def read(path: Path) -> Any:
-    """Read the shape in a STEP, `.brep` or `.bin` file, millimetres; raises ValueError if OCCT finds none."""
+    """Read the shape in a STEP, `.brep` or `.bin` file, millimetres.
+    Raises ValueError if OCCT finds no shape."""
     from OCP.BinTools import BinTools
     from OCP.BRep import BRep_Builder
     from OCP.BRepTools import BRepTools
@@ -29,7 +30,7 @@ def read(path: Path) -> Any:
 
 
 def step_reader(path: Path) -> Any | None:
-    """Return an OCCT reader that has read a STEP file but made no shapes yet; None if OCCT cannot read the file."""
+    """Return an OCCT reader of a STEP file; None if OCCT cannot read the file."""
     from OCP.IFSelect import IFSelect_ReturnStatus
     from OCP.Message import Message
     from OCP.STEPControl import STEPControl_Reader
@@ -40,7 +41,7 @@ def step_reader(path: Path) -> Any | None:
 
 
 def write_binary(shape: Any, path: Path) -> None:
-    """Write OCCT's binary shape without triangles; OCCT loads it 50 times as fast as STEP."""
+    """Write OCCT's binary shape without triangles."""
     from OCP.BinTools import BinTools, BinTools_FormatVersion
 
     if not BinTools.Write_s(shape, str(path), False, False, BinTools_FormatVersion.BinTools_FormatVersion_CURRENT):
@@ -48,7 +49,7 @@ def write_binary(shape: Any, path: Path) -> None:
 
 
 def parts(shape: Any, kind: str) -> list[Any]:
-    """Return all parts of one kind ("SOLID", "FACE", "EDGE" ...) in a shape, with their orientation in the shape."""
+    """Return all parts of one kind ("SOLID", "FACE", "EDGE" ...) in a shape."""
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopExp import TopExp_Explorer
 
@@ -67,7 +68,7 @@ def faces_of(shape: Any) -> list[Any]:
 
 
 def compound(shapes: list[Any]) -> Any:
-    """Return a compound (OCCT's group) of unchanged shapes."""
+    """Return a compound (OCCT's group) of shapes."""
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS_Compound
 
@@ -79,8 +80,7 @@ def compound(shapes: list[Any]) -> Any:
 
 
 def bounds(shape: Any, with_triangles: bool = True) -> list[float]:
-    """Return the lowest and highest corner of OCCT's bounding box, six numbers.
-    with_triangles : True to measure the faces' triangles, where they exist."""
+    """Return the lowest and highest corner of OCCT's bounding box, six numbers."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
 
@@ -91,7 +91,8 @@ def bounds(shape: Any, with_triangles: bool = True) -> list[float]:
 
 
 def diagonal(shape: Any, optimal: bool = True) -> float:
-    """Return the diagonal of a shape's box: the smallest box if `optimal`, otherwise a box that OCCT finds quickly."""
+    """Return the diagonal of a shape's box.
+    optimal : True for the smallest box."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
 
@@ -108,7 +109,7 @@ def is_valid(shape: Any) -> bool:
 
 
 def gauss_kronrod_volume(shape: Any, accuracy: float) -> float:
-    """Return the volume of a shape (mm3) to a relative accuracy. Faces may have many holes or curved edges."""
+    """Return the volume of a shape (mm3) to a relative accuracy."""
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
 
@@ -126,9 +127,10 @@ def without_triangles(faces: list[Any]) -> list[Any]:
 
 
 def step_facts(path: Path) -> dict[str, Any]:
-    """Return the facts of a file, in millimetres; raises ValueError if OCCT finds no shape.
-    Solids give: {"solids": 1, "faces": 6, "valid": true, "tessellates": true, "volume": 1000.0}.
-    Tessellated geometry gives {"triangles": 12, "volume": 1000.0}. Lines give {"lines": 3, "length": 12.0}."""
+    """Return the facts of a file, in millimetres.
+    Solids: {"solids": 1, "faces": 6, "valid": true, "tessellates": true, "volume": 1000.0}.
+    Triangles: {"triangles": 12, "volume": 1000.0}.    Lines: {"lines": 3, "length": 12.0}.
+    Raises ValueError if OCCT finds no shape."""
     accuracy = 1e-5
     shape = read(path)
     text = b"" if path.suffix == ".brep" else path.read_bytes()

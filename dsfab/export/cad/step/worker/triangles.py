@@ -1,7 +1,7 @@
 """OCCT's triangles of the solids in a STEP file.
 
 `mesh.npz` contains V (n, 3), mm, F (m, 3), counter-clockwise from outside, and the face (m,) of each triangle.
-Face numbers run on from solid to solid. Faces share no vertices. `shape.bin` is OCCT's binary shape."""
+Faces share no vertices. `shape.bin` is OCCT's binary shape."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -15,9 +15,9 @@ DEFLECTION_SHARE = 1e-4  # default deflection, as a fraction of the diagonal of 
 
 
 def write_triangles(path: Path, folder: Path, deflection: float = 0.0, faces: str = "") -> dict[str, Any]:
-    """Read a STEP or `.bin` file and write `mesh.npz` to a folder, and `shape.bin` unless the file is binary.
-    Return the number of solids and the deflection; raises ValueError if OCCT cannot read the file.
-    faces : `.npy` file with the numbers of the faces to triangulate; all faces by default."""
+    """Write `mesh.npz` of a STEP or `.bin` file to a folder, and `shape.bin` of a STEP file.
+    faces : `.npy` file with numbers of faces; all faces by default.
+    Return the number of solids and the deflection. Raises ValueError."""
     shape = read(path)
     if path.suffix != ".bin":
         write_binary(shape, folder / "shape.bin")
@@ -28,8 +28,8 @@ def write_triangles(path: Path, folder: Path, deflection: float = 0.0, faces: st
 
 def triangles_of(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple[dict[str, Any], dict[str, float]]:
     """Return triangles of a shape (`V` points in mm, `F` triangles, `face` of each), number of solids, and deflection.
-    deflection : largest distance from curved faces, mm; 0 means `DEFLECTION_SHARE` of the shape's size.
-    only : (k,) faces to triangulate; None means all faces. These faces share points along their common edges."""
+    deflection : largest distance from curved faces, mm; 0 for the default.
+    only : (k,) faces to triangulate; None means all faces."""
     solids, deflection = parts(shape, "SOLID"), deflection or DEFLECTION_SHARE * diagonal(shape)
     faces = [face for solid in solids for face in faces_of(solid)]
     numbers = list(range(len(faces)) if only is None else map(int, only))
@@ -39,7 +39,7 @@ def triangles_of(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple
 
 
 def draw(shape: Any, deflection: float) -> None:
-    """Let OCCT triangulate a shape and store the triangles in its faces. deflection : largest error, mm."""
+    """Let OCCT triangulate a shape. deflection : largest error, mm."""
     angle = 0.2  # largest angle (radians) between neighbouring triangles
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
 
@@ -47,7 +47,7 @@ def draw(shape: Any, deflection: float) -> None:
 
 
 def keep_drawn(shape: Any, folder: Path) -> None:
-    """Write `shape.bin` and `mesh.npz` of a triangulated shape. `mesh.npz` appears last, when it is complete."""
+    """Write `shape.bin` and `mesh.npz` of a triangulated shape."""
     solids = parts(shape, "SOLID")
     faces = [face for solid in solids for face in faces_of(solid)]
     write_binary(shape, folder / "shape.bin")
@@ -77,7 +77,7 @@ def _triangles(face: Any) -> tuple[Any, Any]:
     if mesh is None:
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
     nodes: Iterable[Any] = map(mesh.Node, range(1, mesh.NbNodes() + 1))
-    if not place.IsIdentity():  # skip a needless move, which takes as long as reading the nodes
+    if not place.IsIdentity():
         move = place.Transformation()
         nodes = (node.Transformed(move) for node in nodes)
     V = np.array([node.Coord() for node in nodes])

@@ -1,4 +1,4 @@
-"""OCCT's trials with the solids of a STEP file: cuts, fillets, sections and writing, as in CAD programs."""
+"""OCCT's trials with the solids of a STEP file: cuts, fillets, sections and writing."""
 
 import tempfile
 import time
@@ -29,17 +29,16 @@ SMOOTH = cos(radians(1.0))  # cosine of the largest angle at which one edge cont
 
 def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, Any]:
     """Cut and round the solids of a STEP file with OCCT, as a trial; return the findings.
-    solids, faces : numbers.    valid : OCCT finds no fault.    seconds : processor time of all trials.
-    volume, plain : by the Gauss-Kronrod rule, and by OCCT's default integration rule, mm3.
-    box           : OCCT's bounding box of the solids, six numbers, mm.
-    sound         : number of half-space cuts with valid halves and errors within `ALONE_LIMIT` and `TOGETHER_LIMIT`.
-                    Trials end with the first failure, unless `every_cut` is set.
+    solids, faces : numbers.    valid : OCCT finds no fault.    seconds : processor time.
+    volume, plain : volumes by the Gauss-Kronrod rule, and by OCCT's default rule, mm3.
+    box           : OCCT's bounding box, six numbers, mm.
+    sound         : number of good cuts. Trials end with the first failure, unless `every_cut` is set.
     worst, alone  : largest volume errors of the valid cuts: `together` and `alone` in `VolumeErrors`.
     missed        : for each cut: 0 if it is sound, 1 if a half is invalid, otherwise the relative volume error.
-    boxed         : True if a cut with a box gives two sound parts.    box_missed : as `missed`, for this cut.
-    closed        : True if the curves in which a plane cuts the solid have no open ends.
-    again         : True if OCCT's copy of the file is valid and has the same faces and volume.
-    fillets, sharp : number of edges across the sheet that OCCT rounded, and number of tried edges (up to ten)."""
+    boxed         : True if a cut with a box succeeds.    box_missed : as `missed`, for this cut.
+    closed        : True if a section has no open ends.
+    again         : True if OCCT's copy of the file is equal.
+    fillets, sharp : number of edges that OCCT rounded, and number of tried edges."""
     begin = time.process_time()
     shape = read(path)
     box, whole_volume = bounds(shape), _volume(shape)
@@ -94,15 +93,15 @@ def _plain_volume(shape: Any) -> float:
 
 
 class VolumeErrors(NamedTuple):
-    """Relative errors of the volume of a cut solid's halves: `alone` if measured separately, `together` as one shape.
-    `together` is measured only if `alone` is between `TOGETHER_LIMIT` and `ALONE_LIMIT`. Invalid halves give 1."""
+    """Relative errors of the volume of a cut solid's halves.
+    alone : measured separately.    together : measured as one shape."""
 
     alone: float
     together: float
 
     @property
     def fault(self) -> float:
-        """Relative volume error of the halves measured as one shape if above `TOGETHER_LIMIT`, otherwise 0."""
+        """Relative volume error of the halves, or 0 if negligible."""
         return self.together if self.together > TOGETHER_LIMIT else 0.0
 
 
@@ -110,7 +109,7 @@ INVALID = VolumeErrors(1.0, 1.0)
 
 
 def volume_errors(halves: list[Any], whole_volume: float) -> VolumeErrors:
-    """Return the volume errors of the two halves of a cut solid; `INVALID` if the list is empty. whole_volume : mm3."""
+    """Return the volume errors of the two halves of a cut solid. whole_volume : mm3."""
     if not halves:
         return INVALID
     alone = abs(sum(map(_volume, halves)) / whole_volume - 1)
@@ -157,7 +156,7 @@ def _box(box: list[float]) -> Any:
 
 
 def _split(shape: Any, tool: Any) -> list[Any]:
-    """Return the parts inside and outside of a tool; [] if a part is invalid. One subdivision gives both parts."""
+    """Return the parts inside and outside of a tool; [] if a part is invalid."""
     from OCP.BOPAlgo import BOPAlgo_CellsBuilder
     from OCP.collections import List_TopoDS_Shape
 
@@ -214,7 +213,7 @@ def _survives_rewriting(shape: Any, whole_volume: float) -> bool:
 
 
 def fillet_counts(shape: Any) -> tuple[int, int]:
-    """Return the number of edges across the sheet that OCCT rounded, and the number of edges that it tried."""
+    """Return the number of edges that OCCT rounded, and the number of tried edges."""
     from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
 
     edges = thickness_edges(shape)
@@ -232,8 +231,7 @@ def fillet_counts(shape: Any) -> tuple[int, int]:
 
 
 def thickness_edges(shape: Any) -> list[tuple[Any, float]]:
-    """Return the sharp straight edges from skin to skin, with lengths: only edges near the most frequent length.
-    An edge that smoothly continues another edge is excluded, for example an edge between skin and wall."""
+    """Return the sharp straight edges from skin to skin, with lengths."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve
     from OCP.collections import IndexedDataMap_TopoDS_Shape_List_TopoDS_Shape_TopTools_ShapeMapHasher as Faces

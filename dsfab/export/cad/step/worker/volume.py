@@ -1,4 +1,4 @@
-"""OCCT's volume of a solid: by its adaptive rule, or by Green's theorem for faces with many edges, which is faster."""
+"""OCCT's volume of a solid."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -14,7 +14,8 @@ MANY_EDGES = 16  # faces with at least this many edges are integrated by Green's
 
 
 class PlaneSpline(NamedTuple):
-    """Curve in a surface's parameter plane. knots : with repetitions. way : 1, or -1 if the edge is reversed."""
+    """Curve in a surface's parameter plane.
+    knots : with repetitions.    way : 1, or -1 if the edge is reversed."""
 
     degree: int
     knots: list[float]
@@ -23,7 +24,7 @@ class PlaneSpline(NamedTuple):
 
 
 def volume(solid: Any) -> float:
-    """Return the volume of a solid, mm3: the sum of cones from the mean of its vertices to all faces."""
+    """Return the volume of a solid, mm3."""
     from OCP.BRep import BRep_Tool
     from OCP.gp import gp_Pnt
     from OCP.TopoDS import TopoDS
@@ -36,7 +37,7 @@ def volume(solid: Any) -> float:
 
 
 def _cone(face: Any, about: Any) -> float:
-    """Return the volume (mm3) between a face and a point, positive if the point lies behind the face."""
+    """Return the volume (mm3) between a face and a point, positive if the point is behind the face."""
     from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Vinert
     from OCP.TopAbs import TopAbs_Orientation
     from OCP.TopoDS import TopoDS
@@ -81,9 +82,6 @@ def _spline_on(edge: Any, face: Any) -> PlaneSpline | None:
 
 
 def _cone_on_spline(surface: Any, outline: Sequence[PlaneSpline], about: Any) -> float:
-    """Return the volume (mm3) between the point `about` and the part of a spline surface S inside an outline: the
-    integral of f = (S - about) . (S_u x S_v) / 3. By Green's theorem, this is the integral of G dv along the outline;
-    G is the integral of f over u. Between knots f is a polynomial of degrees 3 p - 1, 3 q - 1."""
     u = [surface.UKnot(i) for i in range(1, surface.NbUKnots() + 1)]
     v = [surface.VKnot(i) for i in range(1, surface.NbVKnots() + 1)]
     p, q = 3 * surface.UDegree(), 3 * surface.VDegree()
@@ -92,7 +90,7 @@ def _cone_on_spline(surface: Any, outline: Sequence[PlaneSpline], about: Any) ->
     to_u, to_v = np.linalg.inv(legendre.legvander(x, p - 1)), np.linalg.inv(legendre.legvander(y, q - 1))
     G = legendre.legint(np.einsum("am,imjn,bn->iajb", to_u, f, to_v), lbnd=-1, axis=1)
     G *= np.diff(u)[:, None, None, None] / 2
-    G[1:, 0] += np.cumsum(G.sum(axis=1), axis=0)[:-1]  # add the integrals of all earlier spans
+    G[1:, 0] += np.cumsum(G.sum(axis=1), axis=0)[:-1]
     places, dv = _outline_points(outline)
     i, s = _local(u, places[:, 0])
     j, t = _local(v, places[:, 1])
@@ -128,7 +126,7 @@ def _local(knots: list[float], t: Any) -> tuple[Any, Any]:
 
 
 def _outline_points(outline: Sequence[PlaneSpline]) -> tuple[Any, Any]:
-    """Return Gauss points (k, 2) on an outline's curves, and weights (k,) for integrals dv along the outline."""
+    """Return Gauss points (k, 2) on an outline's curves, and weights (k,)."""
     points = 4  # Gauss points in a span, as in OCCT
     places, weights = [], []
     for degree in sorted({curve.degree for curve in outline}):
@@ -143,7 +141,7 @@ def _outline_points(outline: Sequence[PlaneSpline]) -> tuple[Any, Any]:
 
 
 def _spans(curve: PlaneSpline) -> tuple[Any, Any, Any]:
-    """Return, for k spans of a curve of degree d: 2 d knots around each (k, 2 d), poles (k, d + 1, 2), `curve.way`."""
+    """Return knots (k, 2 d), poles (k, d + 1, 2) and `curve.way` for k spans."""
     d = curve.degree
     K = sliding_window_view(np.array(curve.knots[1:-1]), 2 * d)
     poles = sliding_window_view(np.array(curve.poles), d + 1, axis=0).swapaxes(1, 2)
@@ -152,7 +150,7 @@ def _spans(curve: PlaneSpline) -> tuple[Any, Any, Any]:
 
 
 def _de_boor(K: Any, poles: Any, t: Any) -> tuple[Any, Any]:
-    """Points (k, 2) of a curve at parameters t (k,), one in each span, and derivatives. K, poles : from `_spans`."""
+    """Return points (k, 2) and derivatives of a curve at parameters t (k,)."""
     d = K.shape[1] // 2
     slope = d * (poles[:, 1:] - poles[:, :-1]) / (K[:, d:] - K[:, :d])[:, :, None]
     K1, K2 = K, K[:, 1:-1]
