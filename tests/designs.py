@@ -37,7 +37,7 @@ def end() -> None:
 COARSER = {
     "bob": 0.06,
     "boys_surface": 0.13,
-    "bridge": 0.35,
+    "bridge": 0.6,
     "globe": 0.1,
     "gridshell": 0.16,
     "mouse": 0.005,
