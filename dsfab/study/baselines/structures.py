@@ -148,7 +148,7 @@ class Structure:
 
     @cached_property
     def material(self) -> Sheet:
-        """All cells with material, including loose pieces."""
+        """Return all cells with material, including loose pieces."""
         return self.cells.subset()
 
     @property
