@@ -250,7 +250,8 @@ def filled_plate(
 def _fillet_message(radius: float, radii: Floats) -> str:
     if not len(radii):
         return f"no corner of an opening was rounded: none has space for a radius of {length(radius)} (pattern.fillet)"
-    message = f"{len(radii)} corners of openings were rounded"
+    verb = "was" if len(radii) == 1 else "were"
+    message = f"{count_phrase(len(radii), 'corner')} of openings {verb} rounded"
     if np.median(radii) < radius / 2:
         half = length(float(np.median(radii)))
         return f"{message}; for lack of space, half of the radii are below {half} (pattern.fillet: {length(radius)})"

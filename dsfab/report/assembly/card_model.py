@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from dsfab.core.messages import length
+from dsfab.core.messages import count_phrase, length
 from dsfab.core.units import MM_PER_M
 from dsfab.report.assembly.flat_parts import PartsPage, sheet_figures
 from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, DrawingTransform, Paper, PaperBox, usual_scale
@@ -132,7 +132,8 @@ def _packing_words(plan: WorkshopPlan) -> str:
     squares = [part.id for part in plan.parts if not part.member and part.holes]
     if not squares:
         return ""
-    return f" At {len({name.partition('.')[0] for name in squares})} nodes squares ({squares[0]}, ...) go between them."
+    nodes = count_phrase(len({name.partition(".")[0] for name in squares}), "node")
+    return f" At {nodes}, squares ({squares[0]}, ...) go between the strips."
 
 
 def _base_plate_drawing(paper: Paper, plates: list[FlatPart]) -> None:

@@ -8,6 +8,7 @@ from itertools import groupby
 import numpy as np
 
 from dsfab.core.arrays import Bools, Floats
+from dsfab.core.messages import count_phrase
 from dsfab.core.units import MM_PER_M
 from dsfab.members import Member, MemberGraph
 from dsfab.render import Nameplate, place_names
@@ -105,8 +106,9 @@ def refolded_pages(
     caption = f"{len(parts)} flat parts, bent back into space with the lengths from the drawings."
     if len(parts_in_space.deviations):
         number, gap = len(parts_in_space.deviations), MM_PER_M * parts_in_space.deviations.max()
-        holes = f" {number} holes at nodes are up to {gap:.2g} mm away from the axis of the node's bolt."
-        slots = f" At {number} nodes, the slots of two planks are up to {gap:.2g} mm away from each other."
+        away = f"are up to {gap:.2g} mm away from"
+        holes = f" {number} holes at nodes {away} the axis of the node's bolt."
+        slots = f" At {count_phrase(number, 'node')}, the slots of two planks {away} each other."
         caption += slots if plan.planks else holes
     plates = len(plan.parts) - len(parts)
     caption += f" {plates} {'plate is' if plates == 1 else 'plates are'} not bent back." if plates else ""
