@@ -48,6 +48,7 @@ def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges
     nodes = np.concatenate([corner - up, corner + up, corner, middle - over, middle + over])
     columns = np.arange(n)[:, None] + n * np.arange(3)
     middles = 3 * n + np.arange(e)[:, None] + e * np.arange(2)
+    # reverse the corners of faces whose normal is opposite to that of their vertices
     turned = (surface.normals * normal[F[:, 0]]).sum(axis=1) < 0
     F, numbers = (np.where(turned[:, None], F[:, ::-1], F), np.where(turned[:, None], edges.of[:, [1, 0, 2]], edges.of))
     parts = [columns[F, 0], columns[F, 1], middles[numbers, 0], middles[numbers, 1], columns[F, 2]]
@@ -146,7 +147,7 @@ def _supports(solid: Wedges, surface: Surface, load: LoadCase, held_directions: 
 
 
 ATTEMPT = re.compile(r"^ *\d+ +\d+ +\d+(U?) +\d+ +(\S+) +\S+ +(\S+) *$", re.MULTILINE)
-"""Line of CalculiX's .sta file: U without equilibrium, start and length of a time step."""
+"""Line of CalculiX's .sta file: U if no equilibrium was found, time at the start of a step, length of the step."""
 TABLE = re.compile(r"^ displacements .* time +(\S+)\s*$", re.MULTILINE)
 
 
@@ -161,7 +162,7 @@ class CcxFiles:
 
     def tables(self) -> list[tuple[float, Floats]]:
         """Return the time of each table of displacements, and rows (k, 4): node number, three displacements."""
-        data = self.results[: self.results.rfind("\n") + 1]
+        data = self.results[: self.results.rfind("\n") + 1]  # the last line may be incomplete
         heads = list(TABLE.finditer(data))
         parsed = []
         for head, following in zip(heads, [*heads, None][1:], strict=True):
@@ -226,8 +227,8 @@ def _files(folder: Path, ended: bool) -> CcxFiles:
 
 
 FACTOR = re.compile(r"^ +\d+ +(\S+) *$", re.MULTILINE)
-FACTORS = (6, 24, 96)  # Numbers of buckling factors to request in turn.
-SETTLED = 0.01  # Largest relative change of the lowest positive factor at the end of the search.
+FACTORS = (6, 24, 96)  # Numbers of buckling factors to request in turn, because many can be negative.
+SETTLED = 0.01  # Largest relative change of the lowest positive factor at which the search for this factor ends.
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,7 +259,7 @@ def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats] |
         lowest = float(positive.min())
         if np.isfinite(positive).all() or abs(lowest - earlier) <= SETTLED * lowest < np.inf:
             break
-    if not lowest * moved <= np.ptp(model.solid.nodes, axis=0).max():
+    if not lowest * moved <= np.ptp(model.solid.nodes, axis=0).max():  # `lowest` is inf if no factor is positive
         return None
     mode, rows = np.zeros_like(model.solid.nodes), modes[int(positive.argmin())]
     mode[rows[:, 0].astype(int) - 1] = rows[:, 1:]
@@ -266,9 +267,9 @@ def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats] |
 
 
 def _buckling_factors(model: WedgeModel, count: int, seconds: float) -> tuple[float, Floats, list[Floats]]:
-    load, table = [*_loads(model.force), "*NODE PRINT, NSET=ALL\nU\n*END STEP\n"], "B U C K L I N G"
+    load, table = [*load_lines(model.force), "*NODE PRINT, NSET=ALL\nU\n*END STEP\n"], "B U C K L I N G"
     steps = ["*STEP\n*STATIC\n*CLOAD\n", *load, f"*STEP\n*BUCKLE\n{count}\n*CLOAD, OP=NEW\n", *load]
-    files = run_ccx([*_model(model, model.solid.nodes), *steps], seconds)
+    files = run_ccx([*model_lines(model, model.solid.nodes), *steps], seconds)
     if not files.ended:
         raise _timeout_error(seconds)
     factors = np.array(FACTOR.findall(files.results.partition(table)[2]), dtype=np.float64)
@@ -293,17 +294,17 @@ def load_path(
     factors : factors on the loads, in turn.    steps : number of steps to each factor.
     stop_point : function of the path so far; it returns the number of the last needed point, or None.
     Raises StaticsError if the first step fails."""
-    text = [*_model(model, nodes), "*NSET, NSET=WATCHED\n", *_formatted_rows("%d\n", watched + 1)]
+    text = [*model_lines(model, nodes), "*NSET, NSET=WATCHED\n", *_formatted_rows("%d\n", watched + 1)]
     for factor in factors:
         text.append(f"*STEP, NLGEOM, INC=1000\n*STATIC\n{1 / steps}, 1., 0.001, {1 / steps}\n*CLOAD\n")
-        text += [*_loads(factor * model.force), "*NODE PRINT, NSET=WATCHED\nU\n*END STEP\n"]
+        text += [*load_lines(factor * model.force), "*NODE PRINT, NSET=WATCHED\nU\n*END STEP\n"]
 
     def until(files: CcxFiles) -> tuple[LoadPath, int | None]:
         path = _path(files, factors, len(watched))
         return path, stop_point(path) if len(path.load) > 1 else None
 
     files = run_ccx(text, seconds, lambda files: until(files)[1] is not None)
-    path, end = until(files)
+    path, end = until(files)  # points that CalculiX computed after the needed point `end` are left out
     if end is not None:
         return path.until(end)
     if len(path.load) == 1 and not files.ended:
@@ -332,7 +333,8 @@ def _timeout_error(seconds: float) -> StaticsError:
     )
 
 
-def _model(model: WedgeModel, nodes: Floats) -> Iterator[str]:
+def model_lines(model: WedgeModel, nodes: Floats) -> Iterator[str]:
+    """Yield text of an .inp file: the solid with its nodes (p, 3), metres, its material and its supports."""
     solid, used = model.solid, np.unique(model.solid.elements)
     yield "*NODE, NSET=ALL\n"
     yield from _formatted_rows("%d, %.11e, %.11e, %.11e\n", used + 1, *nodes[used].T)
@@ -346,7 +348,8 @@ def _model(model: WedgeModel, nodes: Floats) -> Iterator[str]:
     yield from _formatted_rows("*EQUATION\n2\n%d, %d, 1., %d, %d, 1.\n", node, direction, opposite_node, direction)
 
 
-def _loads(force: Floats) -> Iterator[str]:
+def load_lines(force: Floats) -> Iterator[str]:
+    """Yield text of an .inp file: forces (p, 3) on the nodes, newtons."""
     node, direction = np.nonzero(force)
     yield from _formatted_rows("%d, %d, %.11e\n", node + 1, direction + 1, force[node, direction])
 

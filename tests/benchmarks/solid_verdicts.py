@@ -7,15 +7,12 @@ stresses are summed over the cuts across members that dsfab uses. The check of m
 forces of the solid in place of those of the sheet.
 """
 
-import os
-import re
 import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -23,16 +20,26 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import DsfabError
 from dsfab.design import Design
 from dsfab.design.member_model import member_utilisation
-from dsfab.members.frame import MemberForces, member_cuts
-from dsfab.members.frame.forces import MemberCuts, with_balanced_shear
+from dsfab.members.frame import MemberCuts, MemberForces
+from dsfab.members.frame.forces import with_balanced_shear
 from dsfab.preset.file import load_preset, parse_override, with_overrides
-from dsfab.statics import flat_axis
+from dsfab.study.calculix import (
+    THICKNESS_SHARES,
+    WedgeModel,
+    Wedges,
+    load_lines,
+    lowest_buckling,
+    model_lines,
+    require_ccx,
+    solid_model,
+)
 from dsfab.study.carrying import Carrying, CutStatics, cut_carrying, cut_statics
-from tests.benchmarks.solid_wedges import Layers, layers, supports, vertex_normals
+from tests.benchmarks.solid_wedges import vertex_normals
 
-LEVELS = np.array([-0.5, 0.0, 0.5])
-WEIGHTS = np.array([1 / 6, 4 / 6, 1 / 6])
-"""Of the lower, middle and upper node of a column: Simpson's rule."""
+SECONDS = 600.0
+"""For a buckling analysis, at most."""
+
+LEVELS = np.array([-0.5, 0.5, 0.0])  # of the nodes of a column: below, above, in the middle
 GAUSS = (0.5 - 0.5 / np.sqrt(3), 0.5 + 0.5 / np.sqrt(3))
 ON_FACES = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
 """Components of a stress in CalculiX's order."""
@@ -68,69 +75,38 @@ def solid_verdict(design: Design, buckling: bool = True) -> SolidVerdict:
     if not (sheet.movement and sheet.use):
         raise DsfabError("without a strength nothing is compared")
     names = list(dict.fromkeys([sheet.movement.case, *design.preset.judged_in("ULS", statics.answers)]))
-    solid = wedges(statics)
-    results = run(statics, solid, [force(statics, name) for name in names])
-    moved = np.linalg.norm(results["DISP"][0][solid.columns[:, 1]], axis=1).max()
+    models = {name: wedge_model(statics, name) for name in names}
+    solid, results = models[names[0]].solid, run(list(models.values()))
+    moved = np.linalg.norm(results["DISP"][0][solid.columns[:, 2]], axis=1).max()
     stresses = {name: tensors(rows) for name, rows in zip(names, results["STRESS"], strict=True)}
-    cuts = member_cuts(design.members)
-    forces = {name: summed_forces(statics, solid, name, cut, stresses) for name, cut in cuts.items()}
+    forces = {name: summed_forces(statics, solid, name, cut, stresses) for name, cut in design.member_cuts.items()}
     use = member_utilisation(statics.preset, design.members, forces)
-    factor = float("nan")
-    if buckling and sheet.buckling:
-        factor = min(f for f in run(statics, solid, [force(statics, sheet.buckling_case)], 6)["factors"] if f > 0)
-    return SolidVerdict(sheet, float(moved), factor, float(use.largest.max()))
+    found = lowest_buckling(models[sheet.buckling_case], SECONDS) if buckling and sheet.buckling else None
+    return SolidVerdict(sheet, float(moved), found[0] if found else float("nan"), float(use.largest.max()))
 
 
-def wedges(statics: CutStatics) -> Layers:
-    """One layer of wedges on the cut sheet."""
-    design, surface, ends = statics.design, statics.model.surface, statics.model.surface.edges.ends
-    normal = design.sheet.weights @ vertex_normals(design.surface)
-    normal = np.concatenate([normal, normal[ends].sum(axis=1)])
+def wedge_model(statics: CutStatics, name: str) -> WedgeModel:
+    """One layer of wedges on the cut sheet, with the forces of a case or a combination."""
+    normal = statics.design.sheet.weights @ vertex_normals(statics.design.surface)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    fine = SimpleNamespace(V=np.concatenate([surface.V, surface.V[ends].mean(axis=1)]))
-    return layers(surface, statics.thickness, fine, normal, 1)
+    load, factors = next(iter(statics.loads.values())), statics.design.statics.cases[name].factors or {name: 1.0}
+    load = replace(load, force=np.asarray(sum(f * statics.loads[case].force for case, f in factors.items())))
+    return solid_model(statics.model.surface, normal, statics.thickness, statics.model.material, load)
 
 
-def force(statics: CutStatics, name: str) -> Floats:
-    """Newtons (n, 3) on the vertices of the cut sheet, of a case or a combination."""
-    factors = statics.design.statics.cases[name].factors
-    if factors is None:
-        return statics.loads[name].force
-    return np.asarray(sum(f * statics.loads[case].force for case, f in factors.items()))
-
-
-def run(statics: CutStatics, solid: Layers, forces: Sequence[Floats], modes: int = 0) -> dict[str, list[Floats]]:
-    """Solve the solid: DISP (nodes, 3) and STRESS (nodes, 6) of each load; or the `factors` of buckling."""
-    surface, load = statics.model.surface, next(iter(statics.loads.values()))
-    held = np.concatenate([load.fixed, load.fixed[surface.edges.ends].all(axis=1)])
-    fixed, opposite = supports(solid, surface, load, held, flat_axis(surface, *statics.loads.values()))
-    lines = ["*NODE, NSET=ALL"]
-    lines += [f"{k + 1},{x:.12e},{y:.12e},{z:.12e}" for k, (x, y, z) in enumerate(solid.nodes)]
-    lines.append("*ELEMENT, TYPE=C3D15, ELSET=S")
-    lines += [f"{k},{','.join(map(str, row))}" for k, row in enumerate((solid.elements + 1).tolist(), start=1)]
-    material = statics.model.material
-    lines += ["*MATERIAL, NAME=M", "*ELASTIC", f"{material.young},{material.poisson}"]
-    lines += ["*SOLID SECTION, ELSET=S, MATERIAL=M", "*BOUNDARY"]
-    lines += [f"{k + 1},{way + 1},{way + 1}" for k, way in fixed.tolist()]
-    for a, b, way in opposite.tolist():
-        lines += ["*EQUATION", "2", f"{a + 1},{way + 1},1.,{b + 1},{way + 1},1."]
-    for rows in forces:
-        lines += ["*STEP", *(["*BUCKLE", str(modes)] if modes else ["*STATIC"]), "*CLOAD,OP=NEW"]
-        for column, weight in zip(solid.columns.T, WEIGHTS, strict=True):
-            lines += [
-                f"{column[v] + 1},{w + 1},{rows[v, w] * weight:.12e}" for v, w in zip(*rows.nonzero(), strict=True)
-            ]
-        lines += ["*NODE FILE", "U", *(() if modes else ("*EL FILE", "S")), "*END STEP"]
+def run(models: Sequence[WedgeModel]) -> dict[str, list[Floats]]:
+    """Solve a solid under the forces of each model: DISP (nodes, 3) and STRESS (nodes, 6) of each."""
+    nodes = models[0].solid.nodes
+    text = [*model_lines(models[0], nodes)]
+    for model in models:
+        text += ["*STEP\n*STATIC\n*CLOAD, OP=NEW\n", *load_lines(model.force)]
+        text.append("*NODE FILE\nU\n*EL FILE\nS\n*END STEP\n")
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "solid.inp").write_text("\n".join([*lines, ""]), encoding="ascii")
-        single = {**os.environ, "OMP_NUM_THREADS": "1"}
-        done = subprocess.run(["ccx", "solid"], cwd=folder, capture_output=True, text=True, env=single, check=False)
+        (Path(folder) / "solid.inp").write_text("".join(text), encoding="ascii")
+        done = subprocess.run([require_ccx(), "solid"], cwd=folder, capture_output=True, text=True, check=False)
         if done.returncode:
             raise DsfabError(f"CalculiX: {done.stdout.strip()[-300:]}")
-        if modes:
-            text = (Path(folder) / "solid.dat").read_text(encoding="ascii")
-            return {"factors": [np.float64(x) for x in re.findall(r"^ +\d+ +(-?\d\S+)$", text, re.MULTILINE)]}
-        return blocks(Path(folder) / "solid.frd", len(solid.nodes))
+        return blocks(Path(folder) / "solid.frd", len(nodes))
 
 
 def blocks(path: Path, nodes: int) -> dict[str, list[Floats]]:
@@ -159,20 +135,20 @@ def tensors(rows: Floats) -> Floats:
 
 
 def summed_forces(
-    statics: CutStatics, solid: Layers, name: str, cut: MemberCuts, stresses: Mapping[str, Floats]
+    statics: CutStatics, solid: Wedges, name: str, cut: MemberCuts, stresses: Mapping[str, Floats]
 ) -> MemberForces:
     """Forces of a member from the stresses at nodes: two points of Gauss along each line, Simpson's rule through it."""
     graph, surface, lines = statics.design.members, statics.model.surface, cut.sections
     source = graph.source[lines.face]
     F = corners_as_in(graph.sheet.surface.V[graph.sheet.surface.F[lines.face]], surface.V, surface.F[source])
-    upright = solid.nodes[solid.columns[F[:, 0], 2]] - solid.nodes[solid.columns[F[:, 0], 0]]
+    upright = solid.nodes[solid.columns[F[:, 0], 1]] - solid.nodes[solid.columns[F[:, 0], 0]]
     upright /= np.linalg.norm(upright, axis=1, keepdims=True)
     sums = {}
     for case, stress in stresses.items():
         P, M = np.zeros((2, len(cut.s), 3))
         for x in GAUSS:
             weight, arm = ((1 - x) * ends[:, 0] + x * ends[:, 1] for ends in (lines.weight, lines.arm))
-            for level, (z, share) in enumerate(zip(LEVELS * statics.thickness, WEIGHTS, strict=True)):
+            for level, (z, share) in enumerate(zip(LEVELS * statics.thickness, THICKNESS_SHARES, strict=True)):
                 traction = np.einsum("cn,cnij,cj->ci", weight, stress[solid.columns[F, level]], lines.across)
                 traction *= (statics.thickness * share * lines.length / len(GAUSS))[:, None]
                 np.add.at(P, lines.station, traction)
