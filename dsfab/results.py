@@ -51,6 +51,11 @@ class StaticsResult:
     cases: Mapping[str, CaseResult] = field(default_factory=dict)
     objections: tuple[str, ...] = ()
 
+    @property
+    def combinations(self) -> dict[str, Mapping[str, float]]:
+        """Factor of each case, by name of the combination, then by name of the case."""
+        return {name: case.factors for name, case in self.cases.items() if case.factors is not None}
+
     def loads(self, names: Iterable[str]) -> dict[str, LoadCase]:
         """Return the loads of these cases or combinations, by name."""
         return {name: self.cases[name].load for name in names}

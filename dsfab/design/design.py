@@ -334,9 +334,9 @@ class Design:
         from dsfab.members.frame import member_forces
 
         def make() -> "dict[str, MemberForces]":
-            factors = {name: case.factors for name, case in self.statics.cases.items() if case.factors is not None}
-            forces = {name: forces for name, forces in self.section_forces.items() if name not in factors}
-            return member_forces(self.members, forces, self.member_cuts, factors)
+            combinations = self.statics.combinations
+            forces = {name: forces for name, forces in self.section_forces.items() if name not in combinations}
+            return member_forces(self.members, forces, self.member_cuts, combinations)
 
         return self.cached_result("slicing", "member forces", make)
 

@@ -25,7 +25,7 @@ LOAD_DURATIONS: dict[str, "Duration"] = {
     "imposed H": "short",
     "wind": "short",
 }
-"""Duration class of loads by action [EN 1995-1-1, table 2.2]."""
+"""Duration class of loads by action [EN 1995-1-1, table 2.2]. Snow and actions that are not listed are medium-term."""
 
 
 def member_utilisation(preset: Preset, graph: "MemberGraph", forces: Mapping[str, "MemberForces"]) -> "Utilisation":
@@ -127,7 +127,7 @@ def beam_model(
     section = preset.statics
     material = BeamMaterial(section.young, section.poisson, section.density, section.material or "")
     sums = {part.case: {part.case: 1.0} for name, part in cases.items() if name != part.case}
-    sums |= {name: dict(case.factors) for name, case in statics.cases.items() if case.factors is not None}
+    sums |= {name: dict(factors) for name, factors in statics.combinations.items()}
     combinations = {
         name: {part_name: factors[part.case] for part_name, part in cases.items() if part.case in factors}
         for name, factors in sums.items()

@@ -46,7 +46,8 @@ if TYPE_CHECKING:
 Place = tuple[float, float, float]
 NO_STRENGTH = "the preset has no material and no strength; set statics.material to judge the structure"
 BUCKLED_CASES = 3
-"""Number of cases and combinations for which buckling is computed."""
+"""Number of cases and combinations for which buckling is computed: those with the largest compression. The number is
+limited because each buckling analysis takes as long as a solve."""
 
 
 @dataclass(frozen=True)
@@ -206,16 +207,12 @@ def cut_statics(design: Design, thickness: float) -> CutStatics:
 
 
 def _solve(statics: CutStatics, K: csr_array, elements: Elements, factor_of: FactorCache) -> CutStatics:
-    model, loads, factors = statics.model, statics.loads, _factors(statics.design)
+    model, loads, factors = statics.model, statics.loads, statics.design.statics.combinations
     single = [name for name in loads if name not in factors]
     acting = [model.with_clamped_edges(loads[name]) for name in single]
     sums = [[factors[name].get(case, 0.0) for case in single] for name in factors]
     answers = equilibria(model.surface, K, acting, elements, None, sums, factor_of)
     return replace(statics, answers=dict(zip((*single, *factors), answers, strict=True)))
-
-
-def _factors(design: Design) -> dict[str, Mapping[str, float]]:
-    return {name: case.factors for name, case in design.statics.cases.items() if case.factors is not None}
 
 
 def use_and_movement(statics: CutStatics, use: bool = True) -> Carrying:
@@ -276,7 +273,7 @@ def _most_used_by_code(statics: CutStatics) -> MemberUse:
 def _member_forces(statics: CutStatics) -> "dict[str, MemberForces]":
     from dsfab.members.frame import member_forces
 
-    factors, surface, sections = _factors(statics.design), statics.model.surface, {}
+    factors, surface, sections = statics.design.statics.combinations, statics.model.surface, {}
     linear = next(iter(statics.answers.values())).elements.bending == "hhj"
     make = partial(ShearRecovery.for_surface, surface, linear=linear)
     recovery = statics.design.cached_result("slicing", f"shear recovery {linear}", make)
