@@ -32,7 +32,7 @@ try:
 except PackageNotFoundError:  # the files were copied without an installation
     __version__ = "0+unknown"
 
-# Threads of OpenBLAS sleep after 2^20 cycles; the default of 2^26 cycles keeps cores busy for 20 ms.
+# Threads of OpenBLAS sleep after 2^20 cycles, because the default of 2^26 cycles keeps cores busy for 20 ms.
 # OpenBLAS reads this variable when numpy is first imported.
 os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "20")
 
@@ -59,7 +59,7 @@ _HOME = {
     }.items()
     for name in names.split()
 }
-"""Module of each public name."""
+"""Module of each public name; dsfab imports the module at the first use of the name."""
 
 __all__ = sorted(_HOME)
 

@@ -23,14 +23,15 @@ TIMING_COLUMNS = (
     *("membrane", "bending", "statics", "stress", "diffusion", "modes"),
     *("stripes", "slicing", "thickening", "export", "total"),
 )
-"""Columns of the table, in seconds; the first are those of the paper's Table 2."""
+"""Columns of the table, in seconds: first the stages in the paper's Table 2, then further stages of dsfab.
+`stripes` is the time for the directions, densities and phases of evenly spaced stripes."""
 
 SCALING = (10_000, 40_000, 100_000)  # Vertex counts of the meshes for `--scaling`.
 SCALING_STATICS = (*SCALING, 250_000, 500_000)  # Vertex counts for `--scaling` with `--stages statics`.
 
 STATICS_COLUMNS = ("assembly", "factor", "solve", "stress", "total", "cpu")
-"""Columns of `--stages statics`, in seconds. `solve` excludes the factorisation. `cpu` is the processor time of
-`total`."""
+"""Columns of `--stages statics`, in seconds. `solve` excludes the factorisation.
+`cpu` is the processor time of `total`, for comparisons on a busy machine."""
 
 
 @Parameter(name="*")

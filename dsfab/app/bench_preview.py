@@ -27,7 +27,7 @@ SECONDS = 4.0  # Shortest duration of a measurement.
 KINDS = ("plain", "shader", "graded", "walls")  # Kinds of pictures, see `measure`.
 
 SOFTWARE = re.compile(r"llvmpipe|softpipe|swrast|swiftshader|software|gdi generic|basic render", re.IGNORECASE)
-"""Names of renderers that use no graphics card."""
+"""Names of renderers that use the processor instead of a graphics card."""
 
 
 def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:

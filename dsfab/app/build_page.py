@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 LINES = 25  # Number of lines that a build prints by default, for a small terminal.
 
 USER_STAGES = ("surface", "statics")
-"""Stages whose notes a user should know."""
+"""Stages whose notes a user should know: how dsfab understood the surface and the loads. Notes of later stages tell
+how dsfab made the structure buildable."""
 
 
 @Parameter(name="*")

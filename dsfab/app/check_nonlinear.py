@@ -55,7 +55,7 @@ def check_nonlinear(name: str, source: Source, options: Nonlinear, as_json: bool
 
     require_ccx()
     preset, _ = preset_and_folder(name, source)
-    with Reporter(quiet or as_json) as reporter, signals_as_interrupts():
+    with Reporter(quiet or as_json) as reporter, signals_as_interrupts():  # a signal must also stop CalculiX
         design = built_design(name, preset) or Design.from_preset(preset, progress=reporter).until("slicing")
         result = nonlinear_check(
             design, options.case, options.imperfection, options.minutes, reporter, options.check_edge

@@ -300,8 +300,9 @@ def _print_results(comparisons: list[ComparisonAtShare], findings: "Findings | N
 FILES = ("summary.html", "summary.csv")
 
 SummaryRow = dict[str, Any]
-"""Row of the summary of comparisons: `name`, `folder`, `error`, and values of the design (None if unknown).
-`NAME_ratio` is the compliance of competitor NAME / that of the design."""
+"""Row of the summary: `name`, `folder` and `error`. Without an error also results of the design, None if unknown:
+`verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `bound`, `ratio_to_full`, `seconds`.
+`NAME_ratio` is the compliance of a competitor, divided by the design's."""
 
 
 @dataclass(frozen=True)

@@ -94,7 +94,7 @@ class Variants:
             rows = previewers.design.seconds if previewers.design else {}
         stages = {stage: sum(rows.get(row, 0.0) for row in ROWS[stage]) for stage in ROWS}
         expected = expected_seconds(self.values, stages, picture)
-        files = byte_size(total * 0.5 * self.pixels[0] * self.pixels[1])  # half a byte for each pixel
+        files = byte_size(total * 0.5 * self.pixels[0] * self.pixels[1])  # a pixel takes half a byte in a PNG file
         raise DsfabError(
             f"{total:,} variants would take about {_duration_words(expected)} and {files} of pictures; "
             f"add --yes to draw them all, or vary less (up to {UNCONFIRMED_VARIANTS} are drawn without asking)"
@@ -154,7 +154,7 @@ def explore(
     loaded = preset_with_mode(source.read_preset(preset, thickness="guessed"), tile.show)
     pixels, values = picture_size(tile.size_), parse_variations(vary)
     for key, listed in values.items():
-        for value in listed:
+        for value in listed:  # an invalid value raises its error before the work begins
             with_overrides(loaded, {key: value})
     if film.animate:
         sheets.check_film(values, film.fps)

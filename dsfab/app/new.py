@@ -22,7 +22,7 @@ class PresetFile:
     force: Annotated[bool, Switch(help="Overwrite an existing file.")] = False
 
 
-PRESET_FILE = PresetFile()
+PRESET_FILE = PresetFile()  # The default file of a preset.
 
 
 def new(

@@ -34,10 +34,10 @@ SHOW_WORDS = {
         *("major_mode", "minor_mode", "displacement"),
     ),
 }
-"""Pictures for words of --show that name several pictures."""
+"""Words of --show that are not the name of a single picture, with the pictures that they show."""
 
 SHOWN_ON_REQUEST = {"utilisation": "strength", "buckling": "buckling", "frequency": "frequencies"}
-"""Pictures that need a key of [statics], and this key."""
+"""Pictures that `--show all` includes only if the preset sets a key of [statics]; this key by the picture's name."""
 
 
 def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
@@ -47,7 +47,7 @@ def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
     names: list[str] = []
     for word in (part.strip() for part in text.split(",")):
         if word == "all":
-            modes = preset.pattern.method != "stripes"
+            modes = preset.pattern.method != "stripes"  # evenly spaced stripes have no modes
             names += [name for name in SHOW_WORDS[word] if modes or name not in MODE_FIELDS]
             names += [name for name, key in SHOWN_ON_REQUEST.items() if getattr(preset.statics, key)]
         else:
@@ -139,7 +139,7 @@ def preview(
 def _first_picture(picture: PictureOptions, reporter: Reporter) -> "Iterator[FirstPicture | None]":
     single = "," not in picture.show and picture.show.strip() not in (*SHOW_WORDS, *FINISHED_PICTURES)
     sketched = single and reporter.is_watched
-    # a second process saves time only before VTK is loaded
+    # a second process saves time only if this process has not loaded VTK yet
     needs_structure = picture.show.strip() == "structure" and "vtkmodules" not in sys.modules
     if not (sketched or needs_structure) or (os.cpu_count() or 1) == 1:
         from dsfab.render.opengl import probe_ahead
@@ -304,7 +304,7 @@ def _watch(file: Path, draw: Callable[[], None], reporter: Reporter) -> int:
     try:
         while True:
             current_stamp = _file_stamp(file)
-            # None while a text editor replaces the file
+            # the time stamp is None while a text editor replaces the file
             if current_stamp is not None and current_stamp != seen_stamp:
                 seen_stamp = current_stamp
                 try:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from dsfab.reproduction.published import PaperFigure
 
 FOLDER = Path("outputs/paper")  # Default folder of the page about the figures.
-COARSEST = 8.0  # Largest value of --coarser.
+COARSEST = 8.0  # Limit of --coarser: a coarser mesh has too few vertices for the modes.
 
 
 def reproduce(

@@ -17,11 +17,11 @@ class ExitCode(IntEnum):
     """Exit codes of all commands."""
 
     DONE = 0
-    REFUSED = 1  # input is refused, or a check fails
+    REFUSED = 1  # the input is refused, or a check of it fails
     WRONG_USAGE = 2
-    UNFINISHED = 3  # runs of a sweep are missing
+    UNFINISHED = 3  # runs of a sweep are missing; the same command tries them again
     NOT_MADE = 4  # a requested file or figure was not made
-    DOES_NOT_CARRY = 5  # the structure does not carry its loads
+    DOES_NOT_CARRY = 5  # the files are written, but the structure does not carry its loads
     BUG = 70
     INTERRUPTED = 130  # Ctrl-C
 

@@ -84,7 +84,7 @@ TEST_HEAD = (
     *("test", "mesh", "elements", "cells", "unknowns", "value", "reference"),
     *("ratio", "of limit", "rate", "target", "verdict"),
 )
-"""Column names. `of limit`: the value divided by the limit for thin sheets."""
+"""Column names. `of limit`: the value divided by the limit for thin sheets; empty if `reference` is that limit."""
 
 PAGE = Path("outputs/verification")  # Default folder of the page.
 

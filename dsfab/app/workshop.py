@@ -38,7 +38,7 @@ class WorkshopFlags:
     )
 
 
-PRESET_FLAGS = WorkshopFlags()
+PRESET_FLAGS = WorkshopFlags()  # No option is set, so the preset's own values apply.
 
 
 def workshop(
@@ -92,7 +92,7 @@ def _documents(plan: "WorkshopPlan", design: "Design", ifc: bool) -> dict[str, b
     return documents | ({MEMBERS: members_ifc(plan, design)} if ifc else {})
 
 
-MEMBERS = "members.ifc"  # Name of the IFC file of members.
+MEMBERS = "members.ifc"  # Name of the file of members for a building model (BIM).
 
 
 def _check_ifc(preset: "Preset") -> None:
@@ -122,7 +122,7 @@ def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
     details = replace(
         details,
         shapes=built_shapes(plan, details.shapes, SHIFT[design.preset.thickening.side]),
-        whole_members=True,
+        whole_members=True,  # members lie in layers, so nodes do not divide them
         drawings=drawing_files(plan),
         measures={**details.measures, "thickness": plan.thickness},
     )
@@ -145,7 +145,7 @@ def _print_files(plan: "WorkshopPlan", folder: Path, documents: Mapping[str, byt
 
 
 CARD_MODEL = {"stock": "[0.42, 0.297]", "prices": "[]", "thickness": "0.001", "bolt": "0.0006", "gap": "0.001"}
-"""Values of [workshop] for card, metres."""
+"""Values of [workshop] for card: A3 sheets of 1 mm, holes for pins, and the laser's kerf; metres."""
 PAPER_SIZES = {
     "A4": (0.297, 0.21),
     "A3": (0.42, 0.297),

@@ -189,7 +189,7 @@ def first_few(indices: Ints, count: int = 5) -> str:
     return shown + (", ..." if len(indices) > count else "")
 
 
-ALIKE = 0.05  # Relative difference below which widths of openings or bars count as equal.
+ALIKE = 0.05  # Relative difference below which widths of openings or bars count as equal, because of the mesh.
 
 
 def split_value(values: Floats, threshold: float, tolerance: float = ALIKE) -> float:

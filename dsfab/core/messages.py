@@ -66,7 +66,7 @@ def length(metres: float) -> str:
     return f"{1000 * metres:.3g} mm" if abs(metres) < 1 else f"{metres:.3g} m"
 
 
-MEANINGFUL_FACTOR = 1000.0  # Largest load factor that reports show.
+MEANINGFUL_FACTOR = 1000.0  # Largest load factor that reports show; larger ones come from rounding or tiny compression.
 
 
 def load_factor(factor: float) -> str:
@@ -103,7 +103,7 @@ def direction_phrase(direction: Sequence[float]) -> str:
     norm = sum(x * x for x in direction) ** 0.5
     unit = [x / norm for x in direction]
     largest = max(range(3), key=lambda k: abs(unit[k]))
-    if abs(unit[largest]) < 0.99985:
+    if abs(unit[largest]) < 0.99985:  # over one degree from every axis
         return f"({', '.join(f'{round(x, 2) + 0.0:.2g}' for x in unit)})"
     up = unit[largest] > 0
     return ("up" if up else "down") if largest == 2 else f"{'+' if up else '-'}{'xyz'[largest]}"

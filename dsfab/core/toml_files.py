@@ -9,7 +9,8 @@ from typing import Any
 from dsfab.core.errors import PresetError
 
 PRESETS = tuple(folder / "presets" / kind for folder in Path(__file__).resolve().parents[1:3] for kind in ("", "paper"))
-"""Folders of the presets that come with dsfab."""
+"""Folders of the presets that come with dsfab: inside the package in a wheel, at the top level in a checkout.
+Presets for the figures of the paper "Diffusion Structures" (2020) have their own folder."""
 
 
 def shipped_presets() -> dict[str, Path]:

@@ -22,4 +22,4 @@ __all__ = [
 ]  # fmt: skip
 
 TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slicing", "thickening")
-"""Rows of the table of computing times; the first rows are those of the paper's Table 2."""
+"""Rows of the table of computing times: first the rows of the paper's Table 2, then further stages."""

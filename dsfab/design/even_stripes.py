@@ -39,7 +39,7 @@ from dsfab.slicing import LineHalving, chart_of, halve_lines
 from dsfab.statics import varying_thickness
 from dsfab.surface import Surface, link_components
 
-SLOPES = (0.6, 1.6)  # Limits of the actual number of stripes per metre / the wanted number.
+SLOPES = (0.6, 1.6)  # Limits of the actual number of stripes per metre, divided by the wanted number.
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ class StripeDirections:
         steer = replace(steering(preset.pattern, frames, symmetry, min(spacings)), loops=loops)
         symmetry = steer.symmetry
         images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.identity(surface.n)
-        length = max(float(np.mean(spacings)), surface.mean_edge)
+        length = max(float(np.mean(spacings)), surface.mean_edge)  # a member needs this length to change direction
         along, over = stripe_directions(preset.pattern, frames, stress, steer, images, length)
         steer = steer.with_loops(frames, stress)
         confidence = steer.confidence(surface, stress.confidence(surface.areas))
@@ -121,7 +121,7 @@ def _member_message(line: GuideLine, share: float, across: bool) -> str:
     other_family = FAMILIES[1 - FAMILIES.index(line.family)]
     hint = f"; the {other_family} family already runs along this curve: family = '{other_family}' bends members less"
     hint = hint if across else ""
-    if share >= 0.995:
+    if share >= 0.995:  # a few points of the curve may lie outside the member
         return f"a {line.family} member follows the whole curve of {key}{hint}"
     return (
         f"a {line.family} member follows only {share:.0%} of the curve of {key}, because of another guide, an edge "
@@ -141,7 +141,9 @@ def stripe_directions(
 
     crossed = np.zeros(frames.surface.n, dtype=bool)
     if not options.is_steered:
+        # smoothing over the full mean edge length would join separate regions
         crossed = _crossed_over(options, frames, smooth(stress, 0.6 * frames.surface.mean_edge), images)
+        # a smaller region has no space for two members
         crossed = crossed & (_region_areas(frames, crossed) > (2.0 * length) ** 2)
         stress = _exchanged_on(stress, crossed[frames.surface.F].mean(axis=1) > 0.5)
     along = smooth(stress, length)
@@ -202,7 +204,7 @@ class FamilyCourse:
         frames, images, halvings = self.follow.frames, self.follow.images, self.halved.most
         surface = frames.surface
         finest = density(surface, self.u, spacing, self.halved)
-        coarse = Flow(frames, self.g, finest / 2**halvings)
+        coarse = Flow(frames, self.g, finest / 2**halvings)  # only the lines that remain after all halvings
         locked_to_guides, aim = guide_phases(self.members, frames, self.g, coarse.density)
         lock = locked_to_guides | boundary_lines(surface, self.g, spacing)
         conditions = self.start, lock, images.projection(surface.V, self.g, coarse.density), aim
@@ -318,7 +320,7 @@ def _redrawn_lines(
         redo = [k for k, lines in enumerate(families) if lines.most > 0 and abs(deviations[k]) > limit]
         if not redo:
             break
-        for k in redo:
+        for k in redo:  # halving ends some lines early, which changes the mean spacing
             wider = spacings[k] * float(np.exp(deviations[k]))
             families[k] = courses[k].lines(wider) if halve else courses[k].without_halving.lines(spacings[k])
         tries.append(_DividedFamilies.from_lines(directions, *families))

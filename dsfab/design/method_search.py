@@ -28,8 +28,8 @@ from dsfab.results import (
 from dsfab.slicing import Sheet
 from dsfab.surface import Surface
 
-EXCHANGEABLE_RULES = ("constant", "graded")  # Width rules that the search may replace.
-SPACINGS = (0.75, 1.25)  # Factors on the spacings of stripes that the search tries.
+EXCHANGEABLE_RULES = ("constant", "graded")  # Width rules that the search may replace, if a solid fraction is set.
+SPACINGS = (0.75, 1.25)  # Factors on the default spacings of stripes; the search also tries these spacings.
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ def respaced_candidates(
             except DsfabError as error:
                 yield MethodCandidate(variant_preset, Attempt(words, refused=str(error)))
                 continue
-            if any(even.wanted) or not halve:
+            if any(even.wanted) or not halve:  # if no stripe ends early, `halve` changes nothing
                 variant = MethodCandidate(variant_preset, Attempt(words), None, even)
                 yield _with_worth(variant, analysis, replace(log, notes=[]))
 
@@ -269,7 +269,7 @@ def _width_variants(width: Width) -> dict[str, Width]:
     return {"constant": constant, "graded": graded, f"graded q {gentle:g}": graded.model_copy(update={"q": gentle})}
 
 
-NEAR_BEST = 0.1  # Candidates with a compliance up to 10 % above the smallest are nearly the best.
+NEAR_BEST = 0.1  # Candidates with a compliance up to 10 % above the smallest are built, and solved again accurately.
 
 
 def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[MethodCandidate, tuple[Attempt, ...]]:

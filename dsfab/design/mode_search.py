@@ -246,9 +246,10 @@ class StressedTrial(Trial):
 
 
 START = (0.25, 0.0, 0.5, 0.75)
-"""Phases that the search tries first if it chooses the modes of both families."""
+"""Phases that the search tries first if it chooses the modes of both families. Both families get the same phase.
+Pairs with mode 1 are tried with all four phases, other pairs only with the first phase."""
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
-"""Phases that the search tries first: GRID[k] if the search chooses the modes of k families."""
+"""Phases that the search tries first, in all combinations: GRID[k] if the search chooses the modes of k families."""
 TOGETHER = ((1, 1), (-1, -1))  # Equal changes of both phases, in units of the step in `ROUNDS`.
 AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Changes of major and minor phase, in the same unit.
 ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))

@@ -24,7 +24,7 @@ from dsfab.surface import Surface, centroid, link_components, nearest_places, we
 from dsfab.surface.fields import CornerField, DividedField
 
 R2 = np.array([0.7548776662466927, 0.5698402909980532])
-"""Steps of a sequence that fills the unit square evenly [Roberts 2018]."""
+"""Steps of a sequence that fills the unit square evenly: 1 / g and 1 / g^2, with g^3 = g + 1 [Roberts 2018]."""
 
 
 class PatternedDesign(Protocol):
@@ -64,11 +64,11 @@ def measured_pattern(
     followed = followed_directions(design)
     try:
         confidence = followed.confidence(design.surface.areas)
-    except PatternError:  # zero stress
+    except PatternError:  # the stress is zero everywhere
         confidence = np.zeros(design.surface.m)
     parent = chart.parent
     steered = design.pattern.even.steered if design.pattern.even else None
-    guided = steered.guided[parent] > 0.1 if steered else None
+    guided = steered.guided[parent] > 0.1 if steered else None  # below 0.1, a face does not count as guided
     columns = followed.stress[parent], followed.direction[parent], confidence[parent]
     quality = pattern_quality(stripes, *columns, guided=guided)
     major, minor = (role.title for role in roles_of_families(design))
@@ -246,7 +246,7 @@ def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3)
 def merged_members(options: Pattern, surface: Surface, pattern: PatternResult) -> FilledOpenings | None:
     """Return the largest area where neighbouring members touch, for a pattern of a single family, or None."""
     if options.families == "both":
-        return None
+        return None  # `largest_filling` counts filled openings between two families
     touch = pattern.half_width(options.families) >= SOLID
     layers = map(Layer, pattern.names, pattern.fields, pattern.levels, pattern.half_widths)
     kept_layers = [layer for layer in layers if layer.name not in FAMILIES]

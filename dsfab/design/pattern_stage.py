@@ -72,7 +72,7 @@ def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) ->
 def statics_with_weight_share(preset: Preset, surface: Surface, statics: StaticsResult, share: Floats) -> StaticsResult:
     """Solve again with a share (m,) of each face's weight; return new statics."""
     layered = any(case.layered is not None for case in statics.cases.values())
-    follow = "layers" if layered else "membrane"
+    follow = "layers" if layered else "membrane"  # the pattern follows the same kind of stress as in `statics`
     section = preset.statics.model_copy(update={"frequencies": 0, "buckling": 0, "stress": follow})
     acting = [_lighter_loading(loading, surface, share) for loading in loadings(preset, surface)]
     lighter_cases = statics_step(preset.model_copy(update={"statics": section}), surface, Log(None), acting).cases
@@ -97,6 +97,7 @@ def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[f
     angle = np.degrees(np.arctan2(across, np.abs(np.einsum("mi,mi->m", axis_before, axis_after))))
     half_difference = (stress[:, 0] - stress[:, 1]) / 2
     size = surface.areas * half_difference
+    # clear directions: the principal stresses differ enough
     clear = np.flatnonzero(half_difference > 0.1 * np.linalg.norm(before, axis=(1, 2)))
     clear_by_angle = clear[np.argsort(angle[clear])]
     cumulated_area = np.cumsum(surface.areas[clear_by_angle])
@@ -157,7 +158,7 @@ def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: C
     if message := one_family_message(roles_of_families(draft), candidate.preset.pattern.families):
         log.note("pattern", message)
     resolved_options = None if candidate.preset is preset else candidate.preset.pattern
-    release_freed_memory(4e3 * analysis.surface.m)
+    release_freed_memory(4e3 * analysis.surface.m)  # expected number of freed bytes
     return replace(pattern, asked=resolved_options, attempts=chosen.attempts)
 
 

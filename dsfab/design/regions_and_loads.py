@@ -37,7 +37,7 @@ from dsfab.surface import (
 )
 
 IMAGE_DIFFERENCE = 0.3
-"""Largest difference of a region or guide from its symmetric image, as a fraction of the area."""
+"""Largest difference of a region or guide from its symmetric image, as a fraction of the region's or guide's area."""
 
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
@@ -87,7 +87,7 @@ def whole_surface(preset: Preset, surface: Surface) -> Surface:
 def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
     results = derived_results(surface)
     if _before_voids not in results:
-        from dsfab.design.surface_and_statics import base_surface
+        from dsfab.design.surface_and_statics import base_surface  # at the top, this import would be circular
 
         cut = with_regions(base_surface(preset), preset.pattern.region)
         results[_before_voids] = cut.whole, cut.vertices
@@ -118,7 +118,7 @@ def one_sided_message(surface: Surface, regions: Sequence[PatternRegion], symmet
     exceptions = []
     for k, region in enumerate(regions):
         if region.do == "void":
-            continue
+            continue  # voids are cut out of the surface, so `symmetry` already considers them
         inside = region.faces(surface)
         differing_areas = [float(surface.areas @ (inside[images] != inside)) for images in symmetry.faces]
         matching = int((np.array(differing_areas) <= IMAGE_DIFFERENCE * float(surface.areas @ inside)).sum())
@@ -200,7 +200,7 @@ class CoveringLoads:
         cells, m = sheet.surface, surface.m
         area: Floats = np.bincount(sheet.parent, cells.areas, m).astype(np.float64)
         area_moment = group_sums(sheet.parent, cells.areas[:, None] * cells.centroids, m)
-        carries = area > 0.02 * surface.areas
+        carries = area > 0.02 * surface.areas  # faces with less material carry no load
         carries = carries if carries.any() else area > 0
         place = np.where(carries[:, None], area_moment / np.where(area > 0, area, 1.0)[:, None], surface.centroids)
         f, g, _ = _face_steps(surface)
@@ -230,6 +230,7 @@ class CoveringLoads:
     def _by_opening(self, load: Floats) -> Floats:
         loaded_faces = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
         force = group_sums(self.to[self.to >= 0], load[self.to >= 0], len(load))
+        # a face may take the load of several openings, so count pairs of opening and face
         pair, pair_index = np.unique(
             np.stack([self.opening[loaded_faces], self.to[loaded_faces]]), axis=1, return_inverse=True
         )
@@ -273,11 +274,12 @@ def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -
     inertia = np.zeros((count, 3, 3))
     point_inertia = (r * r).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
     np.add.at(inertia, group, weight[:, None, None] * point_inertia)
+    # places in a strip narrower than sqrt(1e-9) times its length count as a line
     theta = np.einsum("gij,gj->gi", np.linalg.pinv(inertia, rcond=1e-9, hermitian=True), moment)
     return np.asarray(weight[:, None] * np.cross(theta[group], r))
 
 
-LOST_LOAD_REMEDY = "set pattern.rim, raise pattern.keep, or change a phase or a mode"  # For messages.
+LOST_LOAD_REMEDY = "set pattern.rim, raise pattern.keep, or change a phase or a mode"  # For messages on lost loads.
 
 
 def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[LoadCase]) -> str:

@@ -31,7 +31,8 @@ from dsfab.thickening import Base, OffsetLayer, Solid, offsets, proven_cells, th
 from dsfab.thickening.offset_vectors import Offsets
 
 SPECK = 0.15
-"""Smallest width of an opening between evenly spaced stripes, divided by the spacing of the stripes."""
+"""Smallest width of an opening between evenly spaced stripes, divided by their spacing. Smaller openings are filled;
+most of them lie at the edge of the surface."""
 
 
 def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) -> FinishingOptions:
@@ -80,12 +81,14 @@ def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
         return min_opening or 0.0, min_opening or 0.0
     spacing = min(family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
     thickness = preset.statics.thickness
+    # with `removes_loose_ends`, a smaller limit is enough, because `merging_rule` also fills larger openings
     opening = min(SPECK * spacing, thickness) if options.removes_loose_ends else SPECK * spacing
+    # factor 1.1: beside a bridge, round corners are polygons, so an opening is narrower than with exact arcs
     return opening, min(1.1 * thickness, 0.2 * spacing)
 
 
 REQUESTED_SHARE = 0.95
-"""Largest default of the least width of members, divided by the smallest width that the preset requests."""
+"""The default least width of members is at most this fraction of the smallest width that the preset requests."""
 
 
 class WorkshopWidths(NamedTuple):
@@ -319,7 +322,7 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
         areas = surface.area, sheet.surface.area
         uncut_weight, sheet_weight = (force(preset.statics.area_weight * area) for area in areas)
         message = f"the cut sheet weighs {sheet_weight}; all results include this weight"
-        if not preset.pattern.rounds:
+        if not preset.pattern.rounds:  # with `rounds`, directions follow the weight of the cut sheet
             message += f"; the directions follow the weight of the uncut sheet, {uncut_weight}"
         log.note("slicing", message)
     if any(part.bare.any() for part in parts):

@@ -158,7 +158,8 @@ def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
 
 COUNTED = 2  # Sample points along each side of a face, for approximate shares.
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
-"""Factors on the widths of members, in the order of trial."""
+"""Factors on the approximate widths of members, in the order of trial. The scaled widths decide which openings between
+members are closed as too narrow. Smaller factors close fewer openings."""
 SHARE_SNAP = 0.05  # Default of slicing.snap, for cuts that only measure the share of the surface with material.
 
 
@@ -188,7 +189,7 @@ class _MeasuredShares:
     trial: TrialCut | None = None
 
     def __call__(self, layers: Sequence[Layer]) -> float:
-        self.forget()
+        self.forget()  # frees memory for the next cut
         surface = self.given.surface
         fields, levels = zip(*((layer.field, layer.levels) for layer in layers), strict=True)
         self.polygons = tidied_polygons(surface, fields, levels, SHARE_SNAP, tidy_of(self.preset, self.given, layers))

@@ -96,7 +96,7 @@ def _timed_factor(factor_of: FactorFunction, log: Log) -> FactorFunction:
 
 
 MOST_VERTICES = 200_000
-"""Largest number of vertices for results by accurate elements."""
+"""Largest number of vertices for results by accurate elements, which need more memory than `hinge` elements."""
 
 
 def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log, rough: bool = False) -> list[Answers]:
@@ -267,8 +267,8 @@ def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) ->
 
 
 POSSIBLE_SLENDERNESS = (3.0, 1e5)
-"""Allowed range of the surface's size / thickness."""
-USUAL_SLENDERNESS = (10.0, 5e3)  # Usual range of the surface's size / thickness.
+"""Range of the surface's size divided by the thickness. Other values raise an error: a unit must be wrong."""
+USUAL_SLENDERNESS = (10.0, 5e3)  # Usual range of the surface's size / thickness. Other values give a note to the user.
 
 
 def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
@@ -277,7 +277,7 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
     slenderness = surface.size / thickness
     message = f"the surface is {length(surface.size)} large and the sheet {length(thickness)} thick"
     if not POSSIBLE_SLENDERNESS[0] < slenderness < POSSIBLE_SLENDERNESS[1]:
-        is_python_mesh = isinstance(preset.surface, MeshSurface)
+        is_python_mesh = isinstance(preset.surface, MeshSurface)  # a mesh from Python has no key surface.unit
         python_unit, file_unit = 'the unit (dsfab.Surface.of(mesh, "mm") for millimetres)', "surface.unit (mm, m, ...)"
         unit = python_unit if is_python_mesh else file_unit
         raise SurfaceError(f"{message}, which is impossible; check {unit} and statics.thickness (metres)")
@@ -320,7 +320,7 @@ def rough_statics(preset: Preset, surface: Surface, solved: SolvedSheet) -> Stat
         return None
     answers = answers_step(preset, surface, solved, Log(None), rough=True)
     if sheet.stress == "auto" and bending_share(preset, surface, solved.acting, answers) >= BENDING_SHARE / 2:
-        return None
+        return None  # the limit BENDING_SHARE is halved, because `bending_share` is only approximate here
     return _statics_result(preset, surface, solved, answers, FollowedStress(solved.sigma), Log(None))
 
 

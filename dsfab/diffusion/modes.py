@@ -17,7 +17,7 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 
 CLEAR_MOMENT = 1e-2
-"""Relative size below which a moment counts as zero."""
+"""Relative size below which a moment, or the difference of two moments of inertia, counts as zero."""
 
 
 @one_blas_thread()
@@ -74,7 +74,7 @@ def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
 REPEATED = 1e-6  # Eigenvalues count as repeated if their relative difference is smaller.
 VISIBLE = 1e-2  # A reference field is used only if more than this fraction of it lies in the eigenspace.
 SPARE = 2
-"""Number of additional eigenpairs to compute."""
+"""Number of additional eigenpairs, so that usually all copies of a repeated last eigenvalue are computed."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,9 +30,9 @@ from dsfab.surface import (
 
 IMAGE_OFF_SURFACE = 0.25  # Largest distance of a mirrored or rotated vertex from the surface, in mean edges.
 OFF_SUPPORT = 1.0
-"""Largest distance, in mean edges, of the image of a supported vertex from the nearest supported vertex."""
+"""Largest distance, in mean edges, of a mirrored or rotated supported vertex from the nearest supported vertex."""
 OFF_LOAD = (0.3, 0.02)
-"""Largest change of smoothed forces and of resultants, divided by the total load."""
+"""Largest change of smoothed forces, and of resultants, by a mirror or rotation, as a fraction of the total load."""
 SAMPLE_POINTS = 100  # Approximate number of points in quick checks, which come before the check of all points.
 
 
@@ -233,9 +233,9 @@ def _smoothed_forces(surface: Surface, force: Floats, rounds: int = 6) -> Floats
 
 
 TURNS = (12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2)
-"""Rotations that the search tries: 1 / n of a full rotation for each n."""
+"""Rotations about an axis that the search tries: 1 / n of a full rotation for each n."""
 ROUND = (7, 5)
-"""A surface counts as round if rotations by 1 / 7 and 1 / 5 of a full rotation map it onto itself."""
+"""A surface counts as round if it is symmetric under rotations by 1 / 7 and by 1 / 5 of a full rotation."""
 LENIENT = 1.5  # Quick checks multiply all tolerances by this factor.
 
 

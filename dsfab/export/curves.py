@@ -21,7 +21,7 @@ AT_ONCE = 5_000  # number of samples in one batch of lines, for the processor's 
 
 THIRDS = np.arange(4) / 3
 POWERS = np.linalg.inv(THIRDS[:, None] ** np.arange(4))
-"""Matrix from a cubic's values at thirds of a span to its coefficients."""
+"""Matrix from a cubic's values at thirds of a span to its coefficients of 1, x, x^2 and x^3, with x from 0 to 1."""
 Refined = tuple[Floats, Floats, int, float]  # knots, poles, degree, and the largest distance from the polyline
 
 
@@ -188,9 +188,9 @@ class SplineSystem:
 
 
 SHARP = np.deg2rad(35.0)
-"""Smallest bend (radians) at a corner of an outline."""
+"""Smallest bend (radians) at a corner of an outline. Between chords of a fillet, bends are at most 34 degrees."""
 SPANS = 4
-"""Largest number of spans of an edge of a plane face."""
+"""Largest number of spans of an edge of a plane face. With more, CAD programs integrate volumes with too few points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,7 +300,8 @@ def _split(curve: Curve, parameter: float) -> list[Curve]:
 
 CLOSEST = 1e-3  # smallest tolerance (mm) of curves
 SAMPLES_PER_POINT, FEWEST_SAMPLES = 32, 400
-"""Largest number of samples of a curve: SAMPLES_PER_POINT times the polyline's points, or FEWEST_SAMPLES if larger."""
+"""Largest number of samples of a curve: SAMPLES_PER_POINT times the polyline's points, or FEWEST_SAMPLES if larger.
+With more samples, the curve could have more poles than the polyline has points."""
 REMEMBERED = 4096  # number of lines whose curves stay in the cache
 
 

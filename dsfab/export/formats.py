@@ -33,7 +33,7 @@ MISSING: dict[MemberContent, str] = {
     "utilisation": "no members to check; only a design has members",
     "frame": "no beam model; only a design has a beam model",
 }
-"""Error text for a part without the content of a format."""
+"""Error text for a part that lacks the content of a format."""
 
 
 @dataclass(frozen=True)

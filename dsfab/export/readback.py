@@ -12,7 +12,7 @@ from dsfab.core.limits import READ_BACK
 from dsfab.export.part import MemberShape, Part, in_single_precision, open_edges
 from dsfab.surface import bounding_box, polyline_length, signed_volume, total_area
 
-NUMBERS_READ_BACK = 1e-9  # largest relative error of numbers read back
+NUMBERS_READ_BACK = 1e-9  # largest error of numbers read back, as a fraction of the largest number
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,7 @@ class ReadBack:
 
 
 _ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
+"""Odd factors, one per coordinate, for a hash: invertible modulo 2^64, so different bits give different products."""
 
 
 def read_with_igl(path: Path) -> tuple[Floats, Ints]:
@@ -56,7 +57,7 @@ def read_with_trimesh(path: Path) -> tuple[Floats, Ints]:
 
     try:
         mesh = trimesh.load_mesh(path, process=False)
-    except (ValueError, LookupError, TypeError) as error:
+    except (ValueError, LookupError, TypeError) as error:  # for example, the file ends too early
         raise ExportError(f"{path.name} cannot be read: {error}; free some space or write another format") from None
     return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
 
@@ -120,7 +121,7 @@ def merged_mesh(V: Floats, F: Ints) -> tuple[Floats, Ints]:
 
 def distinct_rows(rows: Floats) -> tuple[Floats, Ints]:
     """Return the different rows of an array (k, 3), and the number (k,) of each row."""
-    rows = rows + 0.0  # turns -0 into 0
+    rows = rows + 0.0  # the sum turns -0 into 0
     bits = np.ascontiguousarray(rows).view(np.uint64)
     mixed = (bits ^ (bits >> np.uint64(29))) * _ODD
     _, first_row, number = np.unique(mixed[:, 0] ^ mixed[:, 1] ^ mixed[:, 2], return_index=True, return_inverse=True)
@@ -131,7 +132,7 @@ def distinct_rows(rows: Floats) -> tuple[Floats, Ints]:
 
 
 COLOURS = {"major": (31, 78, 156), "minor": (179, 38, 30), "keep": (46, 125, 50), "rim": (0, 121, 134)}
-"""Colours of layers as (red, green, blue), 0 to 255."""
+"""Colours of layers: red, green and blue, from 0 to 255."""
 GREY = (120, 120, 120)
 
 

@@ -13,7 +13,7 @@ from types import TracebackType
 
 try:
     import resource
-except ImportError:  # Windows
+except ImportError:  # on Windows, a program is limited only by elapsed time, not by processor time
     resource = None  # type: ignore[assignment]
 
 
@@ -85,13 +85,13 @@ class PreparedProgram:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self.process.kill()
-        with self.process:
+        with self.process:  # the context closes the pipes
             pass
 
     def send(self, *arguments: str) -> None:
         """Send the arguments to the program."""
         if self.process.stdin:
-            with suppress(BrokenPipeError):
+            with suppress(BrokenPipeError):  # `process` has ended; its error output contains the reason
                 self.process.stdin.write(json.dumps(arguments) + "\n")
                 self.process.stdin.flush()
 
@@ -110,7 +110,7 @@ class PreparedProgram:
                     wait([pending], 0.02)
                 if is_ready():
                     work()
-            except BaseException:
+            except BaseException:  # without `kill`, the pool would wait until the program ends
                 self.process.kill()
                 raise
             return _last(pending.result())
@@ -131,15 +131,15 @@ def _limit_time(run: "subprocess.Popen[str]", seconds: float) -> float:
     if not hasattr(resource, "prlimit"):
         return seconds
     soft_limit = max(1, round(seconds))
-    with suppress(OSError):
-        resource.prlimit(run.pid, resource.RLIMIT_CORE, (0, 0))
+    with suppress(OSError):  # the program has ended, or the system forbids the limit
+        resource.prlimit(run.pid, resource.RLIMIT_CORE, (0, 0))  # otherwise the signal writes a core dump
         _, system_limit = resource.prlimit(run.pid, resource.RLIMIT_CPU)
-        grace = 5  # seconds between the two signals that end the program
+        grace = 5  # seconds from the first signal, which a program can handle, to the signal that ends the program
         hard_limit = soft_limit + grace
         if system_limit != resource.RLIM_INFINITY:
             hard_limit = min(hard_limit, system_limit)
         resource.prlimit(run.pid, resource.RLIMIT_CPU, (min(soft_limit, hard_limit), hard_limit))
-    return 10.0 * seconds
+    return 10.0 * seconds  # a busy machine needs more time on the clock
 
 
 def _answer(run: "subprocess.Popen[str]", seconds: float) -> str:

@@ -15,11 +15,11 @@ from dsfab.results import PatternResult
 from dsfab.slicing import Overlay, Sheet, stripe_overlay
 from dsfab.surface import Surface
 
-TIE = 1e-3  # Largest difference of positions that count as equal, divided by the size of the structure.
+TIE = 1e-3  # Positions along the structure count as equal up to this difference, as a fraction of its size.
 ROUND, HOLLOW = 0.5, 0.4
-"""Members form a ring if two ratios of the centroids are larger.
-ROUND  : spread in the second direction / spread in the first.
-HOLLOW : smallest / largest distance of a centroid from the centre."""
+"""Members form a ring if two ratios of their centroids exceed these values.
+ROUND  : spread in the second principal direction, divided by the spread in the first.
+HOLLOW : smallest distance of a centroid from the centre, divided by the largest."""
 
 
 def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
@@ -60,7 +60,7 @@ def _steps(values: Floats, gap: float) -> Ints:
 
 
 KINDS = ("rim", "band", "ring", "disc", "plate", "fill")
-"""Kinds of members besides strips, in order."""
+"""Kinds of members besides strips, in the order of the list of members."""
 
 
 def named_components(surface: Surface, pieces: Sequence[Component]) -> list[tuple[str, int, Component]]:

@@ -15,7 +15,7 @@ from dsfab.slicing import Overlay
 from dsfab.surface import Surface, chains
 
 TURN = np.radians(60)
-"""Largest bend of a member within the surface, radians, measured over `WINDOW` widths."""
+"""Largest bend of a member within the surface, measured over `WINDOW` widths. A line with a larger bend is divided."""
 WINDOW, STEPS = 1.5, 4  # Bends are measured over 1.5 times the width of the line, in 4 steps.
 SPECK = 1.0  # A middle line that is shorter than the stripe's width is left out, unless it is the stripe's longest.
 

@@ -14,9 +14,9 @@ from dsfab.slicing import DrawnBand, Overlay, Sheet, divided_field_values, strip
 from dsfab.surface import CornerField, DividedField, Surface, link_components
 
 Kind = Literal["strip", "stub", "rim", "band", "ring", "disc", "plate", "fill"]
-"""Kinds of members. Material around supports has the kind "keep" at first."""
-FAMILIES = {"major": "A", "minor": "B"}  # First letter of the names of members, by family.
-NOWHERE = 10.0  # `DrawnBand.centre` of material without a middle line.
+"""Kinds of members, see `dsfab.members.graph.Member`. Material around supports has the kind "keep" at first."""
+FAMILIES = {"major": "A", "minor": "B"}  # First letter of the names of members, for each family of stripes.
+NOWHERE = 10.0  # `DrawnBand.centre` of material without a middle line; all other values are smaller.
 
 
 class NamedBand(NamedTuple):
@@ -49,7 +49,7 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
     if field.ndim == 2:
         return DrawnBand(name, sheet.carry(field), levels)
     which, d = list(FAMILIES).index(name), pattern.half_widths[k]
-    if (d >= 0.5).all():
+    if (d >= 0.5).all():  # stripes that touch form no members
         return DrawnBand(name, np.tile([1.0, -1.0], (sheet.surface.n, 1)), np.zeros(1), NOWHERE)
     z = pattern.frequency[which] * field + pattern.phase[which]
     whole_numbers = np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
@@ -59,7 +59,7 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
     """Return kind and stripes of kept material: "reach" (within a distance), "plate" (region) or "band" (outline)."""
     zero = np.zeros(1)
-    if x.ndim == 2:  # column 0 is positive inside the outline
+    if x.ndim == 2:  # a band; column 0 is positive inside its outline, column 1 is distance from outline minus width
         width = -float(x[:, 1].min())
         inward = np.where(x[:, 0] >= 0, -x[:, 1], x[:, 1] + 2 * width)
         return "band", DrawnBand(name, np.stack([inward, inward - width], axis=1), zero, hides=True)
@@ -69,9 +69,9 @@ def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
     return "reach", DrawnBand(name, np.stack([x + reach, x - reach], axis=1), zero, -reach / 2, hides=True)
 
 
-DISC = 0.4  # Smallest area of a disc / area of a circle with the same perimeter.
+DISC = 0.4  # Kept material is a disc if its area is over DISC x the area of a circle with the same perimeter.
 HIDDEN, COVERED = 0.05, 0.3
-"""Members with at most this visible fraction of area are dropped: strips (HIDDEN), other kinds (COVERED)."""
+"""Members with at most this visible fraction of their area are dropped: HIDDEN for strips, COVERED for other kinds."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -280,7 +280,7 @@ def stations_of_nodes(members: Sequence[Member], nodes: Sequence[Node]) -> dict[
     return stations
 
 
-ENDS = 1.0  # Longest piece of a member beyond its end node, in widths.
+ENDS = 1.0  # Longest piece of a member beyond its end node, in widths of the crossing member.
 
 
 @dataclass(frozen=True, eq=False)

@@ -80,7 +80,7 @@ def _sizes(overlay: Overlay, patch: Ints, count: int) -> tuple[Floats, Floats]:
 
 FOLLOWS, INTO = 3.0, 1.5
 """A line follows kept material, such as a rim, if its length inside exceeds FOLLOWS widths of the material.
-The line then ends INTO widths inside the material."""
+The line then ends INTO widths after it enters the material, so that it still meets the material's middle line."""
 
 
 def without_followers(overlay: Overlay, components: list[Component]) -> list[Component]:

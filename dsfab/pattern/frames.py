@@ -14,7 +14,8 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 FEW = 16
-"""Largest number of vertices on turned edges for `_corrected_solver`."""
+"""Largest number of vertices on turned edges (see `TwistedFactors.factor`) for which `_corrected_solver` is used.
+`_corrected_solver` needs one solve for each of these vertices. For more vertices, `_real_factor` is faster."""
 
 Solve = Callable[[Complexes], Complexes]
 

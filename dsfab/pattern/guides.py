@@ -112,7 +112,7 @@ def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> C
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)
     square, nearest = np.zeros(surface.n, dtype=np.complex128), np.inf
-    chunk = max(1_000_000 // len(step), 1)
+    chunk = max(1_000_000 // len(step), 1)  # to limit the memory
     for start_row in range(0, surface.n, chunk):
         rows = np.arange(start_row, min(start_row + chunk, surface.n))
         distances = distances_from_segments(surface.V[rows, None], start, start + step)
@@ -134,7 +134,7 @@ def _tangent(frames: Frames, direction: Floats, rows: Any = slice(None)) -> Comp
     return np.asarray(frames.t1[rows] @ direction + 1j * (frames.t2[rows] @ direction))
 
 
-ON_EDGE = 1e-9  # Largest barycentric coordinate of a point on the opposite edge.
+ON_EDGE = 1e-9  # A point is on an edge if its barycentric coordinate for the opposite corner is below this.
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,9 +14,10 @@ from dsfab.surface.topology import link_components
 
 EVEN = 0.01  # Largest error of a region's outline, divided by the region's `reach` (see `curve_fields`).
 SNAP = 0.05
-"""Usual `slicing.snap`: a cut nearer to a vertex than this fraction of an edge goes through the vertex."""
+"""Usual `slicing.snap`: a cut nearer to a vertex than this fraction of an edge goes through the vertex.
+If that would move a region's outline by over 2 x `EVEN` x `reach` (see `SHORT`), edges at the vertex are halved."""
 SHORT = 1 / 16
-"""Length of the smallest edge that is halved, divided by the region's `reach`."""
+"""Smallest edge that is halved, divided by `reach`. A region ends at the distance `reach` from its origins."""
 FINEST = 1 / 16  # Edges shorter than this fraction of the longest side of their uncut face are not halved.
 NEAR = 0.3  # Largest move of an outline onto a vertex, as a fraction of a mesh edge; also at most `EVEN` x `reach`.
 ASIDE = 0.1  # An edge is divided at an outline nearer to its middle than this fraction of the edge, else at its middle.

@@ -129,12 +129,14 @@ def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], width
 
 
 CLOSING_WIDTHS = (1.45, 1.55)
-"""Two limits of half widths, divided by the crowded half width: max(`SLIT`, `CROWDING` x median half width).
-Up to the first limit, members become thinner. From the second limit on, members merge."""
+"""Two limits of half widths, as multiples of the crowded half width: max(`SLIT`, `CROWDING` x median half width).
+Up to the first limit, members become thinner, so that openings stay. From the second limit on, members merge.
+Openings that become material as a whole (see `Layer.closed`) use `WHOLE` instead."""
 FOLLOWING_WIDTHS = (1.15, 1.25)
-"""Limits in place of `CLOSING_WIDTHS` if widths follow stress."""
+"""Limits in place of `CLOSING_WIDTHS` if widths follow stress. They are lower, because large stress needs material."""
 WHOLE = 1.3
-"""An opening is filled if the mean half width in it is over WHOLE x the crowded half width."""
+"""An opening is filled if the mean half width in it is over WHOLE x the crowded half width (see `CLOSING_WIDTHS`).
+If widths follow the stress, the factor is the mean of the two `FOLLOWING_WIDTHS` instead of `WHOLE`."""
 WIDTH_RULES = {
     "solid": SOLID,
     "open": SLIT,
@@ -142,7 +144,7 @@ WIDTH_RULES = {
     "closing": CLOSING_WIDTHS,
     "following": FOLLOWING_WIDTHS,
 }
-"""Limits of stripe widths for the editor's page."""
+"""Limits of stripe widths for the editor's page, which shows widths as the user moves a slider."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,7 +250,7 @@ def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -
         below = [np.searchsorted(layer.levels, x) for x in _point_values(surface, layer.field, points)]
         if isinstance(layer.field, CornerField):
             is_material |= (below[0] > below[1]) & _is_drawn(layer.field)[:, None]
-            if layer.closed is not None:
+            if layer.closed is not None:  # an estimate at points, because the cut fills or keeps whole openings
                 is_material |= (layer.closed[surface.F] @ points.T > 0) & ~layer.field.blank[:, None]
             continue
         is_material |= below[0] % 2 == 1 if len(below) == 1 else below[0] > below[1]
@@ -279,7 +281,7 @@ def counted_share(surface: Surface, kept_layers: Sequence[Layer], side: int = 3)
     kept_points = material_points(surface, kept_layers, points)
 
     def share(layers: Sequence[Layer]) -> float:
-        with one_blas_thread():
+        with one_blas_thread():  # for narrow matrices, two threads take sixty times as long
             stripes = material_points(surface, layers[len(kept_layers) :], points)
         return float((kept_points | stripes).mean(axis=1) @ surface.areas / surface.area)
 

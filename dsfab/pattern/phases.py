@@ -16,11 +16,11 @@ from dsfab.surface.fields import CornerField, hat_gradients
 from dsfab.surface.mesh import Surface
 
 SHIFT = 1e-3
-"""Shift of the inverse iteration, times the squared spacing of stripes."""
+"""Shift of the inverse iteration, times the squared spacing of stripes. It makes the matrix positive definite."""
 FLOW = 0.25  # 1 / duration of a step of diffusion, in units of (2 pi / spacing)^2.
 LOCKED_PHASE = 0.05
-"""Error (periods) below which a locked vertex gets exactly its target phase."""
-LOCK = 3.0  # Weight of the target phases in `Flow.solve`.
+"""Error (periods) below which a locked vertex gets exactly its target phase. Members at boundaries stay straight."""
+LOCK = 3.0  # Weight of the target phases in `Flow.solve`, per area of the surface and divided by (2 pi / spacing)^2.
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +105,7 @@ def _complex_numbers(x: Floats) -> Complexes:
     return np.ascontiguousarray(x).view(np.complex128)
 
 
-@one_blas_thread()
+@one_blas_thread()  # two threads took three times as long for products of vectors
 def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: int, products: int) -> Floats:
     """Apply a linear function B `power` times to x (N,); return the scaled result, sum(mass x^2) = 1.
     products : largest number of calls of B, by Arnoldi's method [Saad 1992]."""
@@ -113,7 +113,7 @@ def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: 
     H = np.zeros((products, products - 1))
     for k in range(products - 1):
         rest = B(basis[k])
-        for _ in range(2):
+        for _ in range(2):  # the second pass removes rounding errors
             for j, q in enumerate(basis):
                 share = q @ (mass * rest)
                 H[j, k] += share
@@ -197,8 +197,8 @@ def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
     miss = sign * phase[j] - phase[i] - flow.turn
     step = flow.turn + miss - np.rint(miss)
     edge, F = surface.edges.of, surface.F
-    forward = i[edge] == F
-    growth = np.where(forward, step[edge], -sign[edge] * step[edge])
+    forward = i[edge] == F  # half-edges that run in their edge's direction
+    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # along half-edges; positive along g at the start
     edge_sign = sign[edge]
     s1 = edge_sign[:, 0]
     s2 = s1 * edge_sign[:, 1]
@@ -218,7 +218,7 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
     f, g = h0 // 3, h1 // 3
     sign, shift = phase.sign.ravel(), phase.shift.ravel()
     starts_at_h0 = surface.F.ravel()[h0] != surface.F.ravel()[h1]
-    corner_g = np.where(starts_at_h0, h1 - h1 % 3 + (h1 + 1) % 3, h1)  # corner of face g
+    corner_g = np.where(starts_at_h0, h1 - h1 % 3 + (h1 + 1) % 3, h1)  # corner of face g where half-edge h0 starts
     s = sign[h0] * sign[corner_g]  # z_f = s z_g + q
     q = shift[h0] - s * shift[corner_g]
     is_regular = ~(phase.singular[f] | phase.singular[g])

@@ -11,10 +11,10 @@ from dsfab.surface.mesh import Surface
 
 SMOOTH = 0.02  # Weight of |grad u|^2, for u = log(density). This term determines u where directions are unclear.
 EVEN = 0.3
-"""Weight of u^2 for u = log(density of stripes), divided by the area."""
+"""Weight of u^2 for u = log(density of stripes), divided by the surface's area: it keeps the density near its mean."""
 RANGE = (-2.0, 1.5)  # Bounds of u = log(density of stripes) if no lines are removed (see `Halving`).
 COARSE_RANGE = (-1.0, 3.0)
-"""Bounds of u, the logarithm of the relative density, if lines may be removed."""
+"""Bounds of u, the logarithm of the relative density of stripes, if lines may be removed (see `Halving`)."""
 MOST_HALVINGS = 3
 
 

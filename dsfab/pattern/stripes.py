@@ -9,7 +9,7 @@ from dsfab.core.errors import PatternError
 from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
-GLSL = "float wave(float t) { return 4.0 * abs(fract(t) - 0.5) - 1.0; }"  # `wave` for shaders
+GLSL = "float wave(float t) { return 4.0 * abs(fract(t) - 0.5) - 1.0; }"  # The function `wave` for shaders.
 
 
 def wave(t: Floats) -> Floats:
@@ -49,7 +49,7 @@ class Stripes:
 
     def with_width_factor(self, factor: float) -> "Stripes":
         """Return stripes whose half width is `factor` times as large, up to 0.5."""
-        if factor == 1:  # avoids rounding errors
+        if factor == 1:  # return the same numbers, without rounding errors
             return self
         return replace(self, threshold=1 - 4 * min(factor * self.half_width, 0.5))
 
@@ -77,7 +77,7 @@ class Stripes:
         d = self.half_width
         if d == 0:
             return np.empty(0)
-        if d >= 0.5:
+        if d >= 0.5:  # all is material: one level lies below all values
             return np.array([x.min() - 1.0 / self.frequency])
         k = self.middles(x)
         return (np.stack([k - d, k + d], axis=1).ravel() - self.phase) / self.frequency
@@ -87,7 +87,7 @@ def frequency_for(surface: Surface, x: Floats, spacing: float) -> float:
     """Return the frequency at which stripes on a mode x (n,) have the mean distance `spacing` (metres).
     The formula is the co-area formula [Federer 1959]. Raises PatternError for a constant mode."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), x[surface.F])
-    lines = float(surface.areas @ np.linalg.norm(gradient, axis=1))
+    lines = float(surface.areas @ np.linalg.norm(gradient, axis=1))  # length (m) of all centre lines at frequency 1
     if not lines * spacing > 0:
         raise PatternError("spacing must be a positive length in metres, and the eigenmode must not be constant")
     return surface.area / (spacing * lines)

@@ -15,9 +15,9 @@ from dsfab.surface import Surface, geodesic_distances
 from dsfab.surface.fields import hat_gradients
 
 REACH = 1.5
-"""Largest distance of rings and rays from a loop, divided by the stripes' spacing."""
+"""Distance from a small supported loop within which stripes form rings and rays, divided by the stripes' spacing."""
 PULL = 100.0
-"""Weight of ring and ray directions."""
+"""Weight of ring and ray directions at a small supported loop, above that of the stress; 0 at the distance `REACH`."""
 
 
 def small_loops(surface: Surface, supported: Bools, spacing: float) -> list[Ints]:

@@ -11,7 +11,7 @@ from dsfab.core.arrays import Bools, Complexes, Floats, Ints
 from dsfab.pattern.frames import Frames, dots
 
 Projection = Callable[[Complexes], Complexes]
-"""Function from complex numbers (n,) at the vertices to the nearest symmetric field."""
+"""A function from complex numbers (n,) at the vertices to the nearest field with the symmetry of the surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Images:
         if len(self.maps) == 1:
             return along
         n = len(along)
-        products = (along[:, :, None] * along[:, None, :]).reshape(n, 9)  # equal for v and -v
+        products = (along[:, :, None] * along[:, None, :]).reshape(n, 9)  # matrices v v^T, equal for v and -v
         total = np.zeros((n, 3, 3))
         for R, T in zip(self.R, self.maps, strict=True):
             total += R.T @ (T @ products).reshape(n, 3, 3) @ R
@@ -73,7 +73,7 @@ class Images:
         turned = dots(growth_there, growth_here) < 0
         sign = np.where(turned, -1.0, 1.0)
         step = (T @ V)[row] - V[column]
-        turn = np.pi * dots(growth_here + sign[:, None] * growth_there, step)
+        turn = np.pi * dots(growth_here + sign[:, None] * growth_there, step)  # growth of the phase along `step`
         value = T.data * np.exp(1j * turn)
         direct, conjugate = (
             csr_array((value * selected, column, T.indptr), shape=T.shape) for selected in (~turned, turned)

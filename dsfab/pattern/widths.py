@@ -18,7 +18,7 @@ Rule = Literal["plain", "constant", "graded", "stressed"]
 SOLID = 0.5  # Half width, in periods, at which neighbouring stripes touch.
 ROUNDS = (2, 60)  # Smallest and largest number of rounds of averaging in `spread_means`.
 JUMP = 5e-3
-"""Largest accepted error of the share of material at a jump."""
+"""Largest accepted error of the share of material if the share jumps because loose ends appear or vanish."""
 
 
 class ShareJumpError(PatternError):

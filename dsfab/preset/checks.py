@@ -48,7 +48,7 @@ def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> str:
         hint = did_you_mean(str(detail["input"]), allowed)
         if allowed == ["auto"]:
             hint = f" or a number{hint}"
-    if kind == "string_pattern_mismatch" and ".-]" in detail["ctx"]["pattern"]:
+    if kind == "string_pattern_mismatch" and ".-]" in detail["ctx"]["pattern"]:  # the value must be a name
         letters = "letters a to z, digits" if "A-Z" in detail["ctx"]["pattern"] else "letters, digits, spaces"
         return f"{key} = {_short_repr(detail['input'])}: use {letters} and the marks _ . - after a letter or digit"
     text = detail["msg"].removeprefix("Input ").replace("a valid tuple", "a list")
@@ -98,7 +98,7 @@ def _known_beside(loc: tuple[int | str, ...], model: Any) -> list[str]:
             model = field.annotation
     if dataclasses.is_dataclass(model):
         return [field.name for field in dataclasses.fields(model)]
-    return list(getattr(model, "model_fields", ()))
+    return list(getattr(model, "model_fields", ()))  # a table whose kind is unknown has no keys
 
 
 def _by_stated_tag(union: Any) -> dict[str, Any]:
@@ -185,7 +185,7 @@ def _no_such(what: str, name: str, existing: Iterable[str]) -> str:
 
 
 SOFTEST, LIGHTEST, WEAKEST = 1e6, 10.0, 1e3
-"""Smallest accepted modulus (Pa), density (kg/m3) and strength (Pa)."""
+"""Smallest accepted modulus (Pa), density (kg/m3) and strength (Pa) of a material."""
 
 
 def with_material(values: Any) -> Any:
@@ -195,7 +195,7 @@ def with_material(values: Any) -> Any:
         return values
     try:
         return {**material_named(name).values, **values}
-    except PresetError:
+    except PresetError:  # `known_name` reports it later, with all other mistakes
         return values
 
 
@@ -221,7 +221,7 @@ def drop_material_values(values: Any, changes: Mapping[str, Any]) -> None:
                 values.pop(key, None)
 
 
-AUTO_THICKNESS = float("inf")  # The thickness for `statics.thickness = "auto"`.
+AUTO_THICKNESS = float("inf")  # Stands for `statics.thickness = "auto"`: sizing chooses the thickness.
 
 
 def thickness_or_auto(value: Any, check: Callable[[Any], float]) -> float:

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 CLIENT_LOOK = Look((1600, 1600))  # default style of preview.png
 ANALYSIS_LOOK = Look((800, 760))  # default style of each half of analysis.png
-SMALLEST_BUILDING = 2.5  # smallest size (m) beside a person, not a pencil
+SMALLEST_BUILDING = 2.5  # size (m) below which a pencil shows the scale, otherwise a person
 MAIN_SHARE, WORDS_SHARE = 0.66, 0.06  # heights of main view and caption, divided by the picture's height
 MAIN_LIGHT, PANEL_LIGHT = LightQuality(8, 24, 6), LightQuality(2, 4, 1, 320, 192, (0.012, 0.05))
 """Light of the main view, and of smaller views."""
@@ -147,7 +147,7 @@ class AnalysisPicture:
         body, annotations = Body(self.V, self.F, faces.face, casts=True), replace(loaded.annotations, layers=())
         stage = set_stage(body, loaded.side, loaded.up, loaded.half, annotations, palette, size)
         half = 0.86 * size[0] / size[1]
-        stage = replace(stage, view=fit_view(self.V, loaded.side, (-half, half, -0.6, 0.6)))
+        stage = replace(stage, view=fit_view(self.V, loaded.side, (-half, half, -0.6, 0.6)))  # space for notes
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             image = render_stage(scene, stage, palette, size, PANEL_LIGHT)
         image = with_legend(image, legend(stage, faces.words, palette, size), palette)

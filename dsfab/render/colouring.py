@@ -25,24 +25,24 @@ ShownResult = Literal[
 ]  # fmt: skip
 
 STATICS_RESULTS = ("vonmises", "utilisation", "energy", "displacement", "buckling", "frequency")
-DEFORMED = ("displacement", "buckling", "frequency")  # results drawn as a deformed shape
+DEFORMED = ("displacement", "buckling", "frequency")  # results that are drawn as a deformed shape
 MODE_FIELDS = ("major_mode", "minor_mode")  # pictures of the modes of both families
-WHOLE_SHEET = ("loads", "directions", *MODE_FIELDS, *STATICS_RESULTS)  # pictures of the uncut sheet
-COLOUR_PERCENTILE = 98.0  # percentile of the stress at the end of the colour scale
+WHOLE_SHEET = ("loads", "directions", *MODE_FIELDS, *STATICS_RESULTS)  # pictures of the uncut sheet, without stripes
+COLOUR_PERCENTILE = 98.0  # percentile of the stress at the end of the colour scale; higher peaks get the last colour
 
-# blue is compression, red is tension
+# blue is compression, red is tension; colour-blind people can distinguish blue and red
 _DIVERGING = np.array(
     [(33, 80, 140), (84, 140, 190), (166, 200, 222), (240, 236, 228), (238, 190, 160), (210, 110, 80), (150, 38, 40)],
     dtype=np.float64,
 )
 
-# teal is negative and ochre is positive
+# teal is negative and ochre is positive, for values other than stress
 _SIGNED = np.array(
     [(0, 84, 82), (53, 151, 143), (160, 209, 200), (244, 241, 234), (223, 194, 125), (184, 122, 44), (112, 62, 8)],
     dtype=np.float64,
 )
 
-# dark is large
+# larger values are darker, so that a grey print is readable
 _RISING = np.array(
     [(240, 236, 228), (246, 208, 148), (232, 148, 84), (196, 80, 56), (128, 28, 52), (64, 10, 44)], dtype=np.float64
 )
@@ -196,8 +196,8 @@ def with_bar(image: "Image", bar: ColourBar, palette: Palette) -> "Image":
     return image
 
 
-EXAGGERATION = 0.08  # largest drawn displacement / size of the surface
-YIELD_COLOUR = (96, 40, 150)  # faces above the strength
+EXAGGERATION = 0.08  # largest drawn displacement of a vertex, divided by the size of the surface
+YIELD_COLOUR = (96, 40, 150)  # violet, for faces whose stress exceeds the strength
 
 
 def preset_with_mode(preset: "Preset", show: str) -> "Preset":
@@ -274,7 +274,7 @@ def _shape_colouring(design: "Design", show: str) -> Colouring:
     answers = design.statics.answers
     if show == "buckling" and answers.buckling is not None and len(answers.buckling.factor):
         shape = answers.buckling.shapes[0]
-        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape
+        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # it moves along the load
         words = f"buckles at {answers.buckling.factor[0]:.3g} x the load"
     elif show == "frequency" and answers.vibration is not None:
         shape, words = answers.vibration.shapes[0], f"swings at {answers.vibration.hertz[0]:.3g} Hz"

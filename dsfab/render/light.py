@@ -10,9 +10,9 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 from dsfab.render.scene import LAMP_AWAY, LAMP_DEPTHS, Floats32, Pixels, Scene
 from dsfab.render.view import View
 
-GRAIN = 1.2  # largest random offset in a shadow map (map pixels)
-SURFACE_LIFT = 2.5  # height of lit points above a surface (map pixels); prevents false shadows
-LARGEST_DEPTH = np.float32(0.9999)  # Largest depth of points; empty pixels have depth 1.
+GRAIN = 1.2  # largest random offset (map pixels) in a shadow map; hides its steps
+SURFACE_LIFT = 2.5  # height above a surface (map pixels) where its light is computed; prevents false shadows
+LARGEST_DEPTH = np.float32(0.9999)  # Largest depth of points in shadow maps: below 1, the depth of empty pixels.
 _DEPTH_RANGE = LAMP_DEPTHS[1] - LAMP_DEPTHS[0]
 
 
@@ -56,6 +56,7 @@ class ShadowMaps:
         queries = np.ones((6, points.shape[1]), dtype=np.float32)
         np.add(points, np.float32(SURFACE_LIFT / side) * normals, out=queries[:3])
         queries[3:5] = grain[:, : points.shape[1]]
+        # points outside all shadow maps are lit, for example distant ground
         reach = np.einsum("ik,ik->k", queries[:3], queries[:3]).max()
         leaves_maps = reach >= (1 - 2 * (GRAIN + 1) / side) ** 2
         column, row, depth = (self.placing @ queries).reshape(3, count, -1)
@@ -76,10 +77,10 @@ class ShadowMaps:
         return np.asarray(light.sum(axis=0))
 
 
-LIGHT_SHARES = (0.60, 0.44, 0.14)  # light of sun, sky and floor
-AMBIENT = 0.10  # light without lamps
-CHUNK = 1 << 15  # number of points coloured together
-TILE = 1 << 10  # number of points lit together
+LIGHT_SHARES = (0.60, 0.44, 0.14)  # light of sun, sky and floor on a surface that faces the light
+AMBIENT = 0.10  # light that every point receives in addition to the light of the lamps
+CHUNK = 1 << 15  # number of points coloured together; their arrays fit the processor's cache
+TILE = 1 << 10  # number of points lit together by twenty lamps, for the processor's cache
 
 
 @dataclass(frozen=True)
@@ -110,7 +111,7 @@ class LightQuality:
 
 FINE, QUICK = LightQuality(), LightQuality(5, 14, 3, 448, 256, (0.012, 0.05))
 """Quality of a single picture, and of each of many pictures."""
-ROUGH = LightQuality(3, 7, 2, 320, 192, (0.012, 0.05), finer=1)  # quality of a first picture
+ROUGH = LightQuality(3, 7, 2, 320, 192, (0.012, 0.05), finer=1)  # quality of a first, quick picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +205,7 @@ def pixel_and_floor_light(
     if level is None:
         points, N = _points(scene, view, pixels, hit)
         return _in_row_order(lamp_light(scene, all_lamps, points, N, paired * points.shape[1]).sum(axis=0), hit), None
-    coarse = (height // 6, width // 6)  # few pixels for soft shadows
+    coarse = (height // 6, width // 6)  # few pixels for the floor, because its shadows are soft
     spots, floor_pixels = _floor_points(scene, view, floor, level, coarse)
     points, N = _points(scene, view, pixels, hit, spare=spots.shape[1])
     count = points.shape[1] - spots.shape[1]
@@ -264,14 +265,14 @@ def _floor_points(
     fall = ray @ floor
     distance = np.divide(level - eye @ floor, fall, out=np.full(fall.shape, np.inf), where=fall < 0)
     points = eye + np.where(np.isfinite(distance), distance, 0.0)[:, :, None] * ray
-    is_near = np.isfinite(distance) & (np.linalg.norm(points, axis=2) < 4.0)  # scene units
+    is_near = np.isfinite(distance) & (np.linalg.norm(points, axis=2) < 4.0)  # scene units; the farther floor is lit
     return points[is_near].T.astype(np.float32), is_near
 
 
 def _floor_share(
     light: Floats32, floor_pixels: Bools, open_light: tuple[float, float], blurs: tuple[float, float]
 ) -> Floats32:
-    from scipy.ndimage import gaussian_filter  # slow import
+    from scipy.ndimage import gaussian_filter  # this import is slow
 
     total = sum(open_light)
     share = np.ones(floor_pixels.shape, dtype=np.float32)

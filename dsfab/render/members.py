@@ -125,6 +125,7 @@ class _MembersDrawing:
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             image = render_stage(scene, stage, palette, size, transparent=self.ground == "transparent")
             depth = scene.pixels(stage.view, FINER * size[0], FINER * size[1]).depth * stage.radius
+        # letters are smaller if there are over 90 members and over 12 names
         letter = size[1] / 62 * min(1.0, np.sqrt(90 / len(graph.members)) if len(names) > 12 else 1.0)
         plates = list(nameplates(graph, stage, depth, (size, names, palette)))
         image = with_names(image, place_names(plates, size, letter), letter, palette.paper)

@@ -11,7 +11,7 @@ from dsfab.core.errors import DsfabError
 WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"  # environment variable by which VTK chooses its kind of window
 SECONDS = 120  # time limit of the test
 
-# VTK loads its graphics libraries at the first frame
+# the test draws a red frame, because VTK loads its graphics libraries at the first frame
 PROBE = """
 from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray

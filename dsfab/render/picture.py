@@ -50,7 +50,7 @@ class Look:
     letters: float = 1.0
 
 
-DEFAULT_LOOK = Look()
+DEFAULT_LOOK = Look()  # white paper, and the default size of a picture
 
 
 def picture(
@@ -104,7 +104,7 @@ class StructurePicture:
         colours = np.array(palette.members, dtype=np.uint8) if self.colours is None else self.colours
         body = Body(self.V, self.F, colours, casts=True)
         stage = set_stage(body, self.side, self.up, self.half, self.annotations, palette, size)
-        if self.side.towards @ self.up < 0:
+        if self.side.towards @ self.up < 0:  # views from below have no ground
             stage = replace(stage, level=None)
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             image = render_stage(scene, stage, palette, size, quality, self.clear)

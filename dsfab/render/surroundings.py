@@ -14,17 +14,17 @@ from dsfab.surface import LoadCase, Surface, link_components
 
 PartKind = Literal["column", "wall", "hanger", "abutment"]
 
-HEADROOM = 2.2  # smallest height (m) of a structure above the ground
-PLINTH = 0.012  # height of the lowest columns and walls / size of the structure
-COLUMN_EXTENT = 0.08  # largest plan size of a column / size of the structure
-LOW_SHARE = 0.25  # largest height of a low support / height of the structure
-STEEP = 0.2  # least slope (sine of the angle) from a structure up to a hanger
-UPRIGHT = 3.0  # least height of an upright edge / extent of the edge in plan
-SOIL_SHARE = 0.5  # least supported area of a slab on soil / area of the slab
-CORNERS, MOST_PARTS = 20, 40  # corners of a round column; largest number of columns or rods
+HEADROOM = 2.2  # smallest height (m) of a structure above a ground at height 0
+PLINTH = 0.012  # height of the lowest columns and walls, divided by the structure's size
+COLUMN_EXTENT = 0.08  # a support becomes a column if it is smaller in plan than this share of the structure's size
+LOW_SHARE = 0.25  # a support below this share of the structure's height is never an abutment
+STEEP = 0.2  # a structure hangs only from supports to which it rises with a slope (sine of the angle) above this
+UPRIGHT = 3.0  # an edge is upright if its height / its extent in plan is larger than this
+SOIL_SHARE = 0.5  # a slab lies on soil if its supported area / its whole area is larger
+CORNERS, MOST_PARTS = 20, 40  # corners of a round column; largest number of columns or rods of a support
 ABUTMENT_DEPTH, HANGER_LENGTH = 0.04, 0.14  # divided by the structure's size
-HANGERS, COLUMNS = 0.05, 0.12  # spacings of rods and of columns, divided by the structure's size
-TALL = 4.5  # least height (m) of a long edge with columns instead of a wall
+HANGERS, COLUMNS = 0.05, 0.12  # spacings of rods, and of columns below an edge, divided by the structure's size
+TALL = 4.5  # height (m) above which a long edge has a beam and columns instead of a wall
 WIDTH, FOOTING_WIDTH, ROD = 0.01, 0.02, 0.004  # widths, divided by the structure's size
 
 
@@ -108,7 +108,7 @@ def support_part(surface: Surface, support: SupportPart, half: float, ground: fl
     """Return the mesh of a support, metres. ground : height of the ground, m.
     half : half of the structure's thickness, m."""
     size, along, among = surface.size, support.along, support.vertices
-    begin = surface.V @ along + half * np.abs(surface.vertex_normals @ along)
+    begin = surface.V @ along + half * np.abs(surface.vertex_normals @ along)  # the outer face's coordinate on `along`
     deepest, V = float(begin[among].max()), surface.V.copy()
     if support.kind == "hanger":
         return _prisms(
@@ -116,7 +116,7 @@ def support_part(surface: Surface, support: SupportPart, half: float, ground: fl
         )
     end = deepest + ABUTMENT_DEPTH * size if support.kind == "abutment" else -ground
     width = max((FOOTING_WIDTH if end - deepest < 2 * PLINTH * size else WIDTH) * size, 2 * half)
-    if support.outwards.any():
+    if support.outwards.any():  # the column or wall stands beside the structure, not below it
         V[among] += support.outwards * (half + width / 2)
         begin[among] = begin[among].min() if support.kind == "column" else begin[among]
     direction = unit_vectors(V[support.edges[:, 1]] - V[support.edges[:, 0]])

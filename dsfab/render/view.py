@@ -8,7 +8,7 @@ from dsfab.core.arrays import Floats
 from dsfab.core.errors import DsfabError
 from dsfab.surface import LoadCase, Surface
 
-VIEW_DEGREES = 24.0  # vertical view angle, degrees
+VIEW_DEGREES = 24.0  # degrees; vertical view angle, small for a weak perspective
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +76,7 @@ def best_side(V: Floats, up: Floats) -> ViewSide:
         return _face_on(_normal(V), up)
     front, right = _plan_axes(V, up)
     depth, width, height = np.ptp(V @ np.stack([front, right, up], axis=1), axis=0)
+    # the eye looks down on low structures, and almost horizontally at towers
     lift = np.radians(np.interp(height / max(width, depth), [0.0, 0.15, 0.35, 1.0, 2.0], [40.0, 32.0, 24.0, 17.0, 9.0]))
     turn = np.radians(32.0)
     level = np.cos(turn) * front + np.sin(turn) * right
@@ -83,7 +84,7 @@ def best_side(V: Floats, up: Floats) -> ViewSide:
 
 
 NAMED_ANGLES = {"top": (0.0, 90.0), "front": (0.0, 4.0), "side": (90.0, 4.0)}
-"""Azimuth and elevation (degrees) of named views."""
+"""Azimuth and elevation (degrees) of named views. Front and side are raised slightly to show the ground."""
 
 
 def named_side(V: Floats, up: Floats, name: str) -> ViewSide:
@@ -168,7 +169,7 @@ def plan_and_elevation(V: Floats, up: Floats) -> tuple[ViewSide, ViewSide]:
     return ViewSide(up, -front, up, False), ViewSide(front, up, up, False)
 
 
-FAR = 400.0  # distance of the eye in a parallel view, divided by the diagonal of the points' box
+FAR = 400.0  # distance of the eye in a parallel view, divided by the diagonal of the box around all points
 
 
 def plane_extents(points: Floats, side: ViewSide) -> Floats:

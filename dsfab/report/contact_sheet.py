@@ -18,7 +18,7 @@ from dsfab.study.variations import Values
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-GAP, MARGIN, FOOT, HEAD = 22, 48, 54, 104  # pixels
+GAP, MARGIN, FOOT, HEAD = 22, 48, 54, 104  # pixels between tiles, around the sheet, for a tile's label, for the title
 MAX_COLUMNS = 8  # Largest number of tiles in a row.
 PAGE_NAME, SHEET_NAME = "index.html", "sheet.png"
 
@@ -212,7 +212,7 @@ def write_film(tiles: Sequence[ContactTile], path: Path, name: str, fps: float, 
     frames = [_frame(shown, tile.label(), name, palette) for tile in tiles if (shown := tile.picture) is not None]
     order = [*range(len(frames)), *range(len(frames) - 2, 0, -1)]
     ends = {0, len(frames) - 1}
-    durations = [round(1000 / fps * (4 if place in ends else 1)) for place in order]
+    durations = [round(1000 / fps * (4 if place in ends else 1)) for place in order]  # the film pauses at both ends
     if path.suffix == ".gif":
         frames = _with_shared_palette(frames)
     first_frame, *rest = [frames[place] for place in order]

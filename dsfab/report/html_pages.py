@@ -21,7 +21,7 @@ COLOURS: Mapping[str, tuple[int, int, int]] = {
     "bad": (168, 50, 26),
     "open": (138, 90, 0),
 }
-"""Red, green and blue (0 to 255) by CSS variable."""
+"""Red, green and blue from 0 to 255 by the names of CSS variables, for pages and PDFs."""
 
 _STYLE = """
 * { box-sizing: border-box; }
@@ -341,4 +341,5 @@ footer { border-top: 1px solid var(--hair); margin-top: 8mm; padding-top: 2mm; c
   .across { grid-template-columns: 1fr; } th, td { padding: .9mm 1mm; }
   caption { max-width: calc(100vw - 2.4rem); } }
 """
-"""CSS of a document. RUNNING, FOOTER and QUIET stand for two texts and a colour."""
+"""CSS of a document: an A4 sheet on screen and on paper. RUNNING and FOOTER stand for texts at the edges of printed
+pages. QUIET stands for a colour, because CSS variables do not work at the edges of a page."""

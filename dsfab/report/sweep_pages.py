@@ -41,12 +41,12 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 MEMBERS = np.array(PAPER.members, dtype=np.uint8)
-_stages = threading.local()  # last surface, `SheetDrawer` and stage of each thread
+_stages = threading.local()  # Each thread keeps its last surface, `SheetDrawer`, and stage.
 
 
 def require_view(name: str) -> None:
     """Raise DsfabError if no view has this name."""
-    if name != "iso":
+    if name != "iso":  # the view iso depends on the surface
         named_side(np.eye(3), np.array([0.0, 0.0, 1.0]), name)
 
 
@@ -75,7 +75,7 @@ class SheetDrawer:
             half = design.preset.statics.thickness / 2
             stage = set_stage(uncut_body, side, up, half, Annotations(surface, load, layers=()), PAPER, self.size)
             stage = replace(stage, view=page_view([uncut_body], side, self.size, words=False))
-            if side.towards @ up < 0:
+            if side.towards @ up < 0:  # seen from below, the ground is transparent
                 stage = replace(stage, level=None)
             # while a surface is stored, no other surface gets its id
             _stages.of, _stages.surface, _stages.stage = (id(design.surface), self), surface, stage
@@ -84,7 +84,7 @@ class SheetDrawer:
 
 
 USUAL = (("compliance", "compliance_quick", "displacement"), ("mass", "sheet_mass", "kept_share", "area"))
-"""Usual metrics of the two axes of a sweep's chart, in order of preference."""
+"""Usual metrics of the two axes of a sweep's chart, in order of preference: of stiffness, then of weight."""
 
 PAGE = "index.html"
 
@@ -196,7 +196,7 @@ def loss_sentence(folder: SweepFolder) -> str:
     try:
         alternatives = design_alternatives(draft(with_overrides(folder.preset, row.changes)))
     except DsfabError:
-        return ""
+        return ""  # the best run's record has the reason for the error
     losing_words = losing_line(alternatives)
     return sentence(f"the best is run {row.number}, and {losing_words}") if losing_words else ""
 

@@ -106,7 +106,7 @@ CHANGES: Mapping[str, Mapping[str, Any]] = {
     "Both frequencies 25": {"pattern.major.frequency": 25.0, "pattern.minor.frequency": 25.0},
     "Both thresholds -0.4: wider": {"pattern.major.threshold": -0.4, "pattern.minor.threshold": -0.4},
 }
-"""Titles and settings of three pictures of one design."""
+"""Titles and settings of three pictures of one design; the modes are the same in all pictures."""
 
 PAPER = 37  # Frames a second in the pattern editor of Madan, Jacobson and Levin, on a laptop of 2015.
 

@@ -23,10 +23,10 @@ VIEWS = {
     "mouse": "40,40",
     "boys_surface": "30,25",
 }
-"""Views of figures whose default view hides their subject."""
+"""Views of figures whose default view hides their subject; see `dsfab.render.view`."""
 
 MARKS = ("loads", "supports", "person", "gradients")  # Marks in the pictures; "gradients" appear only with modes.
-SCALE = {"pavilion": "tree"}  # These figures show a tree instead of a person for scale.
+SCALE = {"pavilion": "tree"}  # These figures show a tree instead of a person for scale, as in the published figure.
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,9 +18,9 @@ from dsfab.reproduction.renditions import Rendition, renditions
 from dsfab.results import Piece
 
 STEPS = ("loads", "directions", "vonmises", "major_mode", "major", "minor_mode", "minor")
-"""Pictures of a figure in the order of the method."""
+"""Pictures of a figure in the order of the method; the picture of the final structure is not among them."""
 
-RUNS = 3  # Number of runs for median seconds.
+RUNS = 3  # Number of runs; the page reports their median seconds.
 RENDITION_TITLES = {"letter": "Exactly as in the paper", "preset": "The preset", "stripes": "dsfab's stripes"}
 """Titles of the three renditions of a figure."""
 

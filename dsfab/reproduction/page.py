@@ -23,7 +23,7 @@ from dsfab.reproduction.volumes import RIVALS
 Row = Mapping[str, Any]  # Row of sphere_volumes.json.
 OURS = ("row", "design", "stripes")
 OTHERS = (("isotropic", "the best isotropic stripes"), ("thinner", "a thinner sheet"))
-"""Diffusion structures (`OURS`), and competitors (`OTHERS`), on the HTML page."""
+"""Diffusion structures (`OURS`), and their competitors (`OTHERS`), whose stiffness the HTML page compares."""
 
 
 def claim_section(rows: Sequence[Row]) -> str:
@@ -360,7 +360,7 @@ section > .why { aspect-ratio: auto; padding: 2rem; }
 .tables th:first-child, .tables td:first-child { padding-left: 0; } .tables td + td { padding-left: .6rem; }
 @media print { section { break-inside: avoid; } }
 """
-"""CSS of the page."""
+"""CSS of the page: four columns; the picture of the structure is two columns wide."""
 
 SMALL_NAME = "small.html"
 LINKED = re.compile(r'<a href="[\w.-]+\.webp">(<img[^>]*>)</a>')

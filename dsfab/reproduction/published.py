@@ -77,7 +77,7 @@ TABLE_1 = {
     "sphere": _row(1, 100, 1, 1, 10, 10),
     "turkey": _row(1, 100, 2, 3, 24, 31),
 }
-"""Table 1 of Madan et al., by preset."""
+"""Table 1 of Madan et al., by preset: force magnitude, anisotropy; modes, frequencies and phases (major, minor)."""
 
 PLANE = Timings(7891, 15855, 0.076, None, 0.085, 0.029, 0.028, 0.231)
 CAMEL = Timings(11717, 23323, 0.175, 0.748, 3.419, 0.003, 0.063, 0.477)
@@ -95,7 +95,7 @@ TABLE_2 = {
     "sphere": Timings(15361, 30718, 0.253, None, 1.342, 0.004, 0.081, 0.647),
     "turkey": Timings(20099, 40194, 0.282, 1.982, 3.951, 0.004, 0.107, 0.709),
 }
-"""Table 2 of Madan et al., by preset."""
+"""Table 2 of the paper, by preset. All plates have the same mesh, and all camels have the same mesh."""
 
 STAND_INS = {
     **dict.fromkeys(("hanging_bar", "corner_held", "rollers"), "the lengths of the plate's sides are not published"),
@@ -107,7 +107,7 @@ STAND_INS = {
     "bob": "Bob is in Keenan Crane's 3D Model Repository; load its file with --mesh",
     "turkey": "the paper's mesh is on Thingiverse (3957882)",
 }
-"""Reasons why a surface of dsfab differs from the paper's surface, by preset."""
+"""Reasons why a surface of dsfab stands in for the paper's surface, by preset."""
 
 CAPTIONS: tuple[tuple[str, str, str, Claim], ...] = (
     ("teaser", "pavilion", "A pavilion: stress directions, diffusion, structure, with a tree for scale.", ""),
@@ -128,7 +128,7 @@ CAPTIONS: tuple[tuple[str, str, str, Claim], ...] = (
     ("showcase g", "sphere", "A sphere, compressed at one pole and held at the other.", "web"),
     ("showcase h", "turkey", "A turkey, held at its base feathers and pushed on its head.", ""),
 )
-"""Label, preset, caption and claim of each figure."""
+"""Label, preset, caption and claim of each figure, in the order of the paper by Madan et al."""
 
 FIGURES = tuple(
     PaperFigure(label, preset, caption, TABLE_1.get(preset), TABLE_2[preset], STAND_INS.get(preset, ""), claim)

@@ -21,7 +21,7 @@ LETTER: Mapping[str, Any] = {
     "pattern.rim": 0.0,
     "pattern.width": {"rule": "plain"},
 }
-"""Settings of the paper by Madan et al. that presets may change."""
+"""Settings of the paper by Madan et al. that presets may change. Its Table 1 has modes, frequencies and phases."""
 
 DEPARTURES: Mapping[str, tuple[Any, str]] = {
     "diffusion.labelling": (
@@ -32,7 +32,7 @@ DEPARTURES: Mapping[str, tuple[Any, str]] = {
     "pattern.keep": (0.0, "material kept around loads and supports"),
     "pattern.rim": (0.0, "a rim of solid material along the boundary"),
 }
-"""Keys for which presets may differ from Madan et al."""
+"""Keys for which presets may differ from Madan et al.: the value in their paper, and a text about any other value."""
 
 SHARES = (0.3, 0.5)  # least and largest share of material in the design with evenly spaced stripes
 

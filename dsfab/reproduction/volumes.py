@@ -21,7 +21,7 @@ ON_MODES = {
     "pattern.major": {"mode": 1, "frequency": 14.0, "phase": 0.875},
     "pattern.minor": {"mode": 3, "frequency": 14.0, "phase": 0.5625},
 }
-"""Settings of a design with graded stripes on eigenmodes."""
+"""Settings of a design with graded stripes on eigenmodes; a search (`phase = "auto"`) chose the phases."""
 ROW = {
     "pattern.method": "modes",
     "pattern.keep": 0.0,
@@ -29,7 +29,7 @@ ROW = {
     "pattern.major": {"mode": 1, "frequency": 10.0, "phase": 0.0},
     "pattern.minor": {"mode": 1, "frequency": 10.0, "phase": 0.0},
 }
-"""Settings of the sphere in Table 1, Madan et al., without kept regions."""
+"""Settings of the sphere in Table 1, Madan et al., without kept regions; families by stress sign, not magnitude."""
 LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # `ROW` with labels and law of Madan et al.
 SHARES = (0.3, 0.5, 0.7)  # Shares of material; each takes a few minutes.
 

@@ -46,10 +46,10 @@ def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
 
 
 Index = npt.NDArray[np.integer[Any]]
-"""Indices of a sparse matrix, four bytes."""
+"""Indices of a sparse matrix. They have four bytes to save memory, because every entry of the matrix has an index."""
 
 CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
-"""The six pairs of the four vertices of a hinge."""
+"""The six pairs of the four vertices of a hinge, see `hinges`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ class VertexPairs:
         h0, h1 = surface.edges.pairs.T
         next0, next1 = (next_half_edge(h) for h in (h0, h1))
         last0, last1 = (next_half_edge(h, 2) for h in (h0, h1))
-        from0 = surface.F.ravel()[h1] == hinge[:, 0]
+        from0 = surface.F.ravel()[h1] == hinge[:, 0]  # true if both faces list the edge in the same direction
         second_face = np.where(from0, last1, next1), np.where(from0, next1, last1)
         return np.stack([edge[h0], edge[last0], edge[next0], edge[second_face[0]], edge[second_face[1]], self.opposite])
 
@@ -91,6 +91,7 @@ class VertexPairs:
     def _block_positions(self) -> tuple[Index, Index, Index]:
         low, high = self.ends.T.astype(np.int32)
         vertex, pair = np.arange(self.n, dtype=np.int32), np.arange(len(low), dtype=np.int32)
+        # this order gives ascending columns in each row without sorting
         row, column = np.concatenate([high, vertex, low]), np.concatenate([low, vertex, high])
         begin = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=self.n))]).astype(np.int32)
         order = np.argsort(row, kind="stable")

@@ -41,6 +41,7 @@ def curvatures(surface: Surface) -> Floats:
     length, t, m = half_edge_frames(surface)
     rows = np.empty((surface.m, 12, 3))
     step = voigt(t, m)
+    # half-edge c begins at corner c, half-edge c - 1 ends there
     corner = np.roll(step, 1, axis=1) - step
     normal = np.cross(frame[:, 0], frame[:, 1])
     rows[:, :9] = (corner[:, :, None, :] * normal[:, None, :, None]).reshape(-1, 9, 3)
@@ -67,7 +68,7 @@ def midedge_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_ar
 
 
 GAUSS = (0.5 - 0.5 / np.sqrt(3), 0.5 + 0.5 / np.sqrt(3))
-"""Positions of two-point quadrature on an edge from 0 to 1."""
+"""Positions of two-point quadrature on an edge from 0 to 1, exact for cubics."""
 
 
 def moment_loads(surface: Surface) -> Floats:
@@ -81,7 +82,7 @@ def moment_loads(surface: Surface) -> Floats:
     [Hellan 1967; Herrmann 1967; Johnson 1973; Neunteufel and Schoeberl 2019, shells]."""
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
-    across = np.einsum("mia,mca->mci", slope, outward)  # (faces, half-edge, corner): slope of lambda_a along m
+    across = np.einsum("mia,mca->mci", slope, outward)  # (faces, half-edge, corner): slope of lambda_a along normal m
     sign = half_edge_signs(surface)
     rows = np.zeros((surface.m, 3, 3, 12))
     rows[..., 3:6] = (8 / 3 * surface.areas[:, None, None] * voigt(slope, np.roll(slope, -1, axis=1))).transpose(

@@ -16,7 +16,7 @@ from dsfab.surface import coincident, pieces
 from dsfab.surface.loads.load_case import Force, Line, Load, LoadCase
 from dsfab.surface.mesh import Surface
 
-FREE_MOTION = 1e-9  # Largest move of the supports in a free motion, as a fraction of the motion.
+FREE_MOTION = 1e-9  # A rigid motion is free if it moves the supports by less than this fraction of the motion.
 MOTIONS = ("move along x", "move along y", "move along z", "turn about x", "turn about y", "turn about z")
 
 
@@ -83,11 +83,12 @@ def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list
     stopped = np.concatenate([at_supports, np.pad(along, ((0, 0), (3, 0))), np.zeros((6, 6))])
     _, values, basis = np.linalg.svd(stopped, full_matrices=False)
     null = basis[values <= FREE_MOTION * max(values.max(), 1.0)]
+    # find rotations first: a rotation about a line of supports also shifts the centre, and so looks like a translation
     mix, turns, _ = np.linalg.svd(null[:, 3:])
     turns = np.concatenate([turns, np.zeros(len(null) - len(turns))]) > FREE_MOTION
     parts = np.abs(mix.T @ null)
     largest = np.where(turns, 3 + parts[:, 3:].argmax(axis=1), parts[:, :3].argmax(axis=1))
-    return [MOTIONS[k] for k in sorted(largest)]  # sorted: the order of equal values depends on the machine
+    return [MOTIONS[k] for k in sorted(largest)]  # sorted, because the order of equal values depends on the machine
 
 
 def require_loads_on_faces(surface: Surface, load: LoadCase) -> None:

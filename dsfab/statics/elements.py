@@ -16,7 +16,7 @@ from dsfab.surface.mesh import Surface
 Membrane = Literal["constant", "quadratic", "hybrid"]
 Bending = Literal["hinge", "midedge", "hhj"]
 BUBBLES = ("along", "across", "normal")
-"""Edge bubbles (quadratic displacements, zero at both ends), in the order of edge frames."""
+"""Edge bubbles (quadratic displacements, zero at both ends of an edge), in the order of the rows of an edge frame."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Elements:
         return np.concatenate([corners, *groups], axis=1)
 
 
-PAPER = Elements("constant", "hinge")  # Elements of [Madan, Jacobson and Levin].
+PAPER = Elements("constant", "hinge")  # Elements of [Madan, Jacobson and Levin]; `USES` lists elements for each result.
 INVERSE_MASS = 12 * (np.eye(3) - 0.25)  # Inverse mass matrix of linear functions on a triangle, times its area.
 
 
@@ -86,6 +86,7 @@ def edge_frames(surface: Surface) -> Floats:
     edges = surface.edges
     t = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
     t = t / np.linalg.norm(t, axis=1, keepdims=True)
+    # this product does not depend on the orientation of the face; its values in an edge's two faces are opposite
     area_normal = surface.normals * surface.areas[:, None]
     signed = (half_edge_signs(surface)[:, :, None] * area_normal[:, None, :]).reshape(-1, 3)
     n = signed[edges.order[edges.start[:-1]]]
@@ -96,6 +97,7 @@ def edge_frames(surface: Surface) -> Floats:
         tensors = np.zeros((len(edges.ends), 3, 3))
         np.add.at(tensors, edges.of.ravel(), np.repeat(_outer(surface.normals, area_normal), 3, axis=0))
         first_face = edges.order[edges.start[undefined]] // 3
+        # more weight for the first face makes the eigenvector unique for three faces at 120 degrees
         tensors[undefined] += 0.01 * _outer(surface.normals[first_face], area_normal[first_face])
         n[undefined] = np.linalg.eigh(tensors[undefined])[1][:, :, -1]
     n = n / np.linalg.norm(n, axis=1, keepdims=True)
@@ -118,12 +120,13 @@ def tensor_matrices(planar: Floats) -> Floats:
 def assemble_blocks(blocks: Floats, columns: Ints, size: int) -> csr_array:
     """Return the sparse matrix (size, size) that sums the blocks (m, c, c) of all faces.
     columns : (m, c) number of the unknown for each row and column of a block."""
+    # sparse product S^T Z, which needs no sorting: Z has the rows of all blocks, S selects the unknowns
     m, c = columns.shape
     columns = columns.astype(np.int32 if max(m * c * c, size) < 2**31 else np.int64)
     count = np.arange(m * c + 1, dtype=columns.dtype)
     Z = csr_array((blocks.ravel(), np.repeat(columns, c, axis=0).ravel(), c * count), (m * c, size))
     S = csr_array((np.ones(m * c), columns.ravel(), count), (m * c, size))
-    K = csr_array(csr_array(S.T) @ Z)
+    K = csr_array(csr_array(S.T) @ Z)  # convert S.T to CSR here; else scipy would convert the larger matrix Z
     K.sort_indices()
     return K
 
@@ -142,7 +145,7 @@ Quantity = Literal["compliance", "compliance_once", "displacement", "stress", "f
 """Quantities in reports."""
 
 Aid = Literal["needles", "spread", "ranking", "directions"]
-"""Internal purposes of elements. Reports never show results of these elements."""
+"""Internal purposes of elements, described in `USES`. Results of these elements never appear in reports."""
 
 
 @dataclass(frozen=True)
@@ -172,7 +175,7 @@ USES: Mapping[Quantity | Aid, Use] = MappingProxyType(
         "directions": Use(PAPER, None, "directions of the stress, as in [Madan, Jacobson and Levin]"),
     }
 )
-"""Elements for each use."""
+"""Elements for each use. Bounds of compliances in `dsfab.study.verdict.estimates` are calibrated for these elements."""
 
 REPORTED: tuple[Elements, ...] = tuple(dict.fromkeys(use.pair for use in USES.values() if use.tolerance is not None))
 """Elements whose results may appear in reports."""
@@ -186,12 +189,12 @@ def elements_of(use: Quantity | Aid) -> Elements:
 def tolerance_of(quantity: Quantity) -> float:
     """Return the accepted relative error of a reported quantity."""
     tolerance = USES[quantity].tolerance
-    assert tolerance is not None
+    assert tolerance is not None  # every quantity has a tolerance
     return tolerance
 
 
 NEEDLE = 0.02
-"""Largest ratio of smallest height to longest edge of a needle."""
+"""A triangle is a needle if its smallest height is less than this fraction of its longest edge."""
 
 
 def _longest_edges(surface: Surface) -> Floats:

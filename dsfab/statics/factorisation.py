@@ -15,11 +15,11 @@ from dsfab.statics.boundary_conditions import rigid_motions
 from dsfab.surface.mesh import Surface
 
 ACCURATE = 1e-9
-"""Largest relative residual of a solution that is not refined."""
+"""Largest relative residual of a solution that is not refined: a tenth of the limit `REPORTED_RESIDUAL`."""
 
 REFINEMENTS = 6  # Largest number of refinement steps; two or three usually suffice.
 ROWS = 1 << 16
-"""Number of rows in one product of high precision."""
+"""Number of rows in one product of high precision; a product of all rows would take three times the memory."""
 
 
 class LinearMap(Protocol):

@@ -15,7 +15,9 @@ from dsfab.statics.stress import SMOOTH, SheetStress, principal_values, vertex_a
 from dsfab.surface import Surface, hat_gradients, link_components, next_half_edge
 
 CROWDED = 0.25
-"""Largest height of a splinter (a very flat face) / mean size of faces."""
+"""A face is a splinter if its height is less than CROWDED times the mean size of faces.
+Gradients of moments are meaningless in splinters. So the load of a splinter is spread over points up to CROWDED times
+the mean size away. With a larger distance, some of the shear in ribs would get lost."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +62,7 @@ class ShearRecovery:
         twist   : (m, 3 corners, 3) moments averaged at vertices, N."""
         nodes = self.columns.shape[1]
         work = np.einsum("mai,maij->mj", -moments, moment_loads(self.surface)[..., :6]) + self._at_rims(twist)
-        if nodes == 6:  # from bubbles to quadratic functions that are 1 at one of the six nodes
+        if nodes == 6:  # change from bubbles to quadratic functions that are 1 at one of the six nodes
             work[:, :3] -= (work[:, 3:] + np.roll(work[:, 3:], 1, axis=1)) / 2
         load = np.bincount(self.columns.ravel(), (self.sign * work[:, :nodes]).ravel(), self.spread.shape[0])
         M = self.sign * self.factor(self.spread @ load)[self.columns]
@@ -80,7 +82,7 @@ class ShearRecovery:
 
 def _shared_unknowns(surface: Surface, side_a: Ints, side_b: Ints) -> tuple[Ints, Floats]:
     begins = surface.F.ravel()
-    alike = begins[side_a] == begins[side_b]
+    alike = begins[side_a] == begins[side_b]  # true if both faces list the edge in the same direction
     next_one, next_other = next_half_edge(side_a), next_half_edge(side_b)
     i = np.concatenate([side_a, next_one])
     j = np.concatenate([np.where(alike, side_b, next_other), np.where(alike, next_other, side_b)])
@@ -138,7 +140,7 @@ CONVENTION = (
     "direction local x, positive q_x acts opposite to the normal",
     "a free edge also carries a line force as large as m_xy (Kirchhoff): include it in the sum over a section",
 )
-"""Definitions of the components."""
+"""Definitions of the components, for the first lines of files."""
 
 
 class PrincipalForces(NamedTuple):

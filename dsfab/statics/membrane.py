@@ -19,12 +19,13 @@ AIRY: tuple[Mapping[tuple[int, int], float], ...] = (
     {(3, 0): 1}, {(2, 1): 1}, {(1, 2): 1}, {(0, 3): 1},
     {(4, 0): 1, (0, 4): -1}, {(3, 1): 1}, {(1, 3): 1}, {(4, 0): 1, (2, 2): -6, (0, 4): 1},
 )  # fmt: skip
-"""Airy functions of the stresses, by powers of x and y: all biharmonic polynomials of degree 2 to 4."""
+"""Airy functions of the stresses, by powers of x and y: all biharmonic polynomials of degree 2 to 4.
+Nine functions are enough for an element. All eleven are used, so that the order of the corners has no influence."""
 
 SHARES = np.repeat([0.223381589678011, 0.109951743655322], 3)
 _NEAR, _FAR = 0.108103018168070, 0.816847572980459
 POINTS = np.concatenate([np.full((3, 3), (1 - x) / 2) + (3 * x - 1) / 2 * np.eye(3) for x in (_NEAR, _FAR)])
-"""Barycentric coordinates of six quadrature points, exact for degree 4 [Dunavant 1985]."""
+"""Barycentric coordinates of six quadrature points, exact for degree 4 [Dunavant 1985]. `SHARES` has their weights."""
 
 
 def airy_stresses(functions: Sequence[Mapping[tuple[int, int], float]]) -> Floats:
@@ -50,10 +51,10 @@ def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
     C : (3, 3) isotropic matrix from strains to stresses or forces / length."""
     corners = surface.V[surface.F]
     arm = (corners - corners.mean(axis=1, keepdims=True)) @ tangents(surface).transpose(0, 2, 1)
-    x, y = np.moveaxis(POINTS @ (arm / np.abs(arm).max(axis=(1, 2), keepdims=True)), -1, 0)
+    x, y = np.moveaxis(POINTS @ (arm / np.abs(arm).max(axis=(1, 2), keepdims=True)), -1, 0)  # (m, 6 points), scaled
     powers = np.stack([x**a * y**b for a, b in MONOMIALS], axis=1)
     shares = powers * SHARES
-    linear = shares @ POINTS  # (m, monomial, corner)
+    linear = shares @ POINTS  # (m, monomial, corner): means of a monomial times the hat function of a corner
     square = shares @ powers.transpose(0, 2, 1)
     count, _, k = STRESSES.shape
     compliance = np.einsum("aik,ij,bjl->abkl", STRESSES, np.linalg.inv(C), STRESSES).reshape(count**2, k * k)
@@ -133,7 +134,7 @@ def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> F
     strain = voigt(slope[:, 0], moved[:, 0]) + voigt(slope[:, 1], moved[:, 1]) + voigt(slope[:, 2], moved[:, 2])
     if bubbles is None:
         return strain
-    third = np.full(3, 1 / 3)  # the centroid
+    third = np.full(3, 1 / 3)  # gradients of bubbles are linear, so the centroid gives their mean
     rows = bubble_strains(surface, third)
     values = np.concatenate([bubbles[surface.edges.of, 0], bubbles[surface.edges.of, 1]], axis=1)
     return np.asarray(strain + np.einsum("mai,mi->ma", rows, values))
@@ -153,13 +154,14 @@ def bubble_strains(surface: Surface, weights: Floats) -> Floats:
     Columns: first the bubbles along the three edges, then across the three edges."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
+    # slopes of the bubbles 4 phi_j phi_k
     gradient = 4 * (weights[:, None] * np.roll(slope, -1, axis=1) + np.roll(weights, -1)[:, None] * slope)
     direction = np.einsum("mcdk,mak->mdca", edge_frames(surface)[surface.edges.of, :2], t)  # (m, bubble, half-edge, 2)
     return np.asarray(voigt(gradient[:, None], direction).reshape(-1, 6, 3).transpose(0, 2, 1))
 
 
 def _quadratic(surface: Surface, C: Floats, elements: Elements) -> csr_array:
-    # C = L L^T and R = L^T B, so B^T C B = R^T R
+    # C = L L^T and R = L^T B, so B^T C B = R^T R; one product R^T R per face sums over all quadrature points
     B = _point_strains(surface, (1 - np.eye(3)) / 2)
     R = (np.linalg.cholesky(C).T @ B).reshape(-1, 9, 15)
     blocks = R.transpose(0, 2, 1) @ R

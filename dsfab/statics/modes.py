@@ -64,17 +64,18 @@ def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -
 
 FOR_FREQUENCIES, FOR_BUCKLING = elements_of("frequency"), elements_of("buckling")
 """Default elements of frequencies and of buckling."""
-HATS = (np.eye(3) + 1) / 12  # Integrals of products of two linear functions over a triangle of area 1.
-BUBBLE_PAIRS = (np.eye(3) + 1) * 4 / 45  # Integrals of products of two edge bubbles 4 phi_j phi_k.
+HATS = (np.eye(3) + 1) / 12  # Integrals of products of two linear functions phi over a triangle of area 1.
+BUBBLE_PAIRS = (np.eye(3) + 1) * 4 / 45  # Integrals of products of two edge bubbles; a bubble is 4 phi_j phi_k.
 HAT_BUBBLES = np.array([[2, 1, 2], [2, 2, 1], [1, 2, 2]]) / 15
-"""Integrals of phi_i (row) times the bubble of half-edge c (column)."""
+"""Integrals of phi_i (row) times the bubble of half-edge c (column). Half-edge c begins at corner c."""
 VOIGT = np.array([[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 0.5], [0.5, 0]]])
 """Symmetric matrices of unit curvatures (xx, yy, 2 xy)."""
 
 MODE_RESIDUAL = 1e-3
-"""Largest accepted relative residual of a mode [Parlett 1980, 4.5]."""
+"""Largest accepted relative residual of a mode, in the norm of the stiffness.
+The residual bounds the relative error of the frequency or buckling factor [Parlett 1980, 4.5]."""
 
-INDEPENDENT = 1e-6  # Least energy of combinations of unit-energy vectors.
+INDEPENDENT = 1e-6  # Combinations of unit-energy vectors with less energy than this are rounding errors.
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +158,7 @@ def buckling(
     surface = sheet.surface
     resultant = sheet.thickness * stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles)
     smallest = np.linalg.eigvalsh(resultant)[:, 0].min()
-    if smallest >= -1e-9 * np.abs(resultant).max():  # without compression no mode exists
+    if smallest >= -1e-9 * np.abs(resultant).max():  # without compression no mode exists, and Lanczos would run forever
         return Buckling(np.zeros(0), np.zeros((0, surface.n, 3)))
     minus_Kg = -geometric_stiffness(surface, resultant, elements)
     if K is None:
@@ -167,7 +168,7 @@ def buckling(
 
 
 LOCAL_SHARE = 0.02
-"""Share of the sheet's area below which a mode is local."""
+"""A mode is local if it moves less than this fraction of the sheet's area, for example only a loose end."""
 MODES_BESIDE_LOCAL = 6  # number of modes to compute if the lowest mode is local
 
 
@@ -267,6 +268,7 @@ def _mean_gradients(surface: Surface, names: tuple[str, ...]) -> Floats:
     if names:
         normal = surface.normals
         share = np.einsum("mci,mi->mc", edge_frames(surface)[surface.edges.of, 2], normal)
+        # the mean of grad (4 phi_j phi_k) is 4/3 (grad phi_j + grad phi_k) = -4/3 grad phi_i
         mean = -4 / 3 * np.roll(slope, -2, axis=2) * share[:, None, :]
         gradients[:, :, :, 9:12] = mean[:, :, None, :] * normal[:, None, :, None]
     return gradients
@@ -296,9 +298,10 @@ def largest_eigenpairs(A: csr_array, factor: Factor, count: int, are_results: bo
     scaled = ScaledStiffness(A, factor.free, factor.scale)
     products = scaled.__matmul__, factor.map.__matmul__, factor.solve
     operator, M, Minv = (LinearOperator((N, N), matvec=product, dtype=np.float64) for product in products)
-    start = np.random.default_rng(0).standard_normal(N)  # repeatable numbers
+    start = np.random.default_rng(0).standard_normal(N)  # a fixed seed gives repeatable numbers
     tolerance = 1e-10 if are_results else MODE_RESIDUAL
     try:
+        # the Lanczos method needs many restarts if the load barely compresses the sheet
         mu, x = eigsh(operator, count, M=M, Minv=Minv, which="LA", v0=start, maxiter=500, tol=tolerance)
     except ArpackNoConvergence as error:
         raise StaticsError("the modes do not converge: the load barely compresses the sheet, or not at all") from error

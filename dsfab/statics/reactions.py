@@ -42,7 +42,7 @@ def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equ
     torques = np.zeros((len(supports), 0))
     if len(answer.torque):
         clamped = np.array([support.clamped_edges(surface) for support in supports])  # (s, e)
-        ends = np.asarray(fixed.any(axis=2))[:, surface.edges.ends].sum(axis=2)
+        ends = np.asarray(fixed.any(axis=2))[:, surface.edges.ends].sum(axis=2)  # number of supported ends of each edge
         torques = answer.torque * _shares(np.where(clamped.any(axis=0), clamped, ends))
     return tuple(resultant(surface, force, torque) for force, torque in zip(forces, torques, strict=True))
 
@@ -51,6 +51,7 @@ def support_forces(surface: Surface, supports: Sequence[Support], answer: Equili
     """Return the forces (s, n, 3), N, of each support on each vertex."""
     fixed = np.array([support.fixed_directions(surface) for support in supports])
     springs = np.array([support.springs(surface) for support in supports])
+    # a spring carries nothing in a direction that a support fixes, because the spring does not stretch
     return np.asarray(answer.reaction * _shares(np.where(fixed.any(axis=0), fixed, springs)))
 
 

@@ -20,7 +20,7 @@ from dsfab.statics.solve import flat_axis, held_unknowns
 from dsfab.surface import LoadCase, Surface
 
 Row = Callable[[str], AbstractContextManager[object]]
-"""A function that opens a row in a table of times."""
+"""A function that opens a row in a table of times, and adds the time of the enclosed block to it."""
 
 
 def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontext) -> csr_array:

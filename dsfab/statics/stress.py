@@ -42,12 +42,13 @@ def membrane_strains(surface: Surface, answer: Equilibrium) -> Floats:
     """Return the in-plane strains (xx, yy, 2 xy), (m, 3 corners, 3), at the corners of faces, in the face's frame."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
-    corner = answer.u[surface.F] @ t.transpose(0, 2, 1)  # (m, corner, 2)
+    corner = answer.u[surface.F] @ t.transpose(0, 2, 1)  # (m, corner, 2): displacements in the face's frame
     strain = np.repeat(voigt(slope, corner).sum(axis=1)[:, None], 3, axis=1)
     if answer.bubbles is None:
         return strain
     moved = np.einsum("ed,edx->ex", answer.bubbles, edge_frames(surface)[:, :2])[surface.edges.of]
     bubble = moved @ t.transpose(0, 2, 1)
+    # grad (4 phi_c phi_c+1) is 4 grad phi_c+1 at corner c, 4 grad phi_c at corner c + 1
     start_strain = voigt(4 * np.roll(slope, -1, axis=1), bubble)
     end_strain = voigt(4 * slope, bubble)
     return np.asarray(strain + start_strain + np.roll(end_strain, 1, axis=1))
@@ -60,10 +61,10 @@ def membrane_stresses(surface: Surface, material: Material, law: Law, elements: 
 
 
 SMOOTH = np.cos(np.radians(30))
-"""Least cosine of the angle between normals without a fold."""
+"""Cosine of 30 degrees. If normals of a face and of its surroundings form a larger angle, a fold is between them."""
 
-WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # Number of times that xx, yy, zz, yz, xz, xy occur.
-HALVES = np.array([1.0, 1.0, 2.0])[:, None]  # Squared norms of xx, yy and xy.
+WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # Number of times that xx, yy, zz, yz, xz, xy occur in a tensor.
+HALVES = np.array([1.0, 1.0, 2.0])[:, None]  # Squared norms of unit plane tensors xx, yy and xy.
 
 
 def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool) -> Floats:
@@ -98,7 +99,7 @@ def _tensors(frame: Floats) -> Floats:
 
 
 Layer = Literal["top", "middle", "bottom"]
-"""Layers of a sheet: `top` is on the side of a face's normal, `bottom` on the opposite side."""
+"""Layers of a sheet: `top` is half a thickness away on the side of a face's normal, `bottom` on the opposite side."""
 
 LAYERS: tuple[Layer, ...] = get_args(Layer)
 _SIDE = {"top": -1.0, "middle": 0.0, "bottom": 1.0}
@@ -143,7 +144,7 @@ class SheetStress:
         for name in ("membrane", "bending"):
             values, smooth = getattr(self, name), f"smooth_{name}"
             lock(self, name, np.float64, (m, 3, 3))
-            if getattr(self, smooth) is values:  # store the array once
+            if getattr(self, smooth) is values:  # not averaged: store the array once
                 object.__setattr__(self, smooth, getattr(self, name))
             else:
                 lock(self, smooth, np.float64, (m, 3, 3))

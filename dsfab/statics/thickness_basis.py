@@ -27,7 +27,7 @@ from dsfab.statics.stress import stress
 from dsfab.surface import LoadCase, Surface
 
 INDEPENDENT = 1e-10
-"""Least fraction of an independent vector outside the span of earlier vectors."""
+"""A vector is independent of earlier vectors if at least this fraction of it lies outside their span."""
 ACCURATE = 2.0
 """For a sheet solved at thickness t, results are accurate from t / ACCURATE to t ACCURATE. Largest errors on cut
 sheets: 1 % in displacements, 5 % in buckling factors. `SheetModel.rigidity` grows with t^3, so the torsion of ribs
@@ -228,6 +228,6 @@ def _buckling_modes(across: ThicknessStiffness, resultants: Floats, factor: Fact
     for k in np.argsort(compression)[: -1 - CASES : -1]:
         if compression[k] > 1e-9 * np.linalg.norm(resultants[k], axis=(1, 2)) @ surface.areas:
             minus_Kg = -geometric_stiffness(surface, resultants[k], across.elements)
-            with suppress(StaticsError):
+            with suppress(StaticsError):  # modes of a barely compressed sheet may not converge
                 modes.append(largest_eigenpairs(minus_Kg, factor, MODES, are_results=False)[1].T)
     return modes

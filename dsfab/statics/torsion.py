@@ -13,15 +13,15 @@ from dsfab.surface import Surface, half_edges
 from dsfab.surface.fields import tangents
 
 APART = np.radians(60)
-"""Smallest angle, from the centre of a disc, between border points on different sides of a rib.
-[Ma, Bae and Choi 2012]"""
+"""Smallest angle, seen from the centre of a disc in a rib, between border points on different sides of the rib.
+Points at a smaller angle lie on the same side [Ma, Bae and Choi 2012]."""
 LEAN = 0.5  # Least cosine of the angle between a face and its nearest border, if this border belongs to its rib.
 
 
 def torsion_share(ratio: Floats) -> Floats:
     """Return the torsional stiffness of rectangles w x h, divided by G w h^3 / 3 of thin strips.
     ratio : (...) w / h.    [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]"""
-    ratio = np.maximum(ratio, 0.01)
+    ratio = np.maximum(ratio, 0.01)  # at lower ratios, the equations of the sheet cannot be solved accurately
     flat = np.minimum(ratio, 1 / ratio)
     lost = 0.63 * flat * (1 - flat**4 / 12)
     return np.asarray((1 - lost) * np.minimum(ratio, 1.0) ** 2)
@@ -64,6 +64,7 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
         high = np.einsum("kx,kx->k", n, offset)
         shorter = np.einsum("kx,kx->k", offset, offset) / np.maximum(2 * high, np.finfo(float).tiny)
         opening = np.arccos(np.clip(1 - high / np.maximum(shorter, np.finfo(float).tiny), -1, 1))
+        # a border point blocks a disc if it lies inside the disc by more than a thousandth of the disc's radius
         return (away < (1 - 1e-3) * r) & (high > 0) & (shorter < r) & (opening > APART), shorter
 
     radius = np.full(len(points), min(small, largest))
@@ -72,7 +73,7 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
         growing = growing[~blocked(growing)[0] & (radius[growing] < largest)]
         radius[growing] = np.minimum(2 * radius[growing], largest)
     moving = np.arange(len(points))
-    for _ in range(20):
+    for _ in range(20):  # mostly 5 to 8 steps suffice
         shrinks, shorter = blocked(moving)
         moving = moving[shrinks]
         radius[moving] = shorter[shrinks]

@@ -13,9 +13,10 @@ from dsfab.statics.stress import tensors_in_space
 from dsfab.surface import LoadCase
 
 LEAST = 1e-4
-"""Least thickness of a face, as a fraction of the sheet's thickness."""
+"""Least thickness of a face in a solve, as a fraction of the sheet's thickness; with 0, faces would have no forces."""
 SETTLED, MOVE, STEPS = 0.01, 0.2, 40
-"""Change of thickness at the end, largest change in a step, as fractions; largest number of steps."""
+"""The iteration ends when thicknesses change by less than SETTLED, or after STEPS steps. A step changes no thickness
+by more than MOVE. SETTLED and MOVE are fractions of the sheet's thickness."""
 
 
 class VaryingSheet(NamedTuple):

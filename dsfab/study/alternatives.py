@@ -135,7 +135,7 @@ ALTERNATIVE_WORDS = {
     "thinner": "a uniformly thinner sheet without openings",
     "isotropic": "the best pair of isotropic stripes",
 }
-"""Description of each alternative, for use in sentences."""
+"""Description of each alternative, for use in sentences, by the name of the alternative."""
 
 
 @dataclass(frozen=True)
@@ -249,6 +249,7 @@ def isotropic_alternative(task: ComparisonTask, structure: Structure, own_judge:
     rivals = [_variant_compliance(task, variant) for _, variant in stiffest[:2]]
     failed = _BoundedCompliance(np.inf, 0.0, error=f"no pair of modes carries the loads; pair 1: {tried[0].refused}")
     rival = min(rivals, key=lambda rival: rival.compliance, default=failed)._replace(bound=0.0)
+    # the compliances of design and rival err in the same direction, so the error of their ratio is at most 10 %
     return _alternative("isotropic", _judged_compliance(own_judge, task, structure)._replace(bound=0.1), rival, level)
 
 

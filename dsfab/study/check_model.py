@@ -22,7 +22,8 @@ from dsfab.study.verdict.estimates import ModeEstimate
 from dsfab.surface import LoadCase, Surface, support_names
 
 THIN = 0.01
-"""Largest thickness of CPS6 sections, divided by the mean edge length."""
+"""Largest thickness of CPS6 sections, divided by the mean edge length. CalculiX makes solid wedges of CPS6 elements,
+and only thin wedges come close to plane stress."""
 
 
 def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
@@ -106,7 +107,7 @@ def in_plane(model: CalculixModel, axis: int, thickness: float) -> CalculixModel
     if np.ptp(model.nodes[:, axis]) > 1e-9 * np.ptp(model.nodes, axis=0).max():
         raise StaticsError("the sheet is not flat, so CPS6 elements cannot be used; choose S6 elements")
     turn = axes_of_file(axis)
-    nodes = model.nodes[:, turn] * (1, 1, 0) + 0.0  # turns -0 into 0
+    nodes = model.nodes[:, turn] * (1, 1, 0) + 0.0  # + 0.0 turns -0 into 0
     notes = list(model.notes)
     if axis != 2:
         notes.append(f"AXES: x and y of this file are {'xyz'[turn[0]]} and {'xyz'[turn[1]]} of the surface")
@@ -138,7 +139,7 @@ LOADS = {
     "uncut": "Loads are those of the uncut sheet, with its whole weight; the cut sheet weighs less",
     "cut": "Loads are those of the cut sheet: its own weight, and loads of coverings on the material nearest to them",
 }
-"""Sentence about the loads of each model."""
+"""Sentence about the loads, for a model of the uncut and of the cut sheet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +171,7 @@ def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
 def cut_model(design: Design, progress: Progress | None = None) -> CheckModel:
     """Return the CalculiX model of a design's cut sheet."""
     sheet, preset = design.sheet, design.preset
-    nothing = SpreadLoad.broadcast(sheet.surface)
+    nothing = SpreadLoad.broadcast(sheet.surface)  # spread loads are already part of the vertex forces
     acting = [
         Loading(name, sheet_load(design.surface, sheet, case.load), nothing, case.factors)
         for name, case in design.statics.cases.items()

@@ -103,6 +103,7 @@ def expected_seconds(values: Values, stages: Mapping[str, float], picture: float
     stages : time of each stage, s.    picture : time to draw a picture, s."""
     total = picture * count(values)
     for stage, seconds in stages.items():
+        # a stage runs once for each combination of values of its own keys and of the keys of earlier stages
         total += seconds * prod(len(v) for key, v in values.items() if stage_of(key) <= STAGES.index(stage))
     return total
 

@@ -21,7 +21,7 @@ _TURNS: dict[Up, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
     "x": ((1, 2, 0), (1, 1, 1)),
     "-x": ((2, 1, 0), (1, 1, -1)),
 }
-"""For each up axis: the file's axes that become x, y, z, and their signs."""
+"""For each up axis: the file's axes that become x, y, z, and their signs. All are rotations, not mirrors."""
 
 
 def upright_vertices(V: Floats, up: Up) -> Floats:

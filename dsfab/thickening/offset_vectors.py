@@ -51,8 +51,8 @@ def _edge_names(ends: Ints, count: int = 5) -> str:
     return ", ".join(f"{a}-{b}" for a, b in ends[:count]) + (", ..." if len(ends) > count else "")
 
 
-VISIBILITY_GAP = 0.001  # Tolerance of `visible_normals`.
-CHUNK = 1 << 13  # Number of faces processed together.
+VISIBILITY_GAP = 0.001  # Relative tolerance of the search in `visible_normals`.
+CHUNK = 1 << 13  # Number of faces processed together, because they fit the processor's cache.
 
 
 def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
@@ -63,7 +63,7 @@ def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
     vertex, normal = surface.F.ravel(), faces.reshape(-1, 3)
     mean = _corner_mean(surface, weights, normal)
     point = mean.copy()
-    tight = np.flatnonzero(_may_improve(surface, point, faces)[vertex])
+    tight = np.flatnonzero(_may_improve(surface, point, faces)[vertex])  # corners where a better normal may exist
     by_vertex = tight[sorted_order(vertex[tight])]
     vertex, normal = vertex[by_vertex], normal[by_vertex]
     for _ in range(200 if len(tight) else 0):
@@ -241,4 +241,4 @@ def prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
     scale = (lengths(flat) * lengths(d).mean(axis=1))[:, None]
     C = np.stack([np.einsum("mi,mvi->mv", N, d) / scale for N in normals], axis=1)
     straight = np.einsum("mi,mvi->mv", flat, d) / scale
-    return C, np.minimum(0.2, 0.5 * straight)  # smaller minimums are unsafe; with 0.4, `safe_shares` may not converge
+    return C, np.minimum(0.2, 0.5 * straight)  # a minimum of 0.05 is unsafe; with 0.4, `safe_shares` may not converge

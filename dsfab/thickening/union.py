@@ -15,7 +15,7 @@ from dsfab.surface.topology import adjacency, corner_fans, corners_of, edge_tabl
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin, coarsen_mesh, round_to_single
 
-INWARD = 0.005  # Fraction of the way to their neighbours' mean by which vertices at seams and patch borders move.
+INWARD = 0.005  # Vertices at seams and patch borders move by this fraction of the way to their neighbours' mean.
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +114,7 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
     for round_ in range(30):
         inseparable = _stuck(meeting, around, label)
         clashes = np.unique(np.concatenate([clashes, np.sort(meeting[~inseparable], axis=1)]), axis=0)
-        thin = np.unique(surface.F[meeting[inseparable & bool(round_)]])
+        thin = np.unique(surface.F[meeting[inseparable & bool(round_)]])  # the first round shortens no offset
         thin = thin[share[thin] > THINNEST]
         share[thin] = np.maximum(THIN * share[thin], THINNEST)
         cut = _cut_patches(label, clashes, graph)

@@ -9,9 +9,9 @@ from dsfab.core.arrays import Floats, Ints, lock
 from dsfab.surface import edge_table, link_components
 from dsfab.thickening.solid import Solid
 
-INSIDE = 0.02  # Distance of a test line from a face's corner, as a fraction of the way to the face's centre.
-OPPOSED = float(np.cos(np.radians(20)))  # Cosine of the largest angle between the faces of a wall.
-LARGE = 1e6  # Size of the scaled mesh.
+INSIDE = 0.02  # A test line starts at a face's corner, moved by this fraction of the way to the face's centre.
+OPPOSED = float(np.cos(np.radians(20)))  # Opposite faces form a wall if the angle between them is up to 20 degrees.
+LARGE = 1e6  # Size of the scaled mesh, because libigl's rays miss triangles with areas below 1e-6.
 FLAT = float(np.cos(1e-3))  # Least cosine of the angle between neighbours in one flat facet.
 
 
@@ -38,7 +38,7 @@ class Rays:
 
     def first_hits(self, start: Floats, direction: Floats) -> Ints:
         """Return the first face (k,) hit by each ray, or -1. start, direction : (k, 3) points and unit vectors."""
-        start = (start - self._middle) * self._scale + 1e-9 * LARGE * direction
+        start = (start - self._middle) * self._scale + 1e-9 * LARGE * direction  # the line starts inside the face
         return np.asarray(self._tree.intersect_ray_first(self._V, self._F, start, direction)[0], dtype=np.int64)
 
 
@@ -81,7 +81,7 @@ def thinnest_wall(solid: Solid) -> Wall | None:
     start = (1 - INSIDE) * V[corner] + INSIDE * V[F[face]].mean(axis=1)
     hit = Rays(V, F).first_hits(start, -N[face])
     opposed = (hit >= 0) & (-np.einsum("ki,ki->k", N[face], N[hit]) > OPPOSED)
-    depth = np.einsum("ki,ki->k", V[F[hit, 0]] - start, N[hit])
+    depth = np.einsum("ki,ki->k", V[F[hit, 0]] - start, N[hit])  # libigl's own distance has only six digits
     thickness = np.where(opposed, depth, np.inf)
     k = Facets(F, N).nearest_separate_pair(thickness, face, hit)
     return None if k is None else Wall(float(thickness[k]), V[corner[k]])
@@ -96,7 +96,7 @@ def _largest_faces(V: Floats, F: Ints) -> Ints:
     area = np.linalg.norm(np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]), axis=1)
     order = np.argsort(area, kind="stable")
     largest = np.full(len(V), -1)
-    for corner in F[order].T:  # numpy keeps the last face, which is the largest
+    for corner in F[order].T:  # if indices repeat, numpy keeps the last face, which is the largest
         current = largest[corner]
         better = (current < 0) | (area[np.maximum(current, 0)] <= area[order])
         largest[corner[better]] = order[better]

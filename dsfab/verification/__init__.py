@@ -25,7 +25,7 @@ __all__ = [
 FAMILIES = (plates, beams, plane, shells, vibrations, cut_sheets)
 TESTS: dict[str, Test] = {test.name: test for family in FAMILIES for test in family.TESTS}  # All tests by name.
 PAIRS = (elements_of("directions"), elements_of("spread"), *REPORTED)
-"""Default pairs of membrane and bending elements."""
+"""Default pairs of membrane and bending elements. The first two pairs are only for comparison."""
 
 
 def choose(names: Sequence[str]) -> list[Test]:

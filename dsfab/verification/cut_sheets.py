@@ -13,7 +13,7 @@ CONCRETE = Material(33e9, 0.2, 2500.0)
 THICKNESS = 0.05  # Metres, 1/80 of the vault's radius.
 RADIUS, LENGTH, OPENING = 4.0, 4.0, np.pi / 2  # Radius and length in metres, and angle of the vault.
 GRAVITY = np.array([0.0, 0.0, -9.81])
-COARSE = 12  # Cells along the arc before the cut.
+COARSE = 12  # Cells along the arc before the cut; finer meshes split each triangle of the cut mesh into four.
 
 
 def vault(cells: int) -> Surface:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 COLOURS = ("#c0653c", "#3d7fc4", "#2c9a62", "#9a6fc0", "#b0892a", "#c0507f")
-"""Colours of the pairs of membrane and bending elements."""
+"""Colours of the pairs of membrane and bending elements, readable on white and on black."""
 
 PUBLISHED, SUPPORT, LOAD = "#8d8d8d", "#2c9a62", "#c0653c"
 MARKS = "xd+^v*sp<>hDPX"
@@ -102,7 +102,7 @@ def _arrows(axes: "Axes", problem: Problem, view: Floats) -> None:
     if not size.any():  # a free vibration has no load
         return
     loaded = np.flatnonzero(size > 0.2 * size.max())
-    loaded = loaded[np.unique(np.linspace(0, len(loaded) - 1, 8).round().astype(int))]
+    loaded = loaded[np.unique(np.linspace(0, len(loaded) - 1, 8).round().astype(int))]  # at most 8 arrows are drawn
     reach = 0.2 * np.ptp(shown, axis=0).max() / size.max()
     for vertex in loaded:
         tip, tail = shown[vertex], shown[vertex] - reach * seen[vertex]
@@ -149,7 +149,7 @@ def _svg(figure: "Figure", title: str) -> str:
     svg = text.getvalue()
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
-    svg = re.sub(r' id="[a-zA-Z]+[a-z0-9]*_\d+"', "", svg)
+    svg = re.sub(r' id="[a-zA-Z]+[a-z0-9]*_\d+"', "", svg)  # remove the ids of groups; nothing uses them
     svg = re.sub(r"font: ([\d.]+)px[^;\"]*", r"font-size: \1px", svg)
     svg = re.sub(r"(?<![>\d.])(\d+\.\d\d)\d+", r"\1", svg)  # round coordinates, but not the labels of axes
     svg = svg.replace(INK, "currentColor").replace(FAINT, "var(--faint)")
@@ -157,7 +157,7 @@ def _svg(figure: "Figure", title: str) -> str:
 
 
 WORST_FIRST = ("off", "refused", "theory", "coarse", "not run", "ok")
-"""Verdicts, the worst first."""
+"""Verdicts, the worst first; the summary shows the worst verdict of each test."""
 PAIR = str(elements_of("displacement"))  # Elements whose results are compared with targets and published values.
 
 STYLE = """
@@ -299,7 +299,7 @@ def _section(test: Test, rows: Sequence[VerificationRow], against: Sequence[Stan
     test_standings = [standing for standing in against if standing.published.test == test.name]
     mesh = test.meshes[-1] if len(test.meshes) < 3 else "union_jack"
     problem = test.problem(test.cells[min(1, len(test.cells) - 1)], mesh)
-    if len(problem.surface.edges.ends) > 3000:
+    if len(problem.surface.edges.ends) > 3000:  # with more edges the lines of the drawing would merge
         problem = test.problem(test.cells[0], mesh)
     sketch = drawing(problem, test.about)
     plot = "" if test.tolerance < 1e-6 else curves(test, test_rows, test_standings)

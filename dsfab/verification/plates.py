@@ -115,7 +115,7 @@ def _moment() -> float:
     """Return the moment M / (q a^2) at the centre of a simply supported square plate [Timoshenko 1959, 30]."""
     odd = np.arange(1, 400, 2)
     m, n = np.meshgrid(odd, odd, indexing="ij")
-    sign = np.where((m + n) % 4 == 2, 1.0, -1.0)
+    sign = np.where((m + n) % 4 == 2, 1.0, -1.0)  # the sign is sin(m pi / 2) sin(n pi / 2)
     return float((sign * 16 / np.pi**4 * (m**2 + PLATE.poisson * n**2) / (m * n * (m**2 + n**2) ** 2)).sum())
 
 

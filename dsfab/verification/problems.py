@@ -24,9 +24,10 @@ from dsfab.surface import LoadCase, Surface
 
 Mesh = Literal["diagonal", "union_jack", "jittered"]
 MESHES: tuple[Mesh, ...] = ("diagonal", "union_jack", "jittered")
-"""Mesh patterns. `diagonal` halves squares by parallel diagonals, `union_jack` by alternating diagonals."""
+"""Mesh patterns. `diagonal` halves squares by parallel diagonals, `union_jack` by alternating diagonals; `jittered` is
+`union_jack` with randomly moved inner vertices."""
 
-NEAR = 1e-9  # Largest difference of equal coordinates in the unit square.
+NEAR = 1e-9  # Coordinates in the unit square that differ by less are equal.
 
 
 def square(nx: int, ny: int, mesh: Mesh) -> tuple[Floats, Ints]:
@@ -41,7 +42,7 @@ def square(nx: int, ny: int, mesh: Mesh) -> tuple[Floats, Ints]:
     parts += [np.stack(corners, axis=1)[other_diagonal] for corners in ((a, b, d), (b, c, d))]
     F = np.concatenate(parts)
     if mesh == "jittered":
-        # tests read values at the centre vertex
+        # the centre vertex does not move, because tests read its values
         inner = ((uv > NEAR) & (uv < 1 - NEAR)).all(axis=1) & (np.abs(uv - 0.5).max(axis=1) > NEAR)
         shift = np.random.default_rng(0).uniform(-0.25, 0.25, (inner.sum(), 2))
         uv[inner] += shift / (nx, ny)
@@ -183,7 +184,7 @@ class Test:
     beyond    : effect that thin-sheet theories lack, or ""; with a text, the value may agree with `limit` instead.
     outside   : (cells, mesh) -> unknowns and value that another program calculates, or None."""
 
-    __test__ = False  # pytest must not collect this class
+    __test__ = False  # pytest would collect a class with this name
 
     name: str
     reference: float

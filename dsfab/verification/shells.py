@@ -31,7 +31,7 @@ def scordelis_lo(cells: int, mesh: Mesh) -> Problem:
     turn = np.radians(80) * (uv[:, 0] - 0.5)
     surface = Surface(np.stack([25 * np.sin(turn), 50 * uv[:, 1], 25 * np.cos(turn)], axis=1), F)
     ends = is_at(uv[:, 1], 0.0) | is_at(uv[:, 1], 1.0)
-    crown = is_at(uv[:, 1], 0.0) & is_at(uv[:, 0], 0.5)  # prevents sliding, without a reaction
+    crown = is_at(uv[:, 1], 0.0) & is_at(uv[:, 0], 0.5)  # this support prevents sliding, without a reaction
     fixed = held_directions(surface.n, (ends, "xz"), (crown, "y"))
     sag = mean_move(is_at(uv[:, 0], 0.0) & is_at(uv[:, 1], 0.5), (0.0, 0.0, -1.0))
     return Problem(surface, Material(4.32e8, 0.0), 0.25, fixed, sag, face=(0.0, 0.0, -90.0))
@@ -88,7 +88,7 @@ def pressurised_sphere(cells: int, mesh: Mesh) -> Problem:
 def pressurised_cylinder(cells: int, mesh: Mesh) -> Problem:
     """Return a tube with free ends under inner pressure. Value: mean radial displacement."""
     uv, F = square(cells, cells // 2, mesh)
-    # the closed tube begins and ends at the same line
+    # the last line of vertices is the first line of the closed tube
     F = np.where(cells * (cells // 2 + 1) <= F, F - cells * (cells // 2 + 1), F)
     uv = uv[uv[:, 0] < 1 - 1e-9]
     turn = 2 * np.pi * uv[:, 0]

@@ -15,9 +15,9 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 from dsfab.core.arrays import Bools, Floats, cross, lock
 from dsfab.members import Member, MemberAxis, MemberGraph
 
-PARALLEL_SHARE = 0.05  # largest relative change of width of parallel edges
-OBLIQUE_WIDTHS = 1.5  # length of an oblique cut at a member's end, in member widths
-EXTENSION_STATIONS = 16  # number of stations beyond each end
+PARALLEL_SHARE = 0.05  # relative change of width up to which edges count as parallel
+OBLIQUE_WIDTHS = 1.5  # length of the part at a member's end that an oblique cut may shape, in member widths
+EXTENSION_STATIONS = 16  # number of stations beyond each end of an axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +175,7 @@ def _extension(axis: MemberAxis, end_index: int, distance: float) -> MemberAxis:
     return replace(axis, s=s, P=P, T=tangents, N=normals, **rows)
 
 
-CHORD_TOLERANCE = 2e-5  # largest distance of an arc from its chord (m)
+CHORD_TOLERANCE = 2e-5  # largest distance between an outline's chord and its arc (m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,7 +255,7 @@ class Development:
         """Return the flat outline (k, 2) between two arc lengths, counter-clockwise from the right edge at `begin`."""
         s = self.stations(begin, end)
         left_edge, right_edge = (np.interp(s, self.course.s, side) for side in (self.course.left, self.course.right))
-        x, angle = self.middle_line_at(s)
+        x, angle = self.middle_line_at(s)  # computed once for both edges, to save time
         across = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
         return np.concatenate([x - right_edge[:, None] * across, (x + left_edge[:, None] * across)[::-1]])
 

@@ -27,7 +27,7 @@ from dsfab.workshop.parts import FlatPart, strokes
 from dsfab.workshop.plan import WorkshopPlan
 from dsfab.workshop.stock import stock_cost
 
-TITLE, SMALL_TITLE = 0.06, 0.06  # largest height of a sheet's title: metres, and fraction of the sheet's width
+TITLE, SMALL_TITLE = 0.06, 0.06  # largest height of a sheet's title: in metres, and as a fraction of the sheet's width
 
 
 def part_drawing(part: FlatPart) -> FlatDrawing:
@@ -67,7 +67,7 @@ def part_circles(part: FlatPart) -> tuple[FlatCircle, ...]:
 def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
     """Return the drawing of all sheets of a plan in rows."""
     lines, circles = list[FlatLine](), list[FlatCircle]()
-    pitch = 1.15  # step from one sheet to the next, in sheet sizes
+    pitch = 1.15  # step from one sheet to the next, in sizes of the largest sheet
     wide = max(sheet.size[0] for sheet in plan.sheets) * pitch
     high = max(sheet.size[1] for sheet in plan.sheets) * pitch
     across = max(1, round(np.sqrt(len(plan.sheets) * high / wide)))
@@ -80,7 +80,7 @@ def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
         tall = min(TITLE, SMALL_TITLE * sheet.size[1])
         lines += [FlatLine("STOCK", mark + frame[3] + [0.0, tall / 2]) for mark in strokes(title, tall)]
         for nested in sheet.parts:
-            _ = nested.part.contours
+            _ = nested.part.contours  # computes the contours once; moved copies of the part reuse them
             part = nested.placed_part.moved_by(0.0, origin)
             lines += part_lines(part)
             circles += part_circles(part)
@@ -96,7 +96,7 @@ def sheet_drawing(sheet: NestedSheet, title: str) -> FlatDrawing:
 
 
 Cell = str | int | float
-FIXED_DATE = datetime(1980, 1, 1)  # date in every workbook, for equal bytes
+FIXED_DATE = datetime(1980, 1, 1)  # date in every workbook, so that equal plans have equal bytes
 
 
 @dataclass(frozen=True)

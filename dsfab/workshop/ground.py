@@ -110,7 +110,7 @@ class BasePlane:
         if -down @ self.up < STEEP_SINE:
             return None
         left_width, right_width = (float(np.interp(station, course.s, side)) for side in (course.left, course.right))
-        middle, half = (left_width - right_width) / 2, 0.6 * (left_width + right_width) / 2
+        middle, half = (left_width - right_width) / 2, 0.6 * (left_width + right_width) / 2  # tab's axis, half width
         sides = np.array([-right_width, middle - half, middle + half, left_width])
         shoulders = self.stations_at_height(layer, sides, station, 0.0)
         tips = self.stations_at_height(layer, sides[1:3], station, -self.thickness)
@@ -122,7 +122,7 @@ class BasePlane:
         """Return arc lengths (q,) where lines along a strip reach a height above the plate (m), or None.
         sides : (q,) distances of the lines from the axis, positive to the left, metres."""
         s, course = np.full(len(sides), station), layer.course
-        for _ in range(20):  # Newton steps
+        for _ in range(20):  # these are Newton steps
             P, T, B, _ = layer.frame(s)
             slope = (T @ self.up) * np.interp(s, course.s, layer.length_ratio)
             excess = self.heights(P + sides[:, None] * B) - height
@@ -136,7 +136,7 @@ class BasePlane:
         down, N, B = frame
         P, _, across, _ = layer.frame(s)
         ends = P + sides[:, None] * across
-        half = self.thickness / 2
+        half = self.thickness / 2  # the strip is as thick as the plate
         corners = np.array([end + u * half * N for end in ends for u in (-1, 1)])
         drops = [(self.heights(corners) - z) / (down @ self.up) for z in (0.0, -self.thickness)]
         corners = np.concatenate([corners - drop[:, None] * down for drop in drops])
@@ -155,7 +155,7 @@ class BasePlane:
         for side, rise in ((course.left, slope), (course.right, -slope)):
             falls = rise < -1e-9
             limit = np.where(falls, above / np.where(falls, -rise, 1.0), np.inf)
-            least = 0.2 * (course.left + course.right) - side
+            least = 0.2 * (course.left + course.right) - side  # at least a fifth of the width remains
             sides.append(np.where(above + rise * side < 0, np.clip(limit, least, side), side))
         return replace(course, left=sides[0], right=sides[1])
 
@@ -196,7 +196,7 @@ def base_parts(
     engraved = [*_support_marks(ground, surface), *_slot_names(feet)]
     slots = [foot.slot for _, foot in feet]
     every = np.concatenate([ground.plan_view(ground.supports), *slots])
-    border = 0.012  # metres
+    border = 0.012  # metres: width of the plate's border around the supports
     low, size = every.min(axis=0) - border, np.ptp(every, axis=0) + 2 * border
     turned = [*room, *((b, a) for a, b in room)]
     counts = ((int(np.ceil(size[0] / a)), int(np.ceil(size[1] / b))) for a, b in turned)
@@ -246,7 +246,7 @@ def _slot_names(feet: list[tuple[str, StripFoot]]) -> list[Floats]:
         deep = float(np.linalg.norm(direction))
         direction = direction / deep * (1 if direction @ (middle - centre) >= 0 else -1)
         angle = float(np.arctan2(*(foot.slot[1] - foot.slot[0])[::-1]))
-        angle -= np.pi * round(angle / np.pi) if abs(angle) > np.pi / 2 else 0.0
+        angle -= np.pi * round(angle / np.pi) if abs(angle) > np.pi / 2 else 0.0  # names are never upside down
         lines += label(name, middle + (deep / 2 + 0.002 + NAME_HEIGHT / 2) * direction, angle, NAME_HEIGHT)
     return lines
 

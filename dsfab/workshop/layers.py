@@ -16,7 +16,7 @@ from dsfab.workshop.development import StripCourse
 from dsfab.workshop.parts import NODE_LETTERS, PART_LETTERS
 
 FAMILIES_BELOW = ("rim", "keep")
-"""Families of strips along edges and of kept regions."""
+"""Families (edge strips, kept regions) that cross all stripes; their layers are below all layers of stripes."""
 END_DISTANCE = 3.0  # distance from a bolt to the end of a part, in bolt diameters
 BOLT_PITCH = 4.0  # distance between bolts of a splice, in bolt diameters
 
@@ -79,7 +79,7 @@ class Layering:
     def splice_bolts(self, width: float) -> tuple[tuple[float, float], ...]:
         """Return the places of a splice's bolts (m): along the strip from the splice, and left of the axis."""
         row = round(width / 4 / self.alike) * self.alike if self.alike else width / 4
-        rows = (-row, row) if width / 4 >= 3 * self.bolt else (0.0,)
+        rows = (-row, row) if width / 4 >= 3 * self.bolt else (0.0,)  # only wide parts have two rows of bolts
         along = (END_DISTANCE * self.bolt, (END_DISTANCE + BOLT_PITCH) * self.bolt)
         return tuple((side * x, y) for side in (-1, 1) for x in along for y in rows)
 
@@ -95,7 +95,7 @@ class _StripEnd:
     @classmethod
     def from_course(cls, name: str, course: StripCourse, at_end: bool) -> "_StripEnd":
         width = float(np.median(course.left + course.right))
-        count = max(int(6 * (course.end - course.begin) / width), 2)
+        count = max(int(6 * (course.end - course.begin) / width), 2)  # six points per width of the strip
         s = np.linspace(course.begin, course.end, count)
         s = s[::-1] if at_end else s
         return cls(name, at_end, width, course.frame_at(s)[0], s)

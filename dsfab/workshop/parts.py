@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import compas.geometry
 
 GLYPH_HEIGHT, GLYPH_WIDTH, GLYPH_GAP = 6, 4, 2
-SMALL_LETTER_SHARE = 0.7  # height of small letters / height of capitals
+SMALL_LETTER_SHARE = 0.7  # height of small letters divided by the height of capitals
 GLYPHS = {
     "A": "00 26 40|12 32", "B": "00 06 36 45 34 03|33 42 41 30 00", "C": "45 36 16 05 01 10 30 41",
     "D": "00 06 26 44 42 20 00", "E": "46 06 00 40|03 33", "F": "46 06 00|03 33", "G": "45 36 16 05 01 10 30 41 43 23",
@@ -53,10 +53,10 @@ def text_length(text: str, height: float) -> float:
     return (width - GLYPH_GAP) * height / GLYPH_HEIGHT
 
 
-NAME_SHARE = 0.9  # largest share of the available length for a name
-SAME_DISTANCE = 2e-4  # largest distance (m) of corners or holes of equal parts
-OUTLINE_TOLERANCE = 2e-5  # largest distance of a written outline from the part (m)
-PART_LETTERS, NODE_LETTERS = 0.02, 0.008  # largest heights of names (m)
+NAME_SHARE = 0.9  # largest share of the available length that a name fills
+SAME_DISTANCE = 2e-4  # largest distance (m) between matching corners or holes of two equal parts
+OUTLINE_TOLERANCE = 2e-5  # largest distance between a written outline and the outline of the part (m)
+PART_LETTERS, NODE_LETTERS = 0.02, 0.008  # largest heights of part names and of node names (m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +162,7 @@ class FlatPart:
             axis=self.axis @ R + shift,
             folds=tuple(Fold(fold.line @ R + shift, fold.angle) for fold in self.folds),
         )
-        if "contours" in self.__dict__:
+        if "contours" in self.__dict__:  # moving contours is faster than computing new contours
             part.__dict__["contours"] = tuple(x @ R + shift for x in self.contours)
         return part
 
@@ -255,6 +255,7 @@ def _in_place_of(model: FlatPart, part: FlatPart, turn: int, distance: float, fi
         return None
     if _outline_distance(turn * model.outline, part.outline + shift) > distance:
         return None
+    # outlines begin with the right edge; half a turn makes the left edge the right edge
     outline = model.outline if turn == 1 else -np.roll(model.outline, len(model.axis), axis=0)
     drilled = tuple(replace(hole, at=model_holes[k]) for hole, k in zip(part.holes, order, strict=True))
     marks = tuple(mark + shift for mark in part.marks)

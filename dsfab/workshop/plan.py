@@ -124,7 +124,7 @@ def design_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> PlankP
 
 def usable_sizes(options: Workshop) -> list[tuple[float, float]]:
     """Return the largest part size (two lengths, m) for each stock sheet. Raises PatternError if no room is left."""
-    slack = 5e-4  # metres
+    slack = 5e-4  # metres: parts may be slightly rotated on their drawings
     room = [(a - 2 * options.gap - slack, b - 2 * options.gap - slack) for a, b in options.stock]
     if min(min(size) for size in room) <= 0:
         raise PatternError("workshop.gap leaves no room on the smallest stock; give a smaller gap or larger sheets")
@@ -158,7 +158,7 @@ def _bars_or_reason(design: Design, graph: MemberGraph, up: Floats) -> tuple[Bar
     try:
         bars = design_bars(design, graph, up)
     except PatternError as error:
-        reason = str(error).partition("; ")[0]
+        reason = str(error).partition("; ")[0]  # the text after "; " proposes other ways to build
         return None, f"bars are impossible too: {reason}"
     if bars.too_short:
         return None, f"{len(bars.too_short)} bar{'s' * (len(bars.too_short) > 1)} would be too short for bolts"
@@ -199,8 +199,8 @@ JOINT_SENTENCES = {
     "scarf": "which overlap by {} and are glued there; cut bevels from the engraved lines to the edges: at right and "
     "upper edges on the engraved face, at left and lower edges on the back",
 }
-"""Words for the joint of the pieces of a sheet."""
-TAB_CLEARANCE = 1e-4  # gap between a tab and its slot, on each side (m)
+"""Words after "the sheet is in 2 x 3 pieces, ", by the joint of the pieces."""
+TAB_CLEARANCE = 1e-4  # gap between a tab and its slot in a model's base plate, on each side (m)
 TABS_LENGTH = 4.0  # largest length that two tabs add to a strip, in strip thicknesses
 
 
@@ -310,7 +310,7 @@ def nested_by_thickness(parts: list[FlatPart], options: Workshop) -> tuple[list[
     return [sheet for sheets in nests for sheet in sheets], notes
 
 
-MOST_FACES = 250_000  # largest number of faces of a refined sheet
+MOST_FACES = 250_000  # largest number of faces of a cut sheet refined for drilling
 
 
 def drilling_members(design: Design) -> tuple[MemberGraph, float]:
@@ -417,7 +417,7 @@ def _panel_design_parts(
     return parts, notes
 
 
-NEARLY_EQUAL = 5e-3  # default distance of outlines of near-equal parts (m)
+NEARLY_EQUAL = 5e-3  # distance of outlines of near-equal parts, if workshop.alike is 0 (m)
 
 
 def _alike_notes(parts: list[FlatPart], alike: list[FlatPart], distance: float) -> list[str]:
@@ -451,7 +451,7 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
         notes.append(f"{splices} are too close to a node: the cover plate or lap may overlap the crossing strip")
     if strips.missing_holes:
         holes = _quantity(len(strips.missing_holes), "hole")
-        places = list(dict.fromkeys(strips.missing_holes))
+        places = list(dict.fromkeys(strips.missing_holes))  # the bolts of a splice have a common name
         notes.append(f"{holes} not drilled, too near to an edge: {names_and_count(places)}")
     families = {member.id: member.family for member in graph.members}
     nodes = [node for node in graph.nodes if node.kind != "grazing"]

@@ -128,8 +128,8 @@ class FlattenedMesh:
 
 FINGER_LENGTH, FINGER_WIDTH = 4.0, 2.0  # length and approximate width of a finger, in sheet thicknesses
 REASSIGN_ROUNDS, LEAST_FINGERS = 4, 4.0
-"""Rounds in which small bits of a piece join a neighbour; largest area of small bits, in finger areas."""
-LINE_TOLERANCE = 1e-9  # largest distance of a mesh edge from a dividing line, divided by sheet size
+"""Rounds in which small bits of a piece join a neighbouring piece; area below which bits are small, in finger areas."""
+LINE_TOLERANCE = 1e-9  # largest distance of a mesh edge from the line that divides the sheet, divided by sheet size
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJ
     x = plane_coordinates(surface)
     level = Surface(np.pad(x - x.min(axis=0), ((0, 0), (0, 1))), surface.F)
     reduction = 0.0
-    for _ in range(4):  # try smaller rectangles
+    for _ in range(4):  # try smaller rectangles, because a piece with a bit of its neighbour can be too large
         division = _rectangles(level, [(a - reduction, b - reduction) for a, b in room], joint)
         turned = [*room, *((b, a) for a, b in room)]
         excesses = ((p, min(float(max(p.size[0] - a, p.size[1] - b)) for a, b in turned)) for p in division.pieces)
@@ -226,7 +226,7 @@ class _SheetGrid:
         numbers = list[Ints]()
         for axis in (0, 1):
             odd = (places[:, 1 - axis] * self.fingers(1 - axis) / self.size[1 - axis]).astype(int) % 2
-            moved = places[:, axis] + (odd - 0.5) * self.joint.reach
+            moved = places[:, axis] + (odd - 0.5) * self.joint.reach  # fingers cross a joint by half their length
             numbers.append(np.clip((moved * self.counts[axis] / self.size[axis]).astype(int), 0, self.counts[axis] - 1))
         return np.asarray(numbers[0] * self.counts[1] + numbers[1])
 

@@ -62,8 +62,8 @@ def money(amount: float) -> str:
     return f"{amount:,.2f}".removesuffix(".00")
 
 
-NARROWING_SHARES = (0.95, 0.9)  # trial widths of strips / true width, widest first
-LEAST_SAVING = 0.04  # smallest saving for a hint, as a fraction
+NARROWING_SHARES = (0.95, 0.9)  # trial widths of strips, as fractions of their true width, widest first
+LEAST_SAVING = 0.04  # smallest saving for a hint, as a fraction of the sheets or of their area
 StockSizes = Sequence[tuple[float, float]]
 
 

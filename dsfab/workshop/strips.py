@@ -16,8 +16,8 @@ from dsfab.workshop.layers import END_DISTANCE, Layering, courses_without_curls,
 from dsfab.workshop.parts import NAME_SHARE, FlatPart, Hole, label, text_length
 from dsfab.workshop.splices import SCARF_SLOPE, Cuts, lap_marks, lapped_span, splice_cuts, strip_fits
 
-STRIP_KINDS = ("strip", "stub", "rim", "band", "ring")  # members that are built as strips
-HOLE_EDGE_DISTANCE = 1.0  # least distance from a hole's middle to the edges / bolt diameter
+STRIP_KINDS = ("strip", "stub", "rim", "band", "ring")  # kinds of members that are built as strips
+HOLE_EDGE_DISTANCE = 1.0  # least distance from a hole's middle to the edges of its part, in bolt diameters
 LEGIBLE_HEIGHT, TALL_LETTER_SHARE = 0.002, 0.6  # letters on narrow parts: height (m), and largest share of the width
 
 
@@ -167,7 +167,7 @@ class _StripLayer:
         course, height = self.course, self.layering.cover_height(self.member.family, self.number)
         kg, kn = (float(np.interp(joint, course.s, values)) for values in (course.kg, course.kn))
         for x, y in self.layering.splice_bolts(float(course.width(np.array([joint]))[0])):
-            if self.layering.alike:
+            if self.layering.alike:  # rows of bolts are straight on the flat cover plate
                 x, y = x / (1 - height * kn), y - kg * x**2 / 2
             P, T, N = (row[0] for row in course.frame_at(np.array([joint + x])))
             yield StripBolt(f"{self.name}.c{number}", P + y * np.cross(N, T), N, joint + x)
@@ -217,7 +217,7 @@ class _StripLayer:
         marks = list(label(name, position[0], float(angle[0]), high))
         taken = [(middle, text_length(name, high))]
         for s, hole in holes:
-            if "." not in hole.bolt:  # bolts of splices have no engraved names
+            if "." not in hole.bolt:  # a name with "." belongs to a splice bolt, and is not engraved
                 ahead = 1 if s + 4 * bolt < span[1] else -1
                 long = text_length(hole.bolt, height)
                 places = [s + side * (bolt / 2 + 3.5 * height) for side in (ahead, -ahead)]
@@ -247,10 +247,11 @@ def bending_strain(course: StripCourse, span: tuple[float, float], thickness: fl
     return float(thickness * bend / 2)
 
 
-UNCERTAIN_WIDTHS = 1.5  # length of a member's end with uncertain curvature, in member widths
+UNCERTAIN_WIDTHS = 1.5  # length of the part at a member's end where its curvature is uncertain, in member widths
 HOLE_FIT = 5e-4
-"""Largest error (m) of a length between holes [EN 1995-1-1, 10.4.3]."""
-LEAST_STRAIN = 5e-6  # smallest reported strain
+"""Largest error (m) of a length between holes. A hole may be a millimetre larger than its bolt [EN 1995-1-1, 10.4.3].
+Each of the two parts at a bolt may use half of this millimetre."""
+LEAST_STRAIN = 5e-6  # smallest strain that a sentence reports
 
 
 @dataclass(frozen=True)

@@ -167,7 +167,7 @@ def show_result(folder: Path, source: bpy.types.Object, metres: float) -> int:
     collection.children.link(members)
     bodies = import_meshes(next(folder.glob("*.members.glb")), source.name, members, metres)
     view_layer_of(members).hide_viewport = True
-    bpy.context.view_layer.objects.active = source
+    bpy.context.view_layer.objects.active = source  # the next build takes this object again
     source.hide_set(True)
     return len(bodies)
 

@@ -11,7 +11,7 @@ from dsfab.app.options import UNCHANGED, Source
 from dsfab.app.terminal import print_result, signals_as_interrupts
 from dsfab.core.errors import DsfabError
 
-OUTPUTS = "outputs"  # Folder of builds, inside the current folder.
+OUTPUTS = "outputs"  # Folder of builds, inside the current folder. `dsfab build` also writes into this folder.
 
 
 def edit(
@@ -35,7 +35,7 @@ def edit(
     opened = open_preset(target, source)
     outputs = Outputs(Path(OUTPUTS).absolute(), OUTPUTS)
     with signals_as_interrupts(), Session(opened, outputs=outputs) as session:
-        session.ask_solve({})
+        session.ask_solve({})  # solve while the server and the browser start
         try:
             server = EditorServer(session, port)
         except OSError as error:
@@ -46,7 +46,7 @@ def edit(
             try:
                 print_result(f"dsfab edit {opened.preset.name}: {server.address}")
                 print_result("Ctrl-C ends it.")
-                sys.stdout.flush()  # a program may wait for the address
+                sys.stdout.flush()  # a program that reads this pipe waits for the address
                 if open_:
                     webbrowser.open(server.address)
                 server.serve_forever(poll_interval=0.2)

@@ -123,7 +123,7 @@ def colour_scales() -> dict[str, list[list[int]]]:
 def has_creases(surface: Surface) -> bool:
     """Return True if the surface has sharp folds."""
     normals = surface.normals[:, None, :] * surface.vertex_normals[surface.F]
-    return bool(normals.sum(axis=2).min() < 0.8)  # same cosine as in shader.js
+    return bool(normals.sum(axis=2).min() < 0.8)  # shader.js uses the same cosine
 
 
 def _phases(draft: Design, mesh: StripedMesh) -> dict[str, Floats]:
@@ -179,14 +179,14 @@ def _gathered_forces(V: Floats, force: Floats, acts: Bools, spacing: Spacing, si
     acting = np.flatnonzero(acts)
     if not len(acting):
         return np.zeros((0, 6))
-    candidates = acting[:: max(len(acting) // 3000, 1)]
+    candidates = acting[:: max(len(acting) // 3000, 1)]  # 3000 vertices are enough to select places of arrows
     chosen = candidates[thin_points(V[candidates], size, spacing)]
     owner = cKDTree(V[chosen]).query(V[acting])[1]
     total = np.stack([np.bincount(owner, force[acting, i], len(chosen)) for i in range(3)], axis=1)
     return np.concatenate([V[chosen], total], axis=1)
 
 
-TINTS = ("major", "minor")  # Families with colours of their own.
+TINTS = ("major", "minor")  # Families with colours of their own; all other material has a third colour.
 
 
 def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
@@ -244,7 +244,7 @@ def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[s
         "place": None if narrowest is None else narrowest.place.tolist(),
         "limits": limits.tolist(),
         "widths": share.tolist(),
-        "bars_under": below_limit((limits[1:] + limits[:-1]) / 2, least).tolist(),
+        "bars_under": below_limit((limits[1:] + limits[:-1]) / 2, least).tolist(),  # a bar of the chart ends at `least`
         "min_member": least,
         "pattern": _pattern_figures(draft, cut),
         "compliance": solved.compliance if solved.elements.is_reported else None,

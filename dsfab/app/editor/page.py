@@ -17,7 +17,7 @@ from dsfab.core.errors import DsfabError
 KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 
 HTTP, NOTEBOOK, WIDGET = "transport.js", "transport_notebook.js", "widget.js"
-"""Modules of the page: for a server, for a notebook, and the start in a notebook."""
+"""Modules of the page: its connection to a server, its connection to a notebook, and its start in a notebook."""
 
 _FROM = re.compile(r"""(\b(?:from|import)\s*['"])\./((?:vendor/)?[\w.]+['"])""")
 """Pattern of a relative import in a module of the page."""
@@ -152,4 +152,4 @@ HANDLERS: dict[str, Callable[[Session, RequestFields], RequestFields]] = {
     "compare": _handle_compare,
     "cancel": lambda session, given: {"stopped": session.jobs.cancel(_required_field(given, "job", int))},
 }
-"""Functions that answer requests, by the name of the request. They raise DsfabError."""
+"""Functions that answer requests, by the request's name. They return data for JSON, and raise DsfabError."""

@@ -258,11 +258,11 @@ class Session:
         with self._lock:
             earlier, opening = self._shown, self._opening
         design = Design.from_preset(preset, earlier.draft if earlier else None, progress)
-        if earlier is None and (sketch := design.sketch()):
+        if earlier is None and (sketch := design.sketch()):  # a new page shows the sketch first
             with self._lock:
                 self._sketched = self._next_view(sketch, opening)
         solved = design.until("pattern")
-        progress("pattern", "handing over")  # last chance to cancel
+        progress("pattern", "handing over")  # the user can cancel here for the last time
         with self._lock:
             self._shown = shown = self._next_view(solved, opening)
             self._sketched = None
@@ -308,7 +308,7 @@ def _same_model(draft: Design, earlier: Design) -> bool:
     pattern, earlier_pattern = draft.preset.pattern, earlier.preset.pattern
     if pattern.region != earlier_pattern.region or (pattern.region and pattern.keep != earlier_pattern.keep):
         return False
-    # a sketch has only rough statics
+    # a sketch has only rough statics, so the page needs the statics of the design
     if draft.statics is not earlier.statics or draft.diffusion is not earlier.diffusion:
         return False
     return StripedMesh.from_design(draft).is_same_mesh(StripedMesh.from_design(earlier))

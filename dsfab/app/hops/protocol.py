@@ -26,7 +26,7 @@ NET_TYPES: dict[Kind, str] = {
     "Number": "System.Double",
     "Text": "System.String",
 }
-"""Names of .NET types."""
+"""Names of the .NET types of output values."""
 
 UNLIMITED = 2**31 - 1  # Hops takes this number as "no limit".
 
@@ -172,7 +172,7 @@ def _number(value: Any) -> float:
 
 def _output_json(parameter: HopsParameter, value: Any) -> dict[str, Any]:
     values = value if parameter.is_list else [value]
-    if parameter.kind not in ("Mesh", "Curve"):
+    if parameter.kind not in ("Mesh", "Curve"):  # values of these kinds are JSON already
         values = [json.dumps(item) for item in values]
     items = [{"type": NET_TYPES[parameter.kind], "data": text} for text in values]
     return {"ParamName": parameter.name, "InnerTree": {"0": items}}

@@ -32,7 +32,7 @@ __all__ = [
 ]  # fmt: skip
 
 Factor = Pardiso | Multifrontal | SuperLU | Multigrid
-"""Factor of a matrix K (N, N): a call with b, (N,) or (N, k), returns K^-1 b. `refactor(K)` takes new values of K."""
+"""Factor of a matrix K (N, N): a call with b, (N,) or (N, k), returns K^-1 b; `refactor(K)` takes new values of K."""
 
 
 def solver_name() -> str:

@@ -68,7 +68,7 @@ def require_memory(needed: int) -> None:
         raise FactorMemoryError.from_bytes(needed, free)
 
 
-LITTLE = 20e6  # Largest number of freed bytes that `release_freed_memory` ignores.
+LITTLE = 20e6  # Largest number of freed bytes that `release_freed_memory` ignores, because a call takes up to 20 ms.
 
 
 def release_freed_memory(freed: float) -> None:
@@ -157,7 +157,7 @@ def morton_positions(points: Floats) -> Ints:
     return number
 
 
-Index = npt.NDArray[np.integer[Any]]  # Integers for the entries of a matrix.
+Index = npt.NDArray[np.integer[Any]]  # Integers for the entries of a matrix, of 4 bytes if possible.
 Numbers = npt.NDArray[Any]  # Real or complex array.
 
 
@@ -190,6 +190,7 @@ class Fronts:
         used, node = np.unique(node, return_inverse=True)
         points, n, N = points[used], len(used), K.shape[0]
         keys = dissection_keys(point_graph(K, node, n), points, N)
+        # along a space-filling curve, neighbours in a part get similar numbers, so adding updates to fronts is fast
         sequence = np.lexsort((morton_positions(points), keys))
         rank = np.empty(n, dtype=np.int32)
         rank[sequence] = np.arange(n)
@@ -320,7 +321,7 @@ def _partial_factorisation(pivot_rows: Numbers, rest: Numbers) -> tuple[Numbers,
 def _triangular_solve(L: Numbers, b: Numbers, adjoint: bool = False) -> Numbers:
     if not len(L):
         return b
-    transposed = 2 if adjoint else 0  # BLAS codes
+    transposed = 2 if adjoint else 0  # BLAS codes for the adjoint and the transposed matrix
     trsv, trsm = (ztrsv, ztrsm) if np.iscomplexobj(L) else (dtrsv, dtrsm)
     solve = trsv(L, b, lower=1, trans=transposed) if b.ndim == 1 else trsm(1.0, L, b, lower=1, trans_a=transposed)
     return np.asarray(solve)

@@ -46,6 +46,7 @@ class SuperLU:
         """Factorise another matrix K (N, N) with the same order of elimination."""
         permuted = csc_array(K[self.order][:, self.order])
         try:
+            # panels of 4 columns are 10 % faster than the default
             self._lu = splu(permuted, "NATURAL", diag_pivot_thresh=0.0, panel_size=4, options=SUPERLU_OPTIONS)
         except RuntimeError as error:  # "Factor is exactly singular"
             raise NotPositiveDefinite(str(error)) from error
@@ -71,11 +72,13 @@ def elimination_order(K: csr_array, points: Floats, node: Ints) -> Ints:
 ANALYSE, FACTORISE, SOLVE = 11, 22, 33  # PARDISO's numbers for its phases.
 SYMMETRIC, HERMITIAN = 2, 4  # PARDISO's numbers for kinds of positive definite matrices.
 PARDISO_OPTIONS = {0: 1, 1: 2, 9: 8, 17: -1, 23: 1}
-"""Entries of PARDISO's `iparm`, counted from 0. All other entries are 0."""
-BLOCKS = {36: -100}  # Entry of `iparm` for points with several unknowns.
-ALONE = 12_000  # Largest number of unknowns for which PARDISO uses one thread.
-OUT_OF_MEMORY = (-2, -9)  # PARDISO's codes for lack of memory.
-Matrix = csr_array | Callable[[], csr_array]
+"""Entries of PARDISO's `iparm`, counted from 0. All other entries are 0.
+In this order, the entries select: values from the user; nested dissection by METIS; pivots for symmetric matrices; a
+count of the factor's entries; the two-level factorisation, which makes solves faster."""
+BLOCKS = {36: -100}  # Entry of `iparm` for points with several unknowns: the analysis joins rows with equal columns.
+ALONE = 12_000  # Largest number of unknowns for which PARDISO uses one thread; more threads would be slower.
+OUT_OF_MEMORY = (-2, -9)  # PARDISO's codes for lack of memory. Other codes mean a pivot that is not positive.
+Matrix = csr_array | Callable[[], csr_array]  # A matrix, or a function that builds a matrix.
 
 
 def pardiso_matrix(K: Matrix) -> csr_array:
@@ -113,8 +116,8 @@ class Pardiso:
     Raises NotPositiveDefinite, and FactorMemoryError if the factor does not fit."""
 
     def __init__(self, K: Matrix, blocks: bool = False) -> None:
-        os.environ.setdefault("MKL_CBWR", "AUTO")  # repeatable sums
-        # idle threads sleep at once
+        os.environ.setdefault("MKL_CBWR", "AUTO")  # repeatable sums, so that equal presets give equal files
+        # idle threads sleep at once; otherwise they would take time from other processes
         os.environ.setdefault("KMP_BLOCKTIME", "0")
         _set_mkl_path()
         from pypardiso import PyPardisoSolver
@@ -126,12 +129,12 @@ class Pardiso:
         weakref.finalize(self, _release, self._solver)  # Python does not free MKL's memory
         self._threads = 1 if K.shape[0] <= ALONE else int(self._solver.libmkl.MKL_Get_Max_Threads())
         self._upper = _Pattern.from_matrix(K).upper(K)
-        self._known: _Pattern | None = None
+        self._known: _Pattern | None = None  # stored by `refactor`, which alone needs it
         del K
         nothing = np.zeros((self._upper.shape[0], 1), dtype=self._upper.dtype)
         self._call(ANALYSE, nothing)
         analysis, permanent, work = (1024 * int(self._solver.iparm[k]) for k in (14, 15, 16))
-        freed = 700.0 * len(nothing)  # bytes
+        freed = 700.0 * len(nothing)  # bytes that assembly and analysis have freed: 700 for each unknown
         release_freed_memory(freed)
         require_memory(max(analysis, permanent + work))
         self._call(FACTORISE, nothing)
@@ -157,7 +160,7 @@ class Pardiso:
         # after a two-level factorisation, each solve needs the same number of threads as the factorisation
         before = self._solver.libmkl.MKL_Set_Num_Threads_Local(self._threads)
         try:
-            x: Floats = self._solver._call_pardiso(self._upper, b)  # `solve` is slow
+            x: Floats = self._solver._call_pardiso(self._upper, b)  # `solve` is slow: it hashes the matrix
         except PyPardisoError as error:
             if error.value in OUT_OF_MEMORY:
                 raise FactorMemoryError.from_bytes(None) from error
@@ -173,7 +176,7 @@ def _set_mkl_path() -> None:
     try:
         files = importlib.metadata.files("mkl") or []
     except importlib.metadata.PackageNotFoundError:
-        return
+        return  # pip did not install MKL, so pypardiso must search for MKL
     paths = sorted((str(file.locate()) for file in files if "mkl_rt" in file.name), key=len)
     if paths and os.path.exists(paths[0]):
         os.environ["PYPARDISO_MKL_RT"] = paths[0]

@@ -151,13 +151,14 @@ def _springs(model: CalculixModel) -> Iterator[str]:
             group += 1
             yield f"*ELEMENT, TYPE=SPRING1, ELSET=SPRING_{group}\n"
             yield from rows("%d, %d\n", count + 1 + np.arange(len(nodes)), nodes + 1)
+            # below *SPRING, integers are directions, and a number with a decimal point is a stiffness
             yield f"*SPRING, ELSET=SPRING_{group}\n{axis + 1}\n{stiffness:.11e}\n"
             count += len(nodes)
 
 
 def _step(model: CalculixModel, k: int, name: str, force: Floats) -> Iterator[str]:
     yield f"** LOAD CASE {k}: {one_line(name)}\n"
-    yield "*STEP\n*STATIC\n*CLOAD, OP=NEW\n"  # NEW removes earlier loads
+    yield "*STEP\n*STATIC\n*CLOAD, OP=NEW\n"  # NEW removes the loads of the step before
     node, axis = np.nonzero(_acting(force))
     if len(node):
         yield from rows("%d, %d, %.11e\n", node + 1, axis + 1, force[node, axis])
@@ -187,7 +188,7 @@ def _set_name(text: str) -> str:
 
 
 SUFFIX = ".beams.inp"
-PIECES = 4  # number of elements per beam
+PIECES = 4  # number of elements per beam; with four elements, joints are up to 8 % too stiff in bending
 
 
 def encode(part: Part) -> Iterator[bytes]:

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 VERSION = "2.2.0"
 Cell = str | int | float
 KILO, MEGA = 1e3, 1e6
-FINE, COARSE = 0.1, 1.0  # rounding steps of widths below and above 100 mm (mm)
+FINE, COARSE = 0.1, 1.0  # widths below and above 100 mm are rounded to these steps (mm); similar beams share a section
 SMALL = {0: 1e-6, 3: 1e-2}
-"""Smallest forces (key 0) and moments (key 3) in the workbook / largest in the load case."""
+"""Smallest forces (key 0) and moments (key 3) in the workbook, as fractions of the largest in their load case."""
 TYPES = {
     "S": "Steel",
     "GL": "Timber",
@@ -36,7 +36,7 @@ TYPES = {
     "aluminium": "Aluminium",
     "concrete": "Concrete",
 }
-"""Type of a material by the beginning of its name."""
+"""Type of a material by the beginning of its name; all other materials have the type `Other`."""
 ACTIONS = {
     "permanent": ("Permanent", "Standard"),
     "snow": ("Variable", "Snow"),
@@ -251,7 +251,7 @@ def _actions(frame: "Frame", first_column: int) -> Iterator[dict[str, Cell | Non
 
 
 SUFFIX = ".saf.xlsx"
-FIXED_DATE = datetime(1980, 1, 1)  # date of every workbook: equal designs give equal bytes
+FIXED_DATE = datetime(1980, 1, 1)  # date of every workbook, fixed so that equal designs give equal bytes
 MAIN = "{http://schemas.openxmlformats.org/spreadsheetml/2006/main}"
 
 

@@ -50,7 +50,7 @@ def encode(part: Part) -> Iterator[bytes]:
         yield f"</{tag}>\n".encode()
     yield b"<Points>\n" + _array("Points", part.V / MM_PER_M) + b"</Points>\n<Cells>\n"
     yield _array("connectivity", part.F.ravel()) + _array("offsets", 3 * np.arange(1, len(part.F) + 1))
-    yield _array("types", np.full(len(part.F), 5, dtype=np.uint8))  # 5 is VTK_TRIANGLE
+    yield _array("types", np.full(len(part.F), 5, dtype=np.uint8))  # 5 means VTK_TRIANGLE
     yield b"</Cells>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
 
 

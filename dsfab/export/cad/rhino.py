@@ -37,8 +37,8 @@ from dsfab.export.writing import one_line
 BLACK, GREY = (0, 0, 0), (150, 150, 150)
 MESH = "sheet"  # name of the layer of the mesh
 _PROPERTIES, _HISTORY, _SHORT = 0x10000014, 0x20008021, 0x80000000
-"""Codes of chunks (parts of a 3DM file)."""
-_TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)  # 1 January 1980, as C's `struct tm`
+"""Codes of the chunks for a file's properties and for its history. A chunk whose code has the bit `_SHORT` is empty."""
+_TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)  # 1 January 1980, a Tuesday, as C's `struct tm`
 
 
 def require_rhino3dm(what: str = ".3dm files need") -> None:

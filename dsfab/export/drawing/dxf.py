@@ -32,7 +32,7 @@ from dsfab.surface import StructureLine, polyline_length, simplified_line
 
 APPLICATION = "DSFAB"
 COLOURS = {"major": 5, "minor": 1, "keep": 3, "rim": 4, "boundary": 7}
-"""Colour numbers of the AutoCAD palette."""
+"""Colour numbers of the AutoCAD palette: blue, red, green, cyan, and black on white paper."""
 WEIGHTS = {"boundary": 50, "edge": 25, "centre": 13}  # widths of lines, in hundredths of a millimetre
 
 

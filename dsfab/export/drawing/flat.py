@@ -18,7 +18,7 @@ from dsfab.export.drawing.dxf import dxf_bytes, reproducible_output
 from dsfab.export.writing import one_line
 
 COLOURS = {"STOCK": 8, "CUT": 1, "HOLES": 5, "SLOTS": 6, "ENGRAVE": 3, "FOLD": 4, "AXIS": 9}
-"""Colour numbers of the AutoCAD palette, by layer."""
+"""Colour numbers of the AutoCAD palette by layer: grey, red, blue, magenta, green, cyan, light grey."""
 STROKES = {
     "STOCK": "#888",
     "CUT": "#c00",
@@ -28,7 +28,7 @@ STROKES = {
     "FOLD": "#088",
     "AXIS": "#bbb",
 }
-"""Colours of the layers in SVG."""
+"""Colours of the layers in SVG, as in DXF."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from dsfab.export.part import Part
 from dsfab.export.readback import ReadBack, check_mesh, check_shapes, layer_colour, read_with_trimesh
 from dsfab.export.writing import one_line
 
-FLOAT, UINT, VERTICES, INDICES = 5126, 5125, 34962, 34963  # numbers of the glTF standard
+FLOAT, UINT, VERTICES, INDICES = 5126, 5125, 34962, 34963  # numbers of the glTF standard for kinds of arrays
 
 
 def encode(part: Part) -> Iterator[bytes]:

@@ -49,7 +49,7 @@ FAULTS = {
     "crossing": "{} pairs of triangles cross: parts of the solid run through each other",
     "inside_out": "{} closed surfaces face inward: their faces are flipped",
 }
-"""Description of each kind of fault."""
+"""Description of each kind of fault for the person who repairs the mesh."""
 
 
 @dataclass(frozen=True)

@@ -101,7 +101,7 @@ def encode_3mf(part: Part) -> Iterator[bytes]:
         for name, text in contents.items():
             entry = zipfile.ZipInfo(name, _BEGINNING_OF_ZIP)
             entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.create_system = 0  # equal zips on all systems
+            entry.create_system = 0  # otherwise the zip names the operating system
             archive.writestr(entry, text.encode("utf-8"))
     yield package.getvalue()
 
@@ -147,5 +147,5 @@ def _model(part: Part) -> Iterator[str]:
 
 def _arrays(mesh: object) -> tuple[Floats, Ints]:
     points, corners = b"".join(mesh.GetVertices()), b"".join(mesh.GetTriangleIndices())  # type: ignore[attr-defined]
-    V, F = np.frombuffer(points, np.float32), np.frombuffer(corners, np.uint32)
+    V, F = np.frombuffer(points, np.float32), np.frombuffer(corners, np.uint32)  # lib3mf stores these types
     return V.reshape(-1, 3).astype(np.float64), F.reshape(-1, 3).astype(np.int64)

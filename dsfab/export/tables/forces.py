@@ -26,7 +26,7 @@ COLUMNS = ("N [N]", "Vy [N]", "Vz [N]", "Mt [N m]", "My [N m]", "Mz [N m]")
 UNITS = "units: metres, newtons; n and q: newtons per metre of section; m: newton metres per metre of section"
 Q_LESS = "shear q converges one order slower than moment m; on ribs 3 or 4 faces wide, q is up to a fifth too small"
 SHEET_FORMAT = "%.8g"
-READ = 1e-6  # largest error of read numbers / largest number of the column
+READ = 1e-6  # largest error of numbers read back / largest number of the column
 
 
 def prepare_fields(part: Part) -> Part:

@@ -89,7 +89,7 @@ class CodeCheck(NamedTuple):
 
 
 CheckRatios = dict[CodeCheck, Floats]
-"""Force / resistance, by check: (b, 5) at the stations of bays, or (b, 1) for whole bays."""
+"""Force divided by resistance, by check: (b, 5) at the stations of b bays, or (b, 1) for whole bays."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,7 +31,7 @@ def _steel(name: str, megapascals: tuple[float, ...], product: str) -> SteelGrad
 
 
 PLATES = (0.04, 0.08, 0.1, 0.15, 0.2)
-"""Largest thickness (m) for each yield strength. Sources: EN 1993-1-1 up to 80 mm, then EN 10025."""
+"""Largest thickness (m) for each yield strength. Up to 80 mm, strengths are from EN 1993-1-1, above from EN 10025."""
 STEEL = {
     grade.name: grade
     for grade in (
@@ -41,7 +41,7 @@ STEEL = {
         _steel("S460", (460, 430, 400, 380, 370), "EN 10025-3, table 4"),
     )
 }
-"""Structural steel by name."""
+"""Structural steel by name; S460 is S460N."""
 
 Product = Literal["solid timber", "glulam", "LVL"]
 
@@ -97,7 +97,7 @@ TIMBER = {
 
 Duration = Literal["permanent", "long", "medium", "short", "instantaneous"]
 DURATIONS: tuple[Duration, ...] = get_args(Duration)
-"""Load durations, longest first [EN 1995-1-1, table 2.1]."""
+"""Load durations, from more than ten years to moments [EN 1995-1-1, table 2.1]."""
 
 ServiceClass = Literal[1, 2, 3]
 
@@ -106,7 +106,7 @@ K_MOD: dict[ServiceClass, tuple[float, ...]] = {
     2: (0.6, 0.7, 0.8, 0.9, 1.1),
     3: (0.5, 0.55, 0.65, 0.7, 0.9),
 }
-"""Factors k_mod [EN 1995-1-1, table 3.1], by service class, in the order of `DURATIONS`."""
+"""Factors k_mod of timber products [EN 1995-1-1, table 3.1], by service class, in the order of `DURATIONS`."""
 
 
 def k_mod(duration: Duration, service_class: ServiceClass) -> float:

@@ -14,7 +14,7 @@ Curve = Literal["a0", "a", "b", "c", "d"]
 ALPHA: dict[Curve, float] = {"a0": 0.13, "a": 0.21, "b": 0.34, "c": 0.49, "d": 0.76}
 """Imperfection factors of buckling curves [EN 1993-1-1, table 6.1]."""
 SIDEWAYS: Curve = "d"
-"""Curve of lateral torsional buckling [EN 1993-1-1, table 6.4]."""
+"""Curve of lateral torsional buckling for sections that are not I-shaped [EN 1993-1-1, table 6.4]."""
 
 TENSION = CodeCheck("tension", f"{STANDARD} 6.2.3 (6.5)")
 COMPRESSION = CodeCheck("compression", f"{STANDARD} 6.2.4 (6.9)")
@@ -56,7 +56,7 @@ def section_checks(section: Rectangle, forces: Floats, fd: float) -> CheckRatios
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     V, torsion = np.hypot(Vy, Vz) / section.area, np.abs(Mt) / section.Wt
     tau = fd / np.sqrt(3)
-    nearly = 0.95  # above this ratio the check of shear governs
+    nearly = 0.95  # largest V / shear resistance for `plastic` and `rho`; above it, the check of shear governs
     plastic = V / tau / np.maximum(1 - torsion / tau, V / tau / nearly + 1e-12)
     rho = np.where(plastic > 0.5, (2 * np.minimum(plastic, nearly) - 1) ** 2, 0.0)
     n, strength_share = N / (section.area * fd), 1 - rho

@@ -12,7 +12,7 @@ STANDARD = "EN 1995-1-1"
 GAMMA: dict[Product, float] = {"solid timber": 1.3, "glulam": 1.25, "LVL": 1.2}
 """Partial factors [EN 1995-1-1, table 2.3]."""
 K_CR: dict[Product, float] = {"solid timber": 0.67, "glulam": 0.67, "LVL": 1.0}
-"""Factor on the width for shear [EN 1995-1-1, 6.1.7 (2)]."""
+"""Factor on the width for shear, because of cracks [EN 1995-1-1, 6.1.7 (2)]."""
 BETA: dict[Product, float] = {"solid timber": 0.2, "glulam": 0.1, "LVL": 0.1}
 """Imperfection factors of members [EN 1995-1-1, (6.29)]."""
 K_M = 0.7  # Factor for biaxial bending of rectangles [EN 1995-1-1, 6.1.6 (2)].

@@ -15,7 +15,8 @@ from dsfab.statics import SectionForces
 from dsfab.surface import Surface
 
 PLANES = 4
-"""Number of planes that cut a member near each station (point of the axis). Results are means over planes."""
+"""Number of planes that cut a member near each station (point of its axis), all within one edge length of the mesh.
+Forces are constant on each face, so only means over several faces are in equilibrium. Results are means over planes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +102,7 @@ def _as_sections(surface: Surface, face: Ints, plane: Ints, P: Floats, corner: F
     length = np.linalg.norm(direction, axis=1)
     along = direction / np.maximum(length, np.finfo(float).tiny)[:, None]
     across = np.cross(along, surface.normals[face])
-    ahead = corner[np.arange(len(face)), level.argmin(axis=1)] - a
+    ahead = corner[np.arange(len(face)), level.argmin(axis=1)] - a  # vector to the corner with the largest arc length
     across *= np.sign(np.einsum("ci,ci->c", ahead, across))[:, None]
     free = surface.edges.boundary[surface.edges.of[face]]
     rows, ends = np.nonzero(free[np.arange(len(face))[:, None], _edge_number(surface, face, edges)])
@@ -118,10 +119,10 @@ def _edge_number(surface: Surface, face: Ints, begins: Ints) -> Ints:
     return np.asarray((ends[:, :, None] == edge_vertices[:, None]).all(axis=-1).argmax(axis=-1))
 
 
-SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # Stations of a bay, as fractions of the clear length.
-STATIONS = len(SHARES)  # Number of stations of each bay.
+SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # Stations of a bay, as fractions of its clear length between joints.
+STATIONS = len(SHARES)  # Number of stations (points with forces) of each bay.
 COMPONENTS = ("N", "Vy", "Vz", "Mt", "My", "Mz")
-"""Section forces: x along the axis, y to the left, z along the surface normal."""
+"""Section forces on a section with outward normal x: x along the axis, y to the left, z along the surface normal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,7 +243,7 @@ def _force_sums(
     m = np.einsum("ca,cai->ci", _times(section_forces.m[source], v), frame)
     p = np.stack(ends, axis=1) - (np.einsum("ca,ca->c", section_forces.q[source], v)[:, None] * z)[:, None]
     F = group_sums(cut.station, cut.length[:, None] * p.mean(axis=1), len(axes))
-    moment = np.cross(cut.arm, (2 * p + p[:, ::-1]) / 6).sum(axis=1) + np.cross(m, z)
+    moment = np.cross(cut.arm, (2 * p + p[:, ::-1]) / 6).sum(axis=1) + np.cross(m, z)  # exact for a linear force p
     M = group_sums(cut.station, cut.length[:, None] * moment, len(axes))
     f = _edge_forces(cut, section_forces, graph, normals)
     F = F + group_sums(cut.end_station, f, len(axes))

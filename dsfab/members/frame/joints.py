@@ -12,7 +12,7 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.members import Member, MemberGraph
 
 SAME = 0.25
-"""Distance below which joints on an axis share a node, divided by the member's mean width."""
+"""Joints on an axis share one node if their distance along it is less than this fraction of the member's mean width."""
 
 
 def fitting(halves: Floats, length: float) -> Floats:
@@ -114,7 +114,7 @@ def _distance(member: Member, s: float, t: float) -> float:
 
 
 Trees = Mapping[str, tuple[cKDTree, Floats]]
-"""Search trees of points along the axes, and arc lengths of the points."""
+"""Search trees of points along the axes by member, and the arc lengths of these points."""
 
 
 def join_ends(joints: AxisJoints) -> None:
@@ -131,6 +131,7 @@ def join_ends(joints: AxisJoints) -> None:
         span = [0.0, member.length]
         for side, what in enumerate(member.ends):
             nearest = _nearest(joints, member, span[side])
+            # a short piece beyond the last node belongs to the joint
             beyond = nearest and abs(nearest[0] - span[side]) < joints.other_width(member, nearest[1])
             if nearest and beyond and what not in ("edge", "free"):
                 span[side] = nearest[0]

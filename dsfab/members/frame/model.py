@@ -252,7 +252,7 @@ def _answer(frame: Frame, load: Floats, K: csr_array, u: Floats, local: tuple[Fl
 
 
 STOUT = 0.35
-"""Bays wider than this fraction of their length do not act as beams."""
+"""Bays wider than this fraction of their length do not act as beams, because joints cover half of such a bay."""
 
 
 @dataclass(frozen=True, eq=False)

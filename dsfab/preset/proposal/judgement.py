@@ -31,17 +31,17 @@ from dsfab.statics import PAPER, Material, SheetModel, equilibrium, sheet_stiffn
 from dsfab.surface import LoadCase, Surface, Up, upright_vertices
 
 DEEP = {"roof": 50.0, "hung": 50.0, "floor": 25.0, "wall": 20.0}
-"""Usual ratio of a surface's size to the depth of ribs, by kind."""
+"""Usual ratio of a surface's size (see `_depth`) to the depth of its ribs, by kind."""
 LOAD = {"roof": 750.0, "hung": 300.0, "floor": 5000.0, "wall": 800.0}  # Usual load, Pa: snow, services, people, wind.
 TIMBER, STRENGTH = Material(11e9, 0.3, 420.0), 15e6  # GL24h: strength 24 MPa x 0.8 / 1.25.
 LIMIT = 1 / 300  # Largest usual movement, divided by the span.
-EDGE = 0.5  # Reduction of a score if all edges of the sheet are supported.
+EDGE = 0.5  # Fraction by which a score is reduced if all edges of the sheet are supported.
 UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}  # Share of each unit in files that do not name it.
 BUILDING, SPREAD = 18.0, 1.1  # Median length of buildings, metres, and standard deviation of its logarithm.
-LEAST, DOUBT = 0.02, 0.25  # Smallest score of a plausible support, and smallest score without doubt.
-CLOSE = 0.75  # Smallest share of the best score with which dsfab asks about another support.
-OPEN = 0.13  # Smallest probability of a second unit with which dsfab asks.
-UNDER = 0.7  # Factor on the score if the surface would reach below the ground (z = 0).
+LEAST, DOUBT = 0.02, 0.25  # Smallest score of a plausible way of support, and smallest score without doubt.
+CLOSE = 0.75  # dsfab asks about another way of support if its score is at least this share of the best score.
+OPEN = 0.13  # dsfab asks about the unit if the second most probable unit has at least this probability.
+UNDER = 0.7  # Factor on the score of a vertical axis with which the surface would reach below the ground (z = 0).
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
         return JudgedReading(reading, 0.0, up)
     span = 2 * float(np.max(cKDTree(surface.V[supported]).query(surface.V)[0]))
     if reading.kind in ("roof", "hung"):
-        span = min(span, 2 * shape.width)
+        span = min(span, 2 * shape.width)  # a larger span does not increase the allowed movement
     moved = float(np.quantile(lengths(answer.u), 0.99))
     stress = weighted_quantile(sheet_stress(sheet, PAPER, answer).largest, surface.areas, 0.9)
     used = max(moved / (LIMIT * span) if span else 0.0, stress / STRENGTH)  # span 0: all vertices are supported
@@ -221,7 +221,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
             shapes[up] = Shape(Surface(shapes[up].surface.V * metres_per(units[up][0][0]), coarse.F))
         z = shapes[up].surface.V[:, 2]
         factor *= UNDER if z.min() < -0.2 * np.ptp(z) else 1.0
-        factor *= usual[up] / max(usual.values())
+        factor *= usual[up] / max(usual.values())  # an axis is less probable if it suggests an unusual unit
         candidates += [(factor, up, reading) for reading in _readings(shapes[up], stand)]
     if not candidates:
         raise PresetError(_no_word(stand, [reading for shape in shapes.values() for reading in readings(shape)]))

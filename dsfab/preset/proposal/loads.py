@@ -12,15 +12,15 @@ from dsfab.preset.proposal.shape import is_nearly_closed
 from dsfab.surface import Surface, one_sided_pieces
 
 USUAL_LOAD = {"roof": "snow", "hung": "services", "floor": "people", "wall": "wind"}
-"""Usual load besides the weight, by kind of surface."""
+"""Usual load of a surface besides its weight, by kind of surface."""
 LINE_OF_COMMENT = {
     "snow": "Pa on the ground: a placeholder for the value of your code [EN 1991-1-3]",
     "people": "Pa on the plan area: a placeholder for crowds of people [EN 1991-1-1, table 6.2, category C5]",
     "services": "Pa on the plan area: a placeholder for lights and pipes that hang from the surface",
     "wind": "Pa, velocity pressure: a placeholder for your site [EN 1991-1-4, 4.5]",
 }
-PRESSURE = {"snow": 1000.0, "people": 5000.0, "services": 300.0, "wind": 500.0}  # Pa; placeholders.
-AROUND = 0.3  # Largest horizontal part of sum(normal x area) of a tower, divided by its area.
+PRESSURE = {"snow": 1000.0, "people": 5000.0, "services": 300.0, "wind": 500.0}  # Pa; placeholders for values of codes.
+AROUND = 0.3  # A surface is a tower if the horizontal part of sum(normal x area) is below this share of its area.
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class MeshWishes:
         return pressures
 
 
-NO_WISHES = MeshWishes()  # The user has made no choices.
+NO_WISHES = MeshWishes()  # The user has no wishes: dsfab chooses supports and loads.
 
 
 def _positive(text: str) -> float:

@@ -36,9 +36,9 @@ from dsfab.surface import (
 )
 
 Z_UP = (".3mf", ".3dm", ".dxf", ".glb", ".gltf", ".ifc")
-"""Suffixes of files in which z is vertical."""
+"""Suffixes of files in which z is vertical, by the format or its usual program. glTF files are rotated when read."""
 MOSTLY_Z = (".stl", ".step", ".stp", ".brep")  # Suffixes of files in which z mostly is the vertical axis.
-Y_UP = 0.7  # Factor on the scores of supports if y is the vertical axis.
+Y_UP = 0.7  # Factor on the scores of supports if y is the vertical axis; few programs use a vertical y axis.
 GROUND = 1e-3  # Largest depth below y = 0 that counts as zero, divided by the size of the surface.
 
 
@@ -80,8 +80,8 @@ def _stability(V: Floats, surface: Surface) -> float:
 UMLAUTS = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss", "ø": "oe", "æ": "ae"}
 )
-SMALLEST, LARGEST = 0.02, 1000.0  # Range of a surface's longest side (m) without doubt about the unit.
-USUAL = 2.0, 100.0  # Usual range of the longest side (m).
+SMALLEST, LARGEST = 0.02, 1000.0  # Range of a surface's longest side (m) in which dsfab does not doubt the unit.
+USUAL = 2.0, 100.0  # Usual range of the longest side (m); outside of it, dsfab lists other units.
 POSSIBLE = 0.2, 500.0  # Range of a surface's longest side (m) for the units that `dsfab inspect` lists.
 UNLIKELY = 0.02  # Units with a smaller probability are not listed.
 GUESSED = ("mm", "cm", "m", "in", "ft")  # Units that dsfab considers for files without a unit.

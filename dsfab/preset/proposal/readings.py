@@ -12,16 +12,16 @@ from dsfab.preset.proposal.shape import DEPTH, NECK, RISE, STRIP, Edge, Shape, i
 from dsfab.surface import Ball, Boundary, Box, Surface, link_components
 
 DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25  # `SupportReading.form` if the shape shows supports; if usual; if possible.
-RARER = 0.8  # Factor on `SupportReading.form` for hanging surfaces and for walls.
-LEFT = 0.7  # Factor on `SupportReading.form` if necks or hollows stay without support.
+RARER = 0.8  # Factor on `SupportReading.form` for hanging surfaces and for walls, because roofs are more frequent.
+LEFT = 0.7  # Factor on the score `SupportReading.form` if necks or hollows (see `Shape`) stay without support.
 SAG = 0.15  # Smallest sag of a hanging roof, divided by its height.
-WALLS = 0.8  # Smallest `_edge_form` of an edge on walls.
+WALLS = 0.8  # `_edge_form` above which an outer edge is level and low enough to stand on walls.
 APART = 12.0  # Largest distance between posts along a strip, metres.
 FRAGMENT = 0.1  # Smallest size of a support, divided by the size of the largest support.
 LOWEST_SILL = 0.005  # Smallest height of a window above the base, divided by the wall's height.
 BAY = 7.5  # Usual distance between the columns of a grid, metres.
 MOST = 200  # Largest number of columns, and of posts along a side.
-SOLE = 0.03  # Largest height of a closed surface's supported vertices, divided by the surface's height.
+SOLE = 0.03  # A closed surface stands on its vertices below this fraction of its height.
 Kind = Literal["roof", "hung", "floor", "wall", "object"]
 
 
@@ -202,7 +202,7 @@ def _whole_edges(shape: Shape) -> Iterator[SupportReading]:
     floor = max(_roof(shape), float(shape.is_floor))
     drop = _mean([edge.z.mean() for edge in shape.outer]) - _mean([edge.z.mean() for edge in shape.large])
     is_vault = bool(shape.large) and shape.rise > 0.05 * shape.width and abs(drop) < 0.05 * shape.rise
-    loss = LEFT if is_vault else 1.0
+    loss = LEFT if is_vault else 1.0  # a vault's inner and outer edge are equally low, so both probably have supports
     yield SupportReading("edge", kind, _whole(shape, shape.outer, name), DRAWN * loss * floor * _mean(outer))
     below = drop > max(0.3 * shape.rise, 0.015 * shape.width)
     usual = loss * (DRAWN if below else USUAL) * _roof(shape)

@@ -12,14 +12,14 @@ from dsfab.core.arrays import Floats, Ints, lengths, lock
 from dsfab.core.errors import SurfaceError
 from dsfab.surface import Surface, polyline_length, remeshed_surface
 
-VERTICES = 1500  # Usual number of vertices of a coarse shape.
+VERTICES = 1500  # Usual number of vertices of a coarse shape, for fast solves.
 STEPS = 400  # Number of equal steps along a closed edge.
 SLOPE = 0.25  # Slope (14 degrees) at which `levelness` is 1/2.
 CORNER = 40.0  # Smallest change of an edge's direction at a corner, degrees.
 DEPTH, RISE = 0.15, 0.05
-"""Smallest depth of a foot (low part of an edge) and largest rise within a foot, divided by the surface's height."""
-SMALL = 0.15  # Largest length of a small edge / length of the longest edge.
-STRIP = 3.0  # Smallest ratio of long to short sides of a strip.
+"""Smallest depth of a foot (low part of an edge), and largest rise within a foot, divided by the surface's height."""
+SMALL = 0.15  # Largest length of a small edge, divided by the length of the surface's longest edge.
+STRIP = 3.0  # Smallest ratio of long to short sides of a strip, such as a footbridge.
 NECK = 0.2  # Smallest vertical component of `Shape.neck` for a column head (up) or a hanging point (down).
 LUG = 2.0  # Smallest height of a lug, divided by its radius.
 HEAD = 2.2  # Height that people need, metres.
@@ -118,7 +118,7 @@ class Edge:
                 continue
             profiles = [np.maximum.accumulate(np.roll(z, -top)[::sign][: n // 2 - 1]) for sign in (1, -1)]
             least = np.sort(np.concatenate(profiles))[min(int(np.ceil(shortest / step)), n - 3)]
-            level = max(z[top] + RISE * height, least) + 1e-4 * height
+            level = max(z[top] + RISE * height, least) + 1e-4 * height  # 1e-4: points of equal height are all included
             after, before = (int((profile <= level).sum()) for profile in profiles)
             yield self.part((top - before) % n, (top + after - 1) % n), float(depth)
 

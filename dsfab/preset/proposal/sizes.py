@@ -11,12 +11,13 @@ from dsfab.preset.proposal.shape import is_figure
 from dsfab.surface import Surface
 
 MEMBERS = 16  # Number of members across the shorter side of the plan.
-COARSEST, FINEST = 2.5, 3.5  # Smallest and largest number of mesh edges per spacing.
-TRIANGLES = 6500  # Usual number of triangles.
+COARSEST, FINEST = 2.5, 3.5  # Smallest and largest number of mesh edges per spacing; fewer give uneven stripes.
+TRIANGLES = 6500  # Usual number of triangles, so that CAD programs can open the solid.
 SLENDER = {"steel": 200, "timber": 100}  # Ratio of span to thickness, by material.
 STEEL = ("S235", "S275", "S355", "S460", "aluminium 6082")
 LONG = 1.8
-"""Smallest ratio of the span to the shorter side of the plan for which the span governs the thickness."""
+"""Smallest ratio of the span to the shorter side of the plan for which the span governs the thickness. A square roof on
+its corners has a ratio of 1.41."""
 THICKEST = 1 / 5  # Largest thickness of a surface with a long span, divided by the spacing of its members.
 MODEL = 3.0  # Surfaces smaller than this (m) count as printed models.
 
@@ -83,7 +84,7 @@ def sizes(surface: Surface, material: str | None = None, span: float = 0.0) -> S
     figure = is_figure(surface)
     span = span or shorter_side(surface)
     square = float(np.sqrt(surface.area))
-    cells = 550
+    cells = 550  # with more openings, a viewer sees no pattern
     spacing = two_digits(max(square / 18 if figure else span / MEMBERS, square / np.sqrt(cells)))
     material = material or ("PLA" if surface.size < MODEL else "GL24h")
     thick = spacing / 8 if figure else span / slenderness(material)

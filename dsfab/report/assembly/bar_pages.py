@@ -28,7 +28,7 @@ BARS_UNCHECKED = (
     "effects of moisture, grain and knots; distances of bolts from edges and ends (see the material's standard)",
     "bearings: the parts that hold the structure at its supports",
 )
-"""Risks of bars that dsfab does not check."""
+"""Risks of bars that dsfab does not check, for the last page of the book."""
 
 
 def bar_figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:

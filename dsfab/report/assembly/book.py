@@ -40,7 +40,7 @@ LAYERS_UNCHECKED = (
     "effects of moisture, grain and knots; distances of bolts from edges and ends (see the material's standard)",
     "bearings: the parts that hold the structure at its supports",
 )
-"""Risks of bent layers that dsfab does not check."""
+"""Risks of bent layers that dsfab does not check, for the last page of `assembly.pdf`."""
 
 
 def assembly_pdf(plan: WorkshopPlan, design: Design) -> bytes:
@@ -143,7 +143,7 @@ PLANKS_UNCHECKED = (
     "effects of moisture, grain and knots; distances of bolts from edges and ends (see the material's standard)",
     "bearings: the parts that hold the structure at its supports",
 )
-"""Risks of upright planks that dsfab does not check."""
+"""Risks of upright planks that dsfab does not check, for the last page of the assembly book."""
 
 
 def _unchecked_points(plan: WorkshopPlan) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from dsfab.workshop import FlatPart, NestedSheet, WorkshopPlan, money, node_tabl
 
 ACROSS, DOWN = 4, 13  # Columns and rows of parts on a page.
 ROWS, COLUMNS = 62, 3  # Rows and columns of nodes on a page.
-LEGIBLE, LEGIBLE_MODEL = 40.0, 400.0  # smallest scales (mm per metre) of legible names
+LEGIBLE, LEGIBLE_MODEL = 40.0, 400.0  # smallest scales (mm per metre) of legible names: on structures, on models
 PartsPage = tuple[str, Callable[[Paper], None]]
 
 

@@ -17,7 +17,7 @@ from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, RED, DrawingTran
 from dsfab.surface import simplified_line
 from dsfab.workshop import Layering, RefoldedStrip, WorkshopPlan, is_strip, layer_numbers, refolded_plan
 
-GRID_PER_MM = 8.0  # Grid cells per millimetre of paper.
+GRID_PER_MM = 8.0  # Grid cells per millimetre of paper; `place_names` moves names on this grid.
 
 
 def draw_cover(
@@ -65,7 +65,7 @@ def draw_named_view(paper: Paper, faces: list[MemberFaces], view: Axonometry) ->
     """Draw all members with their names on one page."""
     box = PaperBox(PAGE.x + 6, PAGE.y + 8, PAGE.wide - 12, PAGE.high - 14)
     fitted = draw_structure(paper, faces, view, box, {})
-    letter = 2.5 * min(1.0, float(np.sqrt(120 / len(faces))))
+    letter = 2.5 * min(1.0, float(np.sqrt(120 / len(faces))))  # millimetres; smaller for over 120 members
     plates = [Nameplate(face.id, (0, 0, 0), *_name_places(face, view, fitted)) for face in faces]
     size = (int(GRID_PER_MM * (PAGE.wide + 2 * PAGE.x)), int(GRID_PER_MM * (PAGE.high + PAGE.y + 10)))
     names = place_names(plates, size, GRID_PER_MM * letter)
@@ -153,14 +153,14 @@ def _refolded_page(
     return draw
 
 
-STEP_PICTURES = 12  # Approximate number of steps.
+STEP_PICTURES = 12  # Approximate number of steps, each with a picture.
 
 LAYER_RULE = (
     "Assemble each layer before the layer above it: at every node the upper member is bolted on the lower member. "
     "Within a layer, assemble members by the height of their lowest points, lowest first; at equal height, by name. "
     "If no bolt holds a member yet, prop it until the next layer is bolted on."
 )
-"""Rule for the order of assembly."""
+"""Rule for the order of `assembly_steps`, printed for the builders."""
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ PLANK_RULE = (
     "piece along the mean normal of its slots. Within a family, place members in the order of the heights of their "
     "lowest points; order members of equal height by name. Close a splice when both pieces are in place."
 )
-"""Rule for the order of assembly of planks."""
+"""Rule for the order of `plank_steps`, printed for the builders."""
 FAMILY_WORDS = {"major": "family A", "minor": "family B", "rim": "edges", "keep": "planks around supports and loads"}
 
 
@@ -231,8 +231,8 @@ def _ordered_steps(
     return tuple(steps)
 
 
-ACROSS, DOWN = 3, 2  # Columns and rows of pictures on a page.
-STANDING_COLOUR = (0.82, 0.81, 0.79)  # Colour of the members of earlier steps.
+ACROSS, DOWN = 3, 2  # Columns and rows of pictures on a page, with one picture for each step.
+STANDING_COLOUR = (0.82, 0.81, 0.79)  # Colour of members that earlier steps have assembled.
 
 
 def step_pages(

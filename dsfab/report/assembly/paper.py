@@ -11,9 +11,9 @@ from dsfab.report.assembly.axonometry import FaceList
 from dsfab.report.html_pages import COLOURS
 from dsfab.report.pdf_pages import MM
 
-PAPER_WIDTH, PAPER_HEIGHT = 420.0, 297.0  # A3 paper, millimetres.
-MARGIN, HEAD, FOOT = 14.0, 26.0, 18.0  # Margins of a page, millimetres: at the sides, above, and below.
-SCALE_STEPS = (1.0, 2.0, 2.5, 5.0)  # Usual scales are 1:k; k is one of these times a power of ten.
+PAPER_WIDTH, PAPER_HEIGHT = 420.0, 297.0  # Size of A3 paper, millimetres.
+MARGIN, HEAD, FOOT = 14.0, 26.0, 18.0  # Margins of a page, millimetres: at both sides, above, and below.
+SCALE_STEPS = (1.0, 2.0, 2.5, 5.0)  # Usual scales are 1:k; k is one of these numbers times a power of ten.
 Colour = tuple[float, float, float]
 
 
@@ -41,7 +41,7 @@ class PaperBox:
         return [PaperBox(self.x + k * (w + gap), y, w, h) for y in tops for k in range(across)]
 
 
-PAGE = PaperBox(MARGIN, FOOT, PAPER_WIDTH - 2 * MARGIN, PAPER_HEIGHT - HEAD - FOOT)  # drawings of a page
+PAGE = PaperBox(MARGIN, FOOT, PAPER_WIDTH - 2 * MARGIN, PAPER_HEIGHT - HEAD - FOOT)  # box for the drawings of a page
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class Paper:
     def upright_text(self, place: tuple[float, float], words: str, size: float, colour: Colour = INK) -> None:
         """Write a line of text upwards from a place."""
         self.canvas.saveState()
-        self.canvas.translate(place[0] * MM + size * 0.35, place[1] * MM)
+        self.canvas.translate(place[0] * MM + size * 0.35, place[1] * MM)  # half of a capital's height
         self.canvas.rotate(90)
         self.canvas.setFont(self.fonts[0], size)
         self.canvas.setFillColorRGB(*colour)

@@ -42,7 +42,7 @@ STYLES: Mapping[str, tuple[str, str, str]] = {
     "grid": ("#2c9a62", "-", "D"),
     "simp": ("#222222", "-.", "x"),
 }
-"""Colour, line and mark of each competitor in charts."""
+"""Colour, line and mark of each competitor in charts; they differ in black and white too."""
 
 NAMES = {
     "design": "this design",
@@ -71,7 +71,7 @@ def chart_figure(rows: Sequence[ResultRow], title: str, names: Mapping[str, str]
     """Return the chart as a figure of matplotlib."""
     from matplotlib.figure import Figure
 
-    many = len({row["name"] for row in rows}) > 6
+    many = len({row["name"] for row in rows}) > 6  # a long legend would hide lines of the chart
     figure = Figure(figsize=(7.6, 5.6 if many else 4.6), layout="constrained")
     axes = figure.add_subplot()
     _plot_lines(axes, rows, title, names)
@@ -144,7 +144,7 @@ def lettering(**settings_of_chart: Any) -> Iterator[None]:
 
     import matplotlib as mpl
 
-    # no warning of a missing font
+    # no warning of a missing font, because the next font of the list replaces it
     logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
     settings: dict[Any, Any] = {**FONT, **settings_of_chart}
     with mpl.rc_context(settings):
@@ -235,13 +235,14 @@ class FindingsPictures:
     def stress(self, answered: AnsweredLoad, caption: str) -> ReportFigure:
         """Draw the largest von Mises stress in each face of the cut sheet."""
         sheet, value = self.findings.structure.sheet.surface, answered.stress.largest
-        limit = quantile(value, sheet.areas, 0.98) or 1.0  # leaves out peaks at corners
+        limit = quantile(value, sheet.areas, 0.98) or 1.0  # leaves out the peaks at corners: 2 % of the area
         return self.band_figure(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
 
     def displacement(self, answered: AnsweredLoad, limit: float, caption: str) -> ReportFigure:
         """Draw the deformed sheet, coloured by displacement, 0 to `limit` (m).
         caption : text in which `{factor}` is replaced by the enlargement."""
         sheet, u = self.findings.structure.sheet.surface, answered.equilibrium.u
+        # the largest displacement is magnified to 7 % of the surface's size, or less
         factor = round_number_above(0.07 * self.findings.task.surface.size / float(np.linalg.norm(u, axis=1).max())) / 2
         moved = np.linalg.norm(u, axis=1)[sheet.F].mean(axis=1)
         words = caption.format(factor=significant_digits(factor, 2))

@@ -43,7 +43,7 @@ def significant_digits(value: float, digits: int = 3) -> str:
     """Return a number without an exponent: '0.0123', '12.3', '12 300'."""
     if value == 0 or not math.isfinite(value):
         return "0" if value == 0 else "n/a"
-    value = float(f"{value:.{digits - 1}e}")  # rounding may add a digit
+    value = float(f"{value:.{digits - 1}e}")  # rounding may add a digit: 9.996 becomes 10.0
     decimals = max(0, digits - 1 - math.floor(math.log10(abs(value)) + 1e-12))
     return f"{value:,.{decimals}f}".replace(",", " ")
 
@@ -93,7 +93,7 @@ def round_number_above(value: float) -> float:
     return float(next(power * step for step in (1.0, 2.0, 2.5, 5.0, 10.0) if power * step >= value * (1 - 1e-9)))
 
 
-SAFE_BUCKLING_FACTOR = 5.0  # real shells buckle at 1/5 to 1/2 of the linear factor
+SAFE_BUCKLING_FACTOR = 5.0  # smallest factor that is safe; real shells buckle at 1/5 to 1/2 of the linear factor
 
 LABELS = {
     "full": "Whole sheet, uncut",

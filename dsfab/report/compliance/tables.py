@@ -42,7 +42,7 @@ def key_table(findings: Findings, number: CaptionNumbers) -> Table:
     stressed_case, stressed = findings.decisive_case("stress")
     several = len(findings.cases) > 1
     move_case, stress_case = (f", {escaped_text(name)}" * several for name in (moving_case, stressed_case))
-    settled = quantity(stressed.stress.settled, "Pa")
+    settled = quantity(stressed.stress.settled, "Pa")  # At corners the largest stress diverges.
     stress_words = f"on 99 % of the area; {settled} at points more than a rib's width from corners{stress_case}"
     move_words = f"at {point_words(moving.displacement.place)}{move_case}"
     compliance = within(findings.judgement.compliance, findings.judgement.bound, "J")

@@ -9,7 +9,7 @@ from dsfab.core.messages import length, load_factor, mass, point_words, table
 if TYPE_CHECKING:
     from dsfab.study.carrying import Carrying
 
-USUAL_SPAN_SHARE = 300  # usual limit of movement: 1/300 of the span [EN 1990, annex A1.4]
+USUAL_SPAN_SHARE = 300  # a movement > 1/300 of the span is reported [EN 1990, annex A1.4: by agreement, usually 300]
 SHOWN_SUPPORTS = 6  # number of supports in a short table of reactions
 LEVEL = 1e-3  # a horizontal force below this share of the reaction is a rounding error
 OPPOSED = 0.1

@@ -135,9 +135,9 @@ def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
         yield f"{title}: {sizes}{ratio}"
 
 
-SHARES = (0.05, 0.5, 0.95)  # Quantiles of the widths of members in `design.json`.
+SHARES = (0.05, 0.5, 0.95)  # Quantiles in `design.json` of the widths of members, measured at all their edges.
 MEASURED_KEY = {"min_member": "smallest_member", "min_gap": "smallest_gap", "min_wall": "thinnest_wall"}
-"""Measure in `design.json` for each limit of a preset."""
+"""Measure in `design.json` for each limit in the section [fabrication] of a preset."""
 
 
 def fabrication_facts(measures: "FabricationMeasures") -> dict[str, Any]:

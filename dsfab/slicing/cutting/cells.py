@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
 from dsfab.surface.topology import half_edges
 
-CHUNK = 1 << 13  # Number of polygons in a batch.
+CHUNK = 1 << 13  # Number of polygons in a batch. A batch fits the processor's cache.
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class Cells:
     sides_on: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     def __post_init__(self) -> None:
-        if len(self.sides_on) != len(self.corner):
+        if len(self.sides_on) != len(self.corner):  # `sides_on` was left out: no side lies on a line of `CutLines`
             object.__setattr__(self, "sides_on", np.zeros(len(self.corner), dtype=np.int64))
 
     @classmethod
@@ -61,7 +61,7 @@ class Cells:
 
     def per_polygon(self, ufunc: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
         """Return a sum or another `ufunc` (c,) of the values (h,) at the corners of each polygon."""
-        if len(values) == 3 * len(self.sizes):
+        if len(values) == 3 * len(self.sizes):  # all polygons are triangles
             a, b, c = values.reshape(-1, 3).T
             return np.asarray(ufunc(ufunc(a, b), c))
         return ufunc.reduceat(values, self.start[:-1])
@@ -133,7 +133,7 @@ class Cells:
 
 
 LARGEST = 9
-"""Corners of the largest polygon that `triangulate` does not halve."""
+"""Corners of the largest polygon that `triangulate` fills directly; it halves larger polygons first, to save time."""
 
 
 def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
@@ -209,7 +209,7 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
     fan = np.linalg.norm(np.cross(spoke[:, :-1], spoke[:, 1:]), axis=2)
     upto = np.concatenate([np.zeros((len(fan), 1)), np.cumsum(fan, axis=1)], axis=1)
     i, j = np.triu_indices(size, 2)
-    i, j = i[j - i < size - 1], j[j - i < size - 1]
+    i, j = i[j - i < size - 1], j[j - i < size - 1]  # a chord cannot join neighbouring corners
     corner = np.linalg.norm(np.cross(spoke[:, i], spoke[:, j]), axis=2)
     ear = upto[:, j] - upto[:, i] - corner  # twice the area between corners i, i + 1, ..., j
     choice = np.minimum(ear, upto[:, -1:] - ear).argmax(axis=1)
@@ -223,8 +223,8 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
 
 
 SNAP_FLOOR = 1e-9
-"""Smallest fraction of an edge for moving a value onto a level."""
-TIP = 1e-3  # Largest fraction of an edge for moving only one edge of a stripe.
+"""Smallest fraction for snapping (a value moves onto a near level, see `cut`); it applies even at snap = 0."""
+TIP = 1e-3  # Largest snap fraction (see `cut`) for moving only one edge of a stripe; the opposite edge stays.
 
 
 def nearest_levels(x: Floats, levels: Floats) -> Floats:
@@ -258,7 +258,7 @@ def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) 
     steps, limit = level - x, fraction * reach + _rounding(x)
     gap = np.abs(steps)
     share = gap * limit[:, ::-1]
-    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])
+    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # equally near to levels: take the larger step
     upper_nearer = (share[:, 0] < share[:, 1]) | tie
     chosen = np.stack([upper_nearer, ~upper_nearer], axis=1)
     step = np.where(chosen, steps, 0).sum(axis=1)
@@ -290,4 +290,4 @@ def largest_ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floa
 
 
 def _rounding(x: Floats) -> float:
-    return float(8 * np.spacing(np.abs(x).max()))  # bound of rounding errors
+    return float(8 * np.spacing(np.abs(x).max()))  # rounding errors are below 8 units in the last place

@@ -30,8 +30,8 @@ LEVEL_GAP = 1e-6  # Levels closer to each other than this fraction of the field'
 
 Field = Floats | CornerField | DividedField
 DividedAgain = Callable[[PolygonMesh, int, Bools], Bools]
-"""Function that returns a mask (c,) of material that the next fields may divide too.
-Arguments: the polygon mesh; number k of the latest field; a mask (m,) of faces without field k, and of neighbours."""
+"""Function that returns a mask (c,) of material that the next fields may divide too. Arguments: the mesh of polygons;
+number k of the latest field; a mask (m,) of faces where field k has no value, and of neighbours of these faces."""
 
 
 def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05) -> Sheet:

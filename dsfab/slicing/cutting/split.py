@@ -76,7 +76,7 @@ class SideValues:
         which = np.flatnonzero(foreign)
         touched = np.zeros(int(a.max()) + 1, dtype=bool)
         touched[a[which]] = touched[b[which]] = True
-        candidates = np.flatnonzero(touched[a] & touched[b])
+        candidates = np.flatnonzero(touched[a] & touched[b])  # only these sides can lie on an edge of a side in `which`
         p, q = a[candidates], b[candidates]
         order, begins, edge = equal_key_groups(np.minimum(p, q) * len(touched) + np.maximum(p, q))
         first_slot = np.minimum.reduceat(np.where(foreign[candidates], len(a), candidates)[order], begins)[edge]
@@ -150,13 +150,14 @@ def split_cells(
     live   : (h,) sides that get new vertices even without an active polygon.    n : number of vertices."""
     above = np.arange(len(levels)) % 2 == 1 if above is None else above
     only = None
-    if live is not None and not active.any():
+    if live is not None and not active.any():  # only polygons with a side in `live` can change
         only = cells.slots(np.flatnonzero(cells.per_polygon(np.logical_or, live)))
     ends = x.places(cells, levels, only)
     lowest, highest = (cells.per_polygon(np.minimum, ends[0]) + 1) // 2, cells.per_polygon(np.maximum, ends[0]) // 2
     if len(x.foreign):
         lowest = np.minimum(lowest, (cells.per_polygon(np.minimum, ends[1]) + 1) // 2)
         highest = np.maximum(highest, cells.per_polygon(np.maximum, ends[1]) // 2)
+    # strip (number of levels below) of each polygon that no level cuts; cut polygons get their strips later
     strip = np.where(highest < lowest, highest + above[np.minimum(highest, len(levels) - 1)], lowest)
     strip[~active] = -1
     sides_on, which = _sides_on_levels(cells, ends, active), np.flatnonzero(highest > lowest)
@@ -205,7 +206,7 @@ def _sides(
     gets_vertices = active[cells.owner[crossed]]
     if live is not None:
         gets_vertices = gets_vertices | live[slots[crossed]]
-    if len(x.foreign) and len(first_sides):
+    if len(x.foreign) and len(first_sides):  # an edge takes the field values of its first polygon that has values
         foreign = np.zeros(len(x.start), dtype=bool)
         foreign[x.foreign] = True
         rank = np.where(foreign[slots[crossed]], len(a), 0) + np.arange(len(crossed))
@@ -232,7 +233,7 @@ def _with_new_corners(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
     count = sides.count + 1
     offset = np.concatenate([[0], np.cumsum(count)])
     side = np.repeat(np.arange(len(count)), count)
-    step = np.arange(offset[-1]) - offset[side]  # 0 at an old corner, then 1, 2, ... at new vertices
+    step = np.arange(offset[-1]) - offset[side]  # 0 at a corner of the old polygon, then 1, 2, ... at new vertices
     climbed = np.where(sides.up[side], step, sides.count[side] - step)
     corner = sides.first[side] + np.where(sides.along[side], step - 1, sides.count[side] - step)
     corner[offset[:-1]] = cells.corner
@@ -245,7 +246,7 @@ def _flat_sides_relabelled(cells: Cells, strip: Ints, flat: Bools) -> Ints:
         return strip
     slot = np.where(flat, -1, np.arange(len(strip)))
     source = np.maximum.accumulate(slot)
-    before = source < cells.start[:-1][cells.owner]
+    before = source < cells.start[:-1][cells.owner]  # flat first sides get the strip of the last side not flat
     source[before] = cells.per_polygon(np.maximum, slot)[cells.owner[before]]
     return np.asarray(strip[source])
 
@@ -294,8 +295,8 @@ def _with_pieces(
 
 
 CELL_AREA = 1e3 * ZERO_AREA
-"""Minimum area of a cell, divided by the squared size of the surface."""
-ROUNDS = 12  # Largest number of attempts to split polygons.
+"""Minimum area of a cell, divided by the squared size of the surface; 1000 times the limit of `Surface`."""
+ROUNDS = 12  # Largest number of attempts to split polygons so that no cell has zero area.
 
 
 class Snapping(NamedTuple):
@@ -340,6 +341,6 @@ def collapsed_corners(split: Split, X: Floats, size: float) -> Ints:
         return divided
     cells = split.cells.subset(divided)
     area, squared_reach = cells.areas(X)
-    flat = 1e-12 * squared_reach  # a cell with a smaller area is flat
+    flat = 1e-12 * squared_reach  # a cell with a smaller area is flat: its corners lie on one line
     bad = area <= np.maximum(CELL_AREA * size**2, flat)
     return np.unique(cells.corner[bad[cells.owner]])

@@ -16,8 +16,8 @@ from dsfab.surface import Surface
 from dsfab.surface.topology import next_half_edge
 
 CORNER = float(np.radians(25))  # Smallest turn of a wall at a corner, radians.
-REACH = 2.0  # Length a in `faired_walls`, in wall segments.
-BEND = 0.4  # Length b in `faired_walls`, in wall segments.
+REACH = 2.0  # Length a in `faired_walls`, in wall segments: waves shorter than 2 pi a disappear.
+BEND = 0.4  # Length b in `faired_walls`, in wall segments; a larger length makes bends less sharp.
 
 
 class Freedom(NamedTuple):
@@ -93,7 +93,7 @@ def _fair_steps(sheet: Sheet, free: Freedom) -> Floats:
         (changes, wall_vertices, 3, REACH * segment),
         (bends, wall_vertices[:, :3], 2, BEND * segment),
     ):
-        q, least = points[used], 0.02 * segment[used]
+        q, least = points[used], 0.02 * segment[used]  # `least` replaces smaller distances
         c, scale = _differences(sheet.surface.V[q], least, order)
         c = c * (size[used] ** order * np.sqrt(scale))[:, None]
         row, value = _rows(q, c[:, :, None] * side[used][:, None], place, free)
@@ -142,8 +142,8 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
     touched = np.flatnonzero((move != 0).any(axis=1)[surface.F].any(axis=1))
     F, normals = surface.F[touched], surface.normals[touched]
     before = least_angles(surface.V[F], normals)
-    slimmest, halvings = 0.5, 7  # smallest angle of a cell, degrees; largest number of halvings of a step
-    for attempt in itertools.count():  # repeat: a vertex that moves less may make a neighbouring cell slim
+    slimmest, halvings = 0.5, 7  # smallest angle of a cell, degrees; how often a step may be halved
+    for attempt in itertools.count():  # repeat: a vertex that moves less may make another cell beside it slim
         V = surface.V + share[:, None] * move
         bad = least_angles(V[F], normals) < np.minimum(before, slimmest)
         if not bad.any():
@@ -171,7 +171,7 @@ class Division:
 
 def divided_walls(sheet: Sheet) -> Sheet:
     """Divide bent walls of a sheet."""
-    for _ in range(3):
+    for _ in range(3):  # each division about halves the angles between consecutive walls
         division = _division(sheet)
         if not len(division.wall):
             break

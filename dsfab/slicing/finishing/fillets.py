@@ -69,7 +69,7 @@ def _arcs_in_planes(
 
     line_a, line_b = in_frame(wall_a, stop.share_a, stop.before), in_frame(wall_b, stop.share_b, stop.behind)
     centre, exists = circle_centres(*line_a, *line_b, size)
-    all_tips, margin = np.arange(len(wall)), 0.6 * radius  # metres
+    all_tips, margin = np.arange(len(wall)), 0.6 * radius  # margin: metres of wall beyond the ends of an arc
     lines = tips.wall_line(all_tips, way_a + margin, back=True), tips.wall_line(all_tips, way_b + margin, back=False)
     arcs = tangent_arcs(*lines, size, centre)
     valid = np.flatnonzero(arcs.touching & exists & (arcs.angle > SHARPEST))
@@ -112,7 +112,7 @@ def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: floa
     touched = _distance(flat.start, loops)[wall] < (1 + 3e-3) * radius
     for to_wall in (stop.before, stop.behind):
         foot = (stop.middle + radius * to_wall)[row]
-        touched &= np.linalg.norm(start - foot, axis=1) > 0.1 * radius
+        touched &= np.linalg.norm(start - foot, axis=1) > 0.1 * radius  # vertices near points of contact do not count
     free = np.bincount(row, touched, len(count)) == 0
     distance = np.linalg.norm(start - stop.middle[row], axis=1)
     close_by = distance < 1.2 * radius
@@ -193,7 +193,7 @@ def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
             taken.append(tips.subset(clear).stretches(arcs.subset(clear)))
             corners = corners.with_arc_feet(tips.subset(clear), arcs.subset(clear))
     radii = corners.largest(radius)
-    smallest = 0.02 * radius  # smallest radius of an arc
+    smallest = 0.02 * radius  # smallest radius of an arc; a corner stays sharp if no larger arc fits
     waiting = np.flatnonzero(radii >= smallest)
     for _ in range(12):
         arcs, factor = corners.arcs(waiting, radii[waiting])
@@ -258,7 +258,7 @@ def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fille
         flat = np.einsum("p...i,pji->p...j", X - corners.origin[row][:, None], corners.frames[row])
         return np.asarray(np.linalg.norm(flat, axis=-1) > reach[arc][:, None])
 
-    far_rows = beyond_reach(arc, surface.V[surface.F[cell]]).any(axis=1)
+    far_rows = beyond_reach(arc, surface.V[surface.F[cell]]).any(axis=1)  # cells near the corner need no check
     arc, X = arc[far_rows], surface.V[surface.F[cell[far_rows]]]
     bad = np.zeros(len(corner_rows), dtype=bool)
     for c in range(fillets.normal.shape[1]):
@@ -273,7 +273,7 @@ def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fille
     return ~bad
 
 
-GOLDEN = (5**0.5 - 1) / 2  # Golden ratio.
+GOLDEN = (5**0.5 - 1) / 2  # Golden ratio: the fractional parts of its multiples are evenly distributed.
 
 
 def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:

@@ -43,10 +43,10 @@ from dsfab.slicing.finishing.stubs import without_stubs
 from dsfab.surface import Surface
 
 BRIDGED_SHARE, ROUNDING_ROUNDS = 0.95, 5
-"""Openings under BRIDGED_SHARE x `neck` get bridges after rounding, in up to ROUNDING_ROUNDS rounds."""
+"""After the rounding of corners, openings under BRIDGED_SHARE x `neck` get bridges, in up to ROUNDING_ROUNDS rounds."""
 
 PolygonPass = Callable[[PolygonMesh], tuple[PolygonMesh, int]]
-"""A pass over polygons: returns all polygons, and the number of changes."""
+"""A pass over the polygons: it returns all polygons, and the number of details that it changed."""
 
 
 def tidied_sheet(
@@ -144,7 +144,7 @@ class FinishedSheet:
 
 
 Pass = Callable[[FinishedSheet], FinishedSheet]
-"""A pass over cells: returns a finished sheet."""
+"""A pass over the cells: it returns a sheet with all cells, and adds its number of changes to the sheet's `counts`."""
 
 
 def finish(cells: Sheet, uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> FinishedSheet:
@@ -171,7 +171,7 @@ def passes(uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" =
 def passes_before_rounding(options: FinishingOptions) -> Iterator[tuple[str, Pass]]:
     """Yield name and function of each pass before corners are rounded."""
     merge, merges, opening = options.merge, options.merge != "none", options.opening
-    slits_first = merges and not options.sized  # most small openings are slits
+    slits_first = merges and not options.sized  # most small openings are slits, so slits are filled first
     yield _counting_pass("pinches", partial(resolve_pinches, radius=options.thickness / 2, rule=options.pinch))
     if opening and not slits_first:
         yield _counting_pass("filled", partial(filled_openings, size=opening))
@@ -184,7 +184,7 @@ def passes_before_rounding(options: FinishingOptions) -> Iterator[tuple[str, Pas
     if options.neck and merges:
         yield _counting_pass("bridged", partial(bridged_necks, width=options.neck))
     if merges:
-        # fairing changes thin slits
+        # fairing opens or closes thin slits, so slits are filled again
         yield _counting_pass("merged", lambda cells: filled_slits(divided_walls(faired_walls(cells)), merge))
         yield _counting_pass("spikes", without_spikes)
 
@@ -221,7 +221,7 @@ def _with_round_corners(
         if attempt == ROUNDING_ROUNDS:
             break
         better, bridges, places = _bridged_or_widened(sheet.cells, rounded.cells, options)
-        if not (bridges or places) or places > previous_count:
+        if not (bridges or places) or places > previous_count:  # no change, or more places widened than last time
             break
         sheet, previous_count = sheet.with_cells(better, bridged=bridges, widened=places), places or previous_count
     return rounded
@@ -229,7 +229,7 @@ def _with_round_corners(
 
 def _rounded_once(sheet: FinishedSheet, options: FinishingOptions) -> FinishedSheet:
     cells, radii = rounded_corners(sheet.cells, options.fillet)
-    # round corners narrow the openings
+    # round corners narrow the openings, so slits are filled again
     cells, merged = filled_slits(cells, options.merge) if options.merge != "none" and len(radii) else (cells, 0)
     return replace(sheet.with_cells(cells, merged=merged), radii=radii)
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import manifold3d
 
 
-SMOOTH = 1e-3  # Largest error of an outline after an offset, as a fraction of the offset.
+SMOOTH = 1e-3  # Largest rounding error of an outline after an offset, as a fraction of the offset.
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +105,7 @@ def _mean_planes(normal: Floats, label: Ints, count: int) -> Floats:
 
 
 LONG, BULKY = 4.0, 0.7
-"""Limits of a long dead end: length / disc radius, and area / (length x width)."""
+"""A dead end is long if its length > LONG x disc radius, and its area > BULKY x its length x width of its entrance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +131,7 @@ def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
     parts = (flat.shape - offset_shape(flat.room(radius), (1 + 4 * SMOOTH) * radius)).decompose()
     loops = [
         part.to_polygons() for part in parts if part.area() > 1e-3 * radius**2
-    ]  # smaller parts are rounding errors
+    ]  # parts with a smaller area are rounding errors
     outlines = [np.asarray(loop[0]) for loop in loops if len(loop) == 1]
     if not outlines:
         return
@@ -160,7 +160,7 @@ def _outlines_to_check(points: Floats, on_wall: Bools, start: Ints, least_length
 def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
     count = len(outline)
     begin = np.flatnonzero(~on_wall & np.roll(on_wall, 1))
-    end = np.flatnonzero(on_wall & ~np.roll(on_wall, 1))
+    end = np.flatnonzero(on_wall & ~np.roll(on_wall, 1))  # the outline returns to a wall
     if not len(begin):
         return ()
     end = end[np.searchsorted(end, begin) % len(end)]
@@ -181,7 +181,7 @@ def _is_alley(run: Floats, radius: float) -> bool:
 
 def _mouth_sides(run: Floats, radius: float) -> tuple[Floats, Floats]:
     place = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
-    low, high = 1.2 * radius, 3.2 * radius  # distances of a side from an end of `run`, m
+    low, high = 1.2 * radius, 3.2 * radius  # a side lies between these distances (m) from an end of `run`
     sides = []
     for begin, end in ((low, high), (place[-1] - high, place[-1] - low)):
         stations = np.concatenate([[begin], place[(place > begin) & (place < end)], [end]])

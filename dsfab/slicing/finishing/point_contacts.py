@@ -20,8 +20,8 @@ from dsfab.surface.topology import edge_table
 
 Rule = Literal["join", "split"]
 
-DISC_ROUNDS = 3  # Maximum number of rounds that put discs around point contacts.
-CORNER_ROUNDS = 2  # Maximum number of rounds that change only corners of cells.
+DISC_ROUNDS = 3  # Maximum number of rounds that put discs around point contacts. A disc can create a new contact.
+CORNER_ROUNDS = 2  # Maximum number of rounds that change only corners of cells. They create no new point contact.
 
 
 class PinchResult(NamedTuple):
@@ -57,7 +57,7 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
 def _resolve_once(sheet: Sheet, pinches: Ints, radius: float, rule: Rule, corners: bool) -> tuple[Sheet, int]:
     count = 0
     for turn, group in enumerate(_groups_without_edges(pinches, _links(sheet, pinches))):
-        if turn:
+        if turn:  # discs around earlier groups may have removed point contacts of this group
             group = np.intersect1d(group, pinched_vertices(sheet))
         if len(group):
             V = sheet.surface.V

@@ -18,9 +18,9 @@ from dsfab.slicing.cutting.walls import SHARPEST, Walls
 from dsfab.slicing.finishing.openings import disjoint_groups
 
 SHARP = float(np.radians(60))
-"""Minimum turn of the outline at the tip of a tooth (spike), radians."""
+"""Minimum turn of the outline at the tip of a tooth (spike), radians. Bends and crossings of members turn less."""
 LONG, THIN, FAR = 1.5, 0.5, 4.0
-"""Longest outline of a tooth (spike), in member widths: `LONG`, but `FAR` for a base under `THIN` widths."""
+"""Longest outline of a tooth (spike), in member widths: `LONG`, but `FAR` if its base is under `THIN` widths."""
 
 
 class Spike(NamedTuple):
@@ -43,7 +43,7 @@ class Spike(NamedTuple):
 def without_spikes(cells: Sheet) -> tuple[Sheet, int]:
     """Cut teeth (spikes) off the material of a sheet; return also the number of teeth."""
     count = 0
-    for _ in range(4):  # a round cuts only spikes that do not touch
+    for _ in range(4):  # repeat, because a round cuts only spikes that do not touch each other
         all_spikes = _spikes(cells) if cells.has_openings else []
         spikes = [all_spikes[k] for k in disjoint_groups(cells, [spike.cells for spike in all_spikes])]
         if not spikes:
@@ -82,7 +82,7 @@ def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[t
     for k in range(1, size):
         (previous_wall, wall), exists = walls.walls_ahead(np.array([tip, tip]), step * np.array([k - 1, k]))
         length += float(walls.length[wall if step < 0 else previous_wall])
-        if not exists[1] or length > longest:
+        if not exists[1] or length > longest:  # the chain of walls ends, or the wall is too far away
             break
         if walls.turns[wall] > SHARPEST:
             corners.append((k, length))
@@ -100,7 +100,7 @@ def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
         return None
     spike = Spike(outline, member_cells, X[0], outward / np.linalg.norm(outward), 2e-3 * length)
     height = spike.heights(X)
-    lowest = max(0.04 * width, 0.25 * length)  # minimum height of a tooth
+    lowest = max(0.04 * width, 0.25 * length)  # minimum height of a tooth; lower shapes are bends, or tiny
     if height.min() < 0 or height.max() < lowest:
         return None
     reached = _cells_beyond_chord(cells, spike)

@@ -42,11 +42,11 @@ class FairBar:
         normal = np.cross(spoke, ahead).sum(axis=0)
         normal /= np.linalg.norm(normal)
         axis = ends[1] - ends[0]
-        tiny = np.finfo(float).tiny
+        tiny = np.finfo(float).tiny  # avoids NaN for a bar that ends where it begins
         across = np.cross(normal, axis / max(float(np.linalg.norm(axis)), tiny))
         across /= max(float(np.linalg.norm(across)), tiny)
         widths, lengths = np.abs(step @ across), np.linalg.norm(step, axis=1)
-        if (widths < 0.4 * lengths).any():
+        if (widths < 0.4 * lengths).any():  # an end of the bar is oblique to its axis
             return None
         return cls(cells, ends, across, normal, (float(widths.min()) / 2,) * 2)
 
@@ -55,7 +55,7 @@ class FairBar:
         start, end = _walls(mesh, self.cells)
         t, y = self._places((start + end) / 2)
         ahead = (end - start) @ np.cross(self.across, self.normal)
-        side = np.where(ahead > 0, -1, 1)  # -1: right of the axis
+        side = np.where(ahead > 0, -1, 1)  # -1: right of the axis; there, the old bar's walls run in the axis direction
         between_ends, weight = (t > 0) & (t < 1), np.sqrt(np.abs(ahead))
         basis = np.stack([t * (1 - t), t**2 * (1 - t), side * (1 - t), side * t], axis=1)
         equations = (basis * weight[:, None])[between_ends], (y * weight)[between_ends]
@@ -122,16 +122,16 @@ def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
     for k in range(count):
         a, b = start[place == k], end[place == k]
         begins, finishes = np.setdiff1d(a, b), np.setdiff1d(b, a)
-        if len(begins) != 1 or len(finishes) != 1:
+        if len(begins) != 1 or len(finishes) != 1:  # the contact is a closed ring, or two contacts touch each other
             return np.empty((0, 2, 3))
         contacts.append(mesh.X[[begins[0], finishes[0]]])
     return np.array(contacts)
 
 
-ASKEW = 0.25  # A straight new bar replaces an old bar only above this `deviation`.
-UNEVEN = 0.12  # An evenly bent bar replaces an old bar only above this `deviation`.
-FAR = 1.5  # A new bar replaces an old bar only below this `deviation`.
-SNAP = 0.02  # Distance from which a vertex moves onto a bar's side, divided by the bar's width.
+ASKEW = 0.25  # A straight new bar replaces an old bar only if the `deviation` of the new bar is larger than this.
+UNEVEN = 0.12  # An evenly bent bar replaces an old bar only if the `deviation` of the new bar is larger than this.
+FAR = 1.5  # A new bar replaces an old bar only if the `deviation` of the new bar is smaller than this.
+SNAP = 0.02  # A vertex this near to a bar's side moves onto the side; as a fraction of the bar's width.
 LARGER = 2.5  # A bar is replaced only if its area changes by less than this factor.
 
 

@@ -21,13 +21,14 @@ from dsfab.slicing.finishing.loose_ends import Tidy, dependent_polygons, nodes_o
 from dsfab.surface import link_components
 
 LARGE = 1.6
-"""Largest size / median size of openings where a stub (stripe end) was removed."""
+"""Largest size / median size of openings where a stub (stripe end) was removed. Usually 5 % of openings are larger."""
 EYELET, LARGER = 0.5, 2.5
-"""Largest size of an eyelet (small opening) / neighbour's size; largest size of the opening without an eyelet."""
-GOOD = 1.1  # Stubs (ends of stripes) stay if all openings beside the stub are larger.
-SMALL = 0.6  # Stubs (ends of stripes) stay if the opening without the stub would be smaller.
+"""An eyelet is an opening under EYELET times the size of a neighbouring opening. Where a stub beside an eyelet is
+removed, the remaining opening may have a size up to LARGER times the median."""
+GOOD = 1.1  # Stubs (ends of stripes) stay if all openings beside them have a larger size.
+SMALL = 0.6  # Stubs (ends of stripes) stay if the opening without them would have a smaller size.
 TURN = float(np.radians(110))
-"""Largest change of direction of the outline, radians, where a stub was removed."""
+"""Maximum change of direction of the outline, radians, where a stub (end of a stripe) was removed."""
 
 
 def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
@@ -152,7 +153,7 @@ class _Bars:
         group, count = self._groups(fits)
         limits = np.full(count, LARGE)
         np.maximum.at(limits, group[fits], largest[fits])
-        # index -1 reads the last value, False
+        # bars without a group have index -1, so they read the last value, False
         accepted = np.append(_below_limits(self.sizes_without(group, count), limits), False)
         return np.asarray(accepted[group])
 

@@ -63,7 +63,7 @@ def equal_row_groups(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
     """Return the first row (g,) of each group of rows with equal keys (k,) and numbers (k, r), and each row's group."""
     order, begins, group_of = equal_key_groups(key)
     lead = order[begins][group_of]
-    different = np.flatnonzero((rows != rows[lead]).any(axis=1))
+    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # rows that differ from the first row with their key
     lead = lead.copy()
     if len(different):
         table = np.column_stack([key[different], rows[different]])
@@ -85,7 +85,7 @@ def _corner_slots(mesh: PolygonMesh, F: Ints, cell: Ints) -> Ints:
 
 ON = 1e-6  # Largest difference between a whole number and the phase on a middle line.
 POINTS = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6
-"""(4, 3) sample points of a face, barycentric."""
+"""(4, 3) sample points of a face: about the centroids of four equal triangles in the face."""
 
 
 @dataclass(frozen=True, eq=False)

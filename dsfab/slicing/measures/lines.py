@@ -52,7 +52,7 @@ def outline_corners(sheet: Sheet) -> Floats:
     return np.asarray(sheet.surface.V[low < high])
 
 
-LEAST = 1e-7  # Shortest part of a segment, and shortest gap / length of the segment.
+LEAST = 1e-7  # Shorter parts of a segment are dropped, shorter gaps are closed. A fraction of the segment's length.
 
 
 class Spans(NamedTuple):
@@ -74,7 +74,7 @@ def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sh
     view_ends : (v, 2, 3) ends of the segment in barycentric coordinates of this face.
     F         : (m, 3) faces of the uncut surface."""
     corners = _parent_coordinates(chart.weights, chart.surface.F[face], chart.parent[face], F)
-    ends = view_ends @ corners
+    ends = view_ends @ corners  # barycentric, on the uncut faces
     order = sorted_order(sheet.parent)
     parents = sheet.parent[order]
     begin, end = (np.searchsorted(parents, chart.parent[face], side=side) for side in ("left", "right"))
@@ -113,7 +113,7 @@ def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
 def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans:
     order = np.lexsort([begin, segment])
     segment, begin, end, cell = segment[order], begin[order], end[order], cell[order]
-    upto = np.maximum.accumulate(2.0 * segment + end)  # segment s lies from 2 s to 2 s + 1 on a common axis
+    upto = np.maximum.accumulate(2.0 * segment + end)  # on a common axis, segment s lies from 2 s to 2 s + 1
     begins_span = np.ones(len(segment), dtype=bool)
     begins_span[1:] = 2.0 * segment[1:] + begin[1:] > upto[:-1] + LEAST
     first_rows = np.flatnonzero(begins_span)
@@ -182,7 +182,7 @@ class Chords:
 
 
 def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
-    V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)
+    V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # joins both sides of each cut
     F = vertex.ravel()[chart.surface.F]
     edges: EdgeTable = edge_table(F)
     start, side = F[face, corner], edges.of[face, corner]
@@ -241,8 +241,8 @@ def dominant_number(number: Ints, weight: Floats) -> int:
     return int(values[np.argmax(np.bincount(group.ravel(), weight))])
 
 
-BOUNDARY = "boundary"  # Family of edges on the boundary of the uncut surface.
-STRIPES = ("major", "minor")  # Families of a chart.
+BOUNDARY = "boundary"  # The family name of edges on the boundary of the uncut surface.
+STRIPES = ("major", "minor")  # The families of a chart, in order.
 
 
 class CornerLines(NamedTuple):
@@ -253,7 +253,7 @@ class CornerLines(NamedTuple):
 
 
 Phase = Floats | CornerLines | None
-"""Phase of a family: (n,) at the uncut vertices, or `CornerLines`; None: no stripes."""
+"""Phase of a family: (n,) at the uncut vertices, a whole number on middle lines; or `CornerLines`; None: no stripes."""
 
 
 def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[StructureLine]:
@@ -306,7 +306,7 @@ class _Stripes:
                 same_field = np.flatnonzero((self.family[edges] == k) & (self.family[before] == k))
                 f, g = self.parent[edges[same_field]], self.parent[before[same_field]]
                 rows = self.weights[loop[same_field]]
-                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a vertex of uncut faces f and g
+                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a vertex of both uncut faces f and g
                 place, place_before = (f, corner_places(self.F[f], base)), (g, corner_places(self.F[g], base))
                 sign = phase.field.sign[place] * phase.field.sign[place_before]
                 shift = phase.field.shift[place] - sign * phase.field.shift[place_before]

@@ -82,7 +82,7 @@ def bays(middles: StripeMiddles) -> Bays:
     inner = np.where(has_stripes, np.maximum(np.ceil(high).astype(np.int64) - first_whole, 0), 0)
     piece = np.repeat(np.arange(len(face)), inner + 1)
     start = np.cumsum(inner + 1) - inner - 1
-    number = np.arange(len(piece)) - start[piece]
+    number = np.arange(len(piece)) - start[piece]  # number of each part in its piece, by ascending z
     z0 = np.where(number == 0, low[piece], first_whole[piece] + number - 1)
     z1 = np.where(number == inner[piece], high[piece], first_whole[piece] + number)
     span = (high - low)[piece]
@@ -137,7 +137,7 @@ def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confiden
     deviation  : (m,) angle between members and this direction, degrees.    confidence : (m,) from 0 to 1."""
     met = middles.at_nodes(middles.ends_in_material)
     loose = (middles.degree == 1) & ~middles.edge & ~met
-    clear = confidence[middles.face] > 0.25
+    clear = confidence[middles.face] > 0.25  # means: principal stresses differ by over 10 % of their RMS
     turns_back = _turning_nodes(middles, along[middles.face], clear)
     deviates = clear & (deviation[middles.face] > OFF)
     count, label = link_components(len(turns_back), middles.node[deviates, 0], middles.node[deviates, 1])
@@ -157,7 +157,7 @@ def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools
     pair = np.flatnonzero((np.diff(node[order]) == 0) & (middles.degree[node[order][1:]] == 2))
     end_a, end_b = order[pair], order[pair + 1]
     normals_a, normals_b = (middles.drawn.surface.normals[middles.face[piece[end]]] for end in (end_a, end_b))
-    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])
+    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])  # direction b, turned into face a
     alike = np.where(np.einsum("px,px->p", along[piece[end_a]], straight) < 0, -1, 1)
     result = np.zeros(len(middles.edge), dtype=bool)
     result[node[end_a]] = (side[end_a] * side[end_b] * alike > 0) & clear[piece[end_a]] & clear[piece[end_b]]
@@ -199,7 +199,7 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
     core = inside & (label == label[distance.argmin()])
     faces = np.flatnonzero(core[sheet.F].any(axis=1) & ~core[sheet.F].all(axis=1))
     crossed = core[ends].sum(axis=1) == 1
-    rows, sides = np.nonzero(crossed[face_edges[faces]])
+    rows, sides = np.nonzero(crossed[face_edges[faces]])  # two edges per face
     edge = face_edges[faces][rows, sides]
     order = np.argsort(edge, kind="stable")
     shared = np.flatnonzero(np.diff(edge[order]) == 0)
@@ -235,7 +235,7 @@ def _ball_crossings(sheet: Surface, distance: Floats, edge: Ints, radius: float)
     return np.asarray(sheet.V[a] + share * (sheet.V[b] - sheet.V[a]))
 
 
-SHARES = (0.05, 0.5, 0.95)  # Quantiles of spacings and openings.
+SHARES = (0.05, 0.5, 0.95)  # Quantiles of spacings and openings, weighted by area.
 Quantiles = tuple[float, float, float]
 
 

@@ -93,9 +93,9 @@ def _frames(surface: Surface) -> Floats:
 
 MIDDLE = 0.5
 AT = (1e-3, MIDDLE, 1 - 1e-3)
-"""Positions on a wall (a boundary edge), 0 to 1, of width lines."""
+"""Positions on a wall (a boundary edge), 0 to 1, at which lines across the sheet start to measure widths."""
 OPPOSED = float(np.sin(np.radians(20)))
-"""Sine of the largest angle (20 degrees) between opposite walls."""
+"""Two walls at an angle over 20 degrees are not opposite: they form a corner, so their distance is not a width."""
 TAPER = float(np.radians(1.5))  # Smallest angle between two walls that form a tip, radians.
 
 
@@ -176,7 +176,7 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
     wedge = width / np.tan(np.maximum(angle, TAPER) / 2)
     ends = start.edge, next_half_edge(start.edge), finish.edge, next_half_edge(finish.edge)
     corner = np.stack([surface.F.ravel()[h] for h in ends])
-    neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))
+    neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))  # start and end edge share a corner
     return np.asarray(neighbours | ((angle >= TAPER) & (wall_length >= 0.4 * wedge) & (wall_length <= 1.7 * wedge)))
 
 

@@ -29,7 +29,8 @@ BASELINES: Mapping[str, Baseline] = {
     "grid": grid,
     "simp": simp,
 }
-"""Functions that make structures to compare with a design, by name."""
+"""Functions that make structures to compare with a design, by name. Mass, loads, supports, kept regions and thickness
+are those of the design. But `thinner` is less thick; `simp` has no rim, and other discs at loads and supports."""
 DEFAULT = ("isotropic", "thinner")  # default competitors of a comparison
 
 

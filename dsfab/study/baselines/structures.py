@@ -165,7 +165,7 @@ class Variant:
     make: Callable[[], Structure]
 
 
-Baseline = Callable[[ComparisonTask], list[Variant]]  # makes variants of a structure
+Baseline = Callable[[ComparisonTask], list[Variant]]  # makes variants of a structure; the stiffest variant is compared
 
 
 def thinner(task: ComparisonTask) -> list[Variant]:
@@ -175,7 +175,7 @@ def thinner(task: ComparisonTask) -> list[Variant]:
 
 SAME_MASS = 1e-3  # masses count as equal up to this relative difference
 Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
-"""Function of (task, share, tolerance) that returns layers with material on `share` of the surface."""
+"""Function of (task, share, tolerance). It returns layers whose material covers `share` of the surface +- tolerance."""
 
 
 def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
@@ -191,6 +191,7 @@ def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
 def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) -> Structure:
     target_share, nearest = task.share, float("inf")
     for _ in range(rounds):
+        # the search for widths may use 30 % of the mass tolerance; the rest is for bridges and removed loose pieces
         layers = drawing(task, target_share, 0.3 * SAME_MASS * task.share)
         structure = sliced_structure(task, layers, improve=False)
         excess = structure.sheet.surface.area / task.area - 1
@@ -268,6 +269,7 @@ def isotropic_stripes(task: ComparisonTask) -> IsotropicStripes:
     diffusion = cache(lambda: diffusion_step(blind, task.surface, task.statics, Log(None)))
     families = blind.pattern.major, blind.pattern.minor
     alike = families[0].stripes == families[1].stripes and families[0].spacing == families[1].spacing
+    # if the stripes of both families are equal, the pairs of modes (1, 2) and (2, 1) give the same structure
     pairs = [(a, b) for a, b in PAIRS if not alike or a <= b]
     return IsotropicStripes(blind, _distinct_pairs(blind, pairs), diffusion)
 

@@ -31,8 +31,8 @@ __all__ = [
 ]  # fmt: skip
 
 Progress = Callable[[str, str], None]
-TOO_THIN, TOO_THICK = 1e-4, 10.0  # thinnest wall (m) outside of this range: wrong unit
-AGREES, DIFFERS = 0.05, 0.15  # relative differences of compliance
+TOO_THIN, TOO_THICK = 1e-4, 10.0  # if the thinnest wall (m) lies outside of this range, the unit is wrong
+AGREES, DIFFERS = 0.05, 0.15  # differences of compliance: solid and shell agree below 5 %, and differ above 15 %
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ def _unit_finding(
 
 def _cut_finding(contents: FileContents) -> Finding:
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
-        path = Path(folder) / "shape.bin"
+        path = Path(folder) / "shape.bin"  # the binary file loads faster than STEP
         path.write_bytes(contents.shape)
         fault, _ = cut_fault(path, contents.path.read_bytes().count(b"ADVANCED_FACE("))
     why = f"{fault}: for a solid that can be cut in CAD, write step = 'members' or 'faceted'"

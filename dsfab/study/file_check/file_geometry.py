@@ -19,15 +19,15 @@ from dsfab.surface.topology import edge_table
 from dsfab.thickening.offset_vectors import SHIFT
 from dsfab.thickening.wall_thickness import INSIDE, OPPOSED, Facets, Rays
 
-SUFFIXES = (".stl", ".3mf", ".step", ".stp")  # files that can be checked
-STEP_BEGINS = b"ISO-10303-21"  # start of every STEP file
+SUFFIXES = (".stl", ".3mf", ".step", ".stp")  # suffixes of files that can be checked
+STEP_BEGINS = b"ISO-10303-21"  # text at the beginning of every STEP file
 BY_CONVENTION = "mm"  # assumed unit of STL files
 CURVED = (
     *(f"{word}_SURFACE".encode() for word in ("B_SPLINE", "UNIFORM", "BEZIER")),
     *(f"{word}_SURFACE".encode() for word in ("CYLINDRICAL", "CONICAL", "SPHERICAL", "TOROIDAL")),
     b"SURFACE_OF_",
 )
-"""Curved faces in a STEP file."""
+"""Names of curved faces in the text of a STEP file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +122,7 @@ def _join_vertices(V: Floats, F: Ints) -> tuple[Floats, Ints, int]:
 
 
 FLAT = 64 * float(np.finfo(np.float32).eps)  # smallest height / mesh size of a triangle with a normal
-PARALLEL = float(np.cos(np.radians(3)))  # cosine of the smallest angle of a tip or a notch
+PARALLEL = float(np.cos(np.radians(3)))  # cosine of the smallest angle between faces that form a tip or a notch
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +190,7 @@ def _neighbours(F: Ints, first_faces: Ints, second_faces: Ints) -> Bools:
 
 
 MIXED_UP = {1e-3: "m", 1e-2: "dm", 1e-1: "cm", 25.4: "mm", 1e3: "mm", 1 / 25.4: "in", 1 / 304.8: "ft"}
-"""Probable true unit of a file's numbers, by the solid's size / the design's size."""
+"""Probable true unit of a file's numbers, by the size of the file's solid divided by the size of the design."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,7 +248,7 @@ class Allowance:
         try:
             curved = curved_design(design)
             limits = smooth_limits(Surface(curved.V, curved.F), curved, MM_PER_M * step_tolerance)
-        except ExportError:  # no smooth sheet
+        except ExportError:  # the design has no smooth sheet
             limits = None
         return cls(flat + contents.deflection, limits)
 
@@ -286,7 +286,7 @@ def _farthest(
     P = np.concatenate([V, V[F].mean(axis=1)])
     offsets = nearest_places(P, onto_V, onto_F).distance
     k = int(offsets.argmax())
-    candidates = np.flatnonzero(offsets > allowed.flat)
+    candidates = np.flatnonzero(offsets > allowed.flat)  # points within the limit for flat faces need no check
     candidates = candidates if len(candidates) else np.array([k])
     permitted = allowed.at_points(P[candidates])
     worst = int((offsets[candidates] - permitted).argmax())
@@ -301,7 +301,7 @@ def _skin_offsets(V: Floats, F: Ints, design: Design) -> tuple[float, Floats, fl
     projection = nearest_places(P, sheet.V, sheet.F)
     distances, face = projection.distance, projection.simplex
     along = np.abs(np.einsum("mi,mi->m", cross, sheet.normals[face]))
-    skin = (twice > 0) & (along > 0.9 * twice)  # top and bottom faces
+    skin = (twice > 0) & (along > 0.9 * twice)  # faces at the top and bottom; the others are walls
     half = design.preset.statics.thickness / 2
     shift = abs(SHIFT[design.preset.thickening.side])
     differences = np.abs(distances[:, None] - np.array([half * (1 - shift), half * (1 + shift)])).min(axis=1)

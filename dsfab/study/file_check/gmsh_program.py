@@ -27,7 +27,7 @@ def tetrahedra(mesh_data: Any) -> tuple[Any, Any]:
         gmsh.model.occ.synchronize()
     else:
         _add_mesh(gmsh.model, mesh_data["V"], mesh_data["F"])
-    gmsh.option.setNumber("Mesh.Algorithm3D", 1)  # Delaunay, keeps the surface triangles
+    gmsh.option.setNumber("Mesh.Algorithm3D", 1)  # Delaunay, which keeps the surface triangles
     gmsh.option.setNumber("Mesh.MeshSizeMax", float(mesh_data["edge"]))
     gmsh.model.mesh.generate(3)
     tags, points, _ = gmsh.model.mesh.getNodes()

@@ -27,7 +27,7 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.surface.edge_changes import refined_surface
 from dsfab.thickening.offset_vectors import SHIFT
 
-NEEDED = ("gmsh", "skfem")  # packages of the extra `solid`
+NEEDED = ("gmsh", "skfem")  # packages of the extra `solid`: meshes (gmsh, GPL) and solid elements (skfem, BSD-3)
 STEP = (".step", ".stp")  # suffixes of files that gmsh reads
 
 
@@ -91,7 +91,7 @@ def _checked_tetrahedra(X: Floats, T: Ints, volume: float, tolerance: float) -> 
     return Tetrahedra(X, T)
 
 
-OUTSIDE = 0.25  # smallest accepted barycentric coordinate is -OUTSIDE
+OUTSIDE = 0.25  # a point slightly outside a tetrahedron counts: barycentric coordinates from -OUTSIDE are accepted
 LARGEST = 1_200_000  # limit on the number of unknowns
 
 
@@ -170,7 +170,7 @@ def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000
     K: csr_array | None = None
     for start in range(0, tets.t.shape[1], at_once):
         part = np.arange(start, min(start + at_once, tets.t.shape[1]))
-        basis = Basis(tets, element, elements=part, intorder=2)
+        basis = Basis(tets, element, elements=part, intorder=2)  # this integration is exact for linear strains
         added = csr_array(form.assemble(basis))
         K = added if K is None else csr_array(K + added)
         dofs = basis.dofs.element_dofs
@@ -206,11 +206,12 @@ def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -
 
 
 EDGE = 1.0
-"""Longest edge on the solid's surface, divided by the thickness."""
-COARSE = 1 / 100  # smallest `edge` divided by the solid's size
+"""Longest edge on the solid's surface, divided by the thickness. With a value of 2, compliances were up to 5 % too
+small."""
+COARSE = 1 / 100  # smallest `edge` divided by the solid's size; smaller edges give millions of tetrahedra
 RIGID = 1e3  # stiffness of a rigid support's spring, divided by Young's modulus times the thickness
 GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
-"""Heights of Gauss points above the middle, in half thicknesses, and their weights."""
+"""Heights of Gauss points above the middle, as multiples of half the thickness, and their weights."""
 
 
 @dataclass(frozen=True)
@@ -306,7 +307,7 @@ def _holding(points: SupportPoints, interpolation: csr_array, loads: Mapping[str
     stiffness = np.where(fixed, rigid, load.spring).ravel()
     held_unknowns = np.flatnonzero(stiffness)
     rows, strength = [interpolation[held_unknowns]], [stiffness[held_unknowns]]
-    for axes in np.unique(middles[middles.any(axis=1)], axis=0):
+    for axes in np.unique(middles[middles.any(axis=1)], axis=0):  # treat edges with the same held directions together
         places, normals, _ = points.samples(np.asarray((middles == axes).all(axis=1)))
         rows.append(points.mean(places, normals)[np.flatnonzero(np.tile(axes, len(places)))])
     if load.clamped.any() and axis is None:

@@ -12,7 +12,8 @@ from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
 CANDIDATE, JUMP = 10.0, 5.0
-"""Least displacement per load of a snap-through / that of the first (CANDIDATE) and previous step (JUMP)."""
+"""A step is a snap-through if its displacement per load is large: over JUMP times that of the previous step, and over
+CANDIDATE times that of the first step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,14 +127,15 @@ def solid_check(
         return NonlinearCheck(case, None, 0.0, False, 0.0, 0.0, np.zeros(0), np.zeros(0), len(model.solid.elements))
     linear, mode = lowest
     shape = mode / np.linalg.norm(mode, axis=1).max()
-    shape *= np.sign((shape * model.force).sum()) or 1.0  # deviation in the direction of the loads
+    shape *= np.sign((shape * model.force).sum()) or 1.0  # so that the imperfection has the direction of the loads
     middle = model.solid.columns[:, 2]
-    watched = middle[:: -(-len(middle) // 1000)]  # at most 1000 vertices
+    watched = middle[:: -(-len(middle) // 1000)]  # watch at most 1000 vertices
     largest_factor = 1.2 * linear
     progress("nonlinear", f"solving up to {largest_factor:.3g} times the loads, with large displacements")
     start = model.solid.nodes + imperfection * shape
     path = load_path(model, start, (largest_factor,), watched, seconds, last_point)
     limit_step, given_way = limit_of(path)
+    # finer steps do not help if there is no equilibrium just above the last load
     has_no_equilibrium = given_way and limit_step == len(path.load) - 1
     if not has_no_equilibrium and (fine := softest_range(path)) is not None:
         progress("nonlinear", f"solving from {fine[0]:.3g} to {fine[1]:.3g} times the loads in finer steps")

@@ -150,9 +150,9 @@ def _column(values: list[Any]) -> list[Any]:
 
 SWEEP, PRESET = "sweep.toml", "preset.toml"
 DESIGNS, LOGS = "designs", "logs"
-HARMLESS = {"constraints"}  # keys of a plan that may always change
+HARMLESS = {"constraints"}  # keys of a plan that may always change, because no run depends on these keys
 RENEWING = {"metrics", "keep", "formats", "size", "view"}  # a change of these keys (--extend) repeats all runs
-TRIED_AGAIN: tuple[State, ...] = ("killed",)  # states of runs to repeat by default
+TRIED_AGAIN: tuple[State, ...] = ("killed",)  # states of runs that a new session repeats by default
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,7 @@ def verdict(design: Design) -> Verdict:
 
 
 Metric = Callable[[Design], float]
-NARROWEST = 0.1  # fraction of area below `min_width`
+NARROWEST = 0.1  # fraction of the stripes' area that may be narrower than `min_width`
 
 
 def _loose(design: Design) -> float:
@@ -130,7 +130,7 @@ def _ersatz(design: Design) -> float:
     share = np.bincount(design.sheet.parent, design.sheet.surface.areas, surface.m) / surface.areas
     loads = [load.on_share(surface, share) for load in design.statics.loads(design.preset.followed_weights).values()]
     sheet = FaceStiffness.from_sheet(design.preset.statics.sheet().model_for(surface), loads)
-    void = 1e-6  # relative stiffness without material
+    void = 1e-6  # relative stiffness of a face without material
     u = sheet.factor(void + (1 - void) * np.clip(share, 0, 1))(sheet.force)
     return float(np.einsum("nk,nk->k", sheet.force, u) @ list(design.preset.followed_weights.values()))
 
@@ -178,9 +178,9 @@ METRICS: dict[str, Metric] = {
     "over_thinner": lambda design: _ratio_to_alternative(design, "thinner"),
     "over_isotropic": lambda design: _ratio_to_alternative(design, "isotropic"),
 }
-"""Metrics of a sweep in SI units: functions of a design, by name."""
+"""Metrics of a sweep in SI units: functions of a Design, by name. `ABOUT` describes each metric."""
 BASIC = ("area", "kept_share", "volume", "mass", "pieces", "genus", "compliance_uncut")
-"""Default metrics of `dsfab.sweep`."""
+"""Default metrics of `dsfab.sweep`, which need no further solve."""
 
 Better = Literal["less", "more", ""]
 
@@ -232,7 +232,7 @@ ABOUT: Mapping[str, MetricFacts] = {
     "over_isotropic": MetricFacts("", "less", "slicing", "compliance over that of isotropic stripes of the same mass"),
     "ersatz": MetricFacts("J", "less", "slicing", "rough compliance: stiffness of uncut faces x share of material"),
 }
-"""Description of each metric."""
+"""Description of each metric. Only the metric `verdict` refines the cut mesh."""
 
 
 def metric_value(name: str, design: Design) -> float:

@@ -21,7 +21,7 @@ from dsfab.preset.model import Preset
 from dsfab.study.sizing import sized_preset
 from dsfab.study.sweeps.metrics import METRICS
 
-DIGITS = 6  # significant digits of values
+DIGITS = 6  # significant digits of the values in a range
 
 
 class Range(BaseModel):
@@ -186,7 +186,7 @@ def _kind_of_values(values: Any) -> str:
 
 
 Values = Annotated[Annotated[Range, Tag("range")] | Annotated[Listed, Tag("list")], Discriminator(_kind_of_values)]
-USUAL = ("kept_share", "sheet_mass", "pieces", "compliance")  # default metrics
+USUAL = ("kept_share", "sheet_mass", "pieces", "compliance")  # default metrics of `dsfab sweep`
 
 
 class Search(BaseModel):

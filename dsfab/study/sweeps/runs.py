@@ -118,9 +118,9 @@ def from_csv(path: Path) -> Iterator[Changes]:
 
 NAME, FORMAT = "runs.db", 1
 State = Literal["waiting", "running", "done", "failed", "killed"]
-"""State of a run. failed: its design cannot be built. killed: the system killed its workers."""
+"""State of a run. failed: its design cannot be built. killed: the system killed its workers; a retry may succeed."""
 _KILLED_ONCE = "state = 'failed' AND error LIKE 'the worker was killed % times while it made this run%'"
-"""SQL condition for killed runs that an older dsfab recorded as failed."""
+"""SQL condition for runs that an older dsfab recorded as failed, although they were killed."""
 _SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE runs (
@@ -316,11 +316,12 @@ def _refusal(path: Path, error: sqlite3.Error) -> DsfabError:
 
 
 FEWEST, PER_AXIS = 12, 4
-"""Number of points in a generation of a search: `PER_AXIS` for each axis, at least `FEWEST`."""
+"""Number of points in a generation of a search: `PER_AXIS` for each axis, but at least `FEWEST`. The number is the same
+for any number of evaluations, so that a longer search begins like a shorter search."""
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
 """Cost of a run that misses constraints (at least), of a failed run, and of a run that was not made [Deb 2000]."""
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
-"""Function that carries out proposed runs, and returns their records by `digest`."""
+"""Function that carries out proposed runs, unless they have a result, and returns their records by `digest`."""
 
 
 def search(plan: Plan, make: Make) -> None:
@@ -352,7 +353,7 @@ class _Search:
 
     def run(self) -> None:
         count = max(FEWEST, PER_AXIS * len(self.axes))
-        evolve: Any = differential_evolution  # SciPy's type stubs lack some options
+        evolve: Any = differential_evolution  # Any, because SciPy's type stubs lack some of the options
         steps = {"strategy": "best1bin", "mutation": (0.4, 0.9), "recombination": 0.8, "polish": False}
         end = {"maxiter": 100 * self.ask.evaluations, "tol": 0, "atol": 1e-9, "callback": self._enough}
         whole_generations = {"vectorized": True, "updating": "deferred"}

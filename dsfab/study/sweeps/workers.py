@@ -25,7 +25,7 @@ from dsfab.preset.surface_section import FileSurface
 from dsfab.study.sweeps.metrics import metric_value
 
 Drawer = Callable[[Design], bytes]
-"""Function that returns the picture of a design as a PNG file."""
+"""Function that returns the picture of a design as bytes of a PNG file. The package `dsfab.app` provides it."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +60,8 @@ class Outcome:
     killed: bool = False
 
 
-_run_lock = threading.Lock()  # solver and graphics are not thread-safe
-_thread_state = threading.local()  # job, base preset and last design of a worker thread
+_run_lock = threading.Lock()  # only one run at a time: solver and graphics are not thread-safe
+_thread_state = threading.local()  # for each worker thread: the job, its base preset, and the last design
 
 
 def execute(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
@@ -79,13 +79,13 @@ def _run_job(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
             doing = name
             try:
                 metrics[name] = metric_value(name, design)
-            except DsfabError as refusal:
+            except DsfabError as refusal:  # continue with the next metric
                 wrong.append(str(refusal))
         doing = "its files"
         _keep(job, design, files)
     except DsfabError as refusal:
         wrong.append(str(refusal))
-    except Exception as mistake:  # a bug in a run must not end the sweep
+    except Exception as mistake:  # a bug in one run must not end the sweep
         wrong.append(f"{doing}: {type(mistake).__name__}: {mistake}")
         log = traceback.format_exc()
     error = "; ".join(dict.fromkeys(wrong))
@@ -184,7 +184,7 @@ class OneWorker:
 
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Environment variables that give a worker one thread."""
+"""Environment variables that give a worker one thread, because results may depend on the number of threads."""
 
 
 class LocalWorkers:
@@ -206,7 +206,7 @@ class LocalWorkers:
             return self._asked
         if not self._peak:
             return 1
-        # workers use up to 80 % of the free memory
+        # workers use up to 80 % of the initially free memory
         return max(1, min(cores(), int(0.8 * self._free / self._peak) if self._free else cores()))
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
@@ -308,7 +308,7 @@ def memory_kills() -> int:
     return 0
 
 
-SECONDS = 20  # time limit of a Dask scheduler
+SECONDS = 20  # time limit for the answer of a Dask scheduler
 
 
 class DaskWorkers:
@@ -331,7 +331,7 @@ class DaskWorkers:
 
     def workers(self) -> Collection[str]:
         """Return the addresses of the present workers."""
-        # newer versions of Dask list only five workers by default
+        # newer versions of Dask list only five workers without n_workers=-1
         return list(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":

@@ -51,8 +51,8 @@ def limit_at_own_rate(values: Sequence[float]) -> float:
 
 WIDEST_MODE_BOUND = 0.05  # largest relative bound of buckling and frequency for which two meshes suffice
 STEP_RATIOS = (1.5, 4.0)
-"""Smallest and largest ratio of a step to the next step in extrapolations.
-A step is the difference of values on two meshes."""
+"""Smallest and largest ratio of a step to the next step in extrapolations. A step is the difference of values on two
+meshes. Below the smallest ratio, the steps do not clearly decrease."""
 
 
 @dataclass(frozen=True)

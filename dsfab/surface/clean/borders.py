@@ -8,12 +8,14 @@ from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, face_angles, le
 from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table
 
 RAGGED_TURN = float(np.radians(35))
-"""Smallest change of direction at a vertex of a ragged border, radians."""
+"""Smallest change of direction at a vertex of a ragged border, in radians, measured in the surface. Finely divided
+borders have smaller changes."""
 LEAST_TURNS = 12
-"""Smallest number of turns of a ragged border, left and right alternately."""
-LARGEST_GAP = 3  # Largest number of edges between two turns of a ragged border.
+"""A ragged border turns left and right alternately at least this many times. Fewer turns may be intended, such as
+the corners of an opening."""
+LARGEST_GAP = 3  # Largest number of edges between two successive changes of direction on a ragged border.
 FLAT = float(np.radians(150))
-"""Largest angle of a face on a straightened border, radians."""
+"""Largest angle of a face on a straightened border, in radians. Faces with larger angles are removed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +42,7 @@ def even_edges(V: Floats, F: Ints) -> EvenEdges:
             better = _smoothed_line(V[line], closed)
             moves = lengths(better - V[line])
             step = lengths(np.diff(V[line], axis=0)).mean()
-            # larger moves would destroy intended shapes
+            # larger moves would destroy intended shapes, such as zigzag borders
             if moves.max() > min(step, 0.04 * largest):
                 continue
             changed = _with_line(V, F, line, better)

@@ -75,7 +75,8 @@ SAMPLES = np.array(
     [[0.36, 0.33, 0.31], [0.8, 0.11, 0.09], [0.1, 0.79, 0.11], [0.09, 0.12, 0.79]]
     + [[0.48, 0.43, 0.09], [0.1, 0.47, 0.43], [0.44, 0.08, 0.48]]
 )
-"""Barycentric weights (7, 3) of sample points in a face."""
+"""Barycentric weights (7, 3) of sample points in a face: near its middle, its three corners and its three sides.
+The weights are uneven, so that no sample point lies on an edge that divides a square into halves or quarters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +118,9 @@ def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> I
     normal = unit_vectors(area_vectors(V, F))
     reach = np.maximum(SAG * lengths(P - np.roll(P, 1, axis=1)).max(axis=1), WELD)[faces]
     starts = np.einsum("kc,kci->ki", SAMPLES[samples], P[faces]) - reach[:, None] * normal[faces]
+    # long rays: libigl misses faces whose area times the ray's length is below 5e-7
     rays = tree.intersect_ray(V, F, starts, normal[faces] / WELD**2)
+    # every ray hits the face from which it starts
     hits = np.array([(k, *hit[:2]) for k, ray in enumerate(rays) if len(ray) > 1 for hit in ray]).reshape(-1, 3)
     row, cover = hits[:, :2].astype(np.int64).T
     distance = np.abs(hits[:, 2] / WELD**2 - reach[row])
@@ -193,7 +196,7 @@ def _is_covered(covers: Ints, by: Bools) -> Bools:
 COPY_GAP = 1 / 500  # Largest distance between two copies of a sheet, divided by the square root of its area.
 PARALLEL_GAP = 0.08  # Largest distance between parallel sheets, divided by the square root of their area.
 LEAST_AREA_RATIO = 0.8  # Smallest ratio of the areas of two parallel sheets, smaller to larger.
-IGNORED_SHARE = 0.1  # Share of the area that comparisons of distances ignore.
+IGNORED_SHARE = 0.1  # Share of the area with the smallest (or largest) distances that comparisons ignore.
 
 _REMARKS = {
     "copy": "the surface has two sheets only {} apart, probably copies; delete one of the sheets, or set "
@@ -256,8 +259,9 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
         piece_faces, faces = np.flatnonzero(piece == p), np.flatnonzero((piece == p) & paired)
         names, which = np.unique(part[faces], return_inverse=True)
         count = len(names)
-        if count > 2:
+        if count > 2:  # folds divide each of the slab's two faces into several parts
             count, which = pieces(F[faces], edge_table(F[faces]))
+        # the two large faces make up most of a slab's area
         if count != 2 or edge_table(F[piece_faces]).boundary.any() or area[faces].sum() < 0.7 * area[piece_faces].sum():
             continue
         first_part, second_part = sorted(
@@ -272,6 +276,7 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
         if gap is not None:
             if moved:
                 to = V[F[first_part]].mean(axis=1) + translation
+                # drop rim faces of the first part: even moved by `translation`, they are far from `second_part`
                 first_part = first_part[nearest_places(to, V, np.ascontiguousarray(F[second_part])).distance < gap / 4]
             yield ParallelParts(first_part, second_part, gap, "slab", piece_faces, translation)
 
@@ -332,7 +337,7 @@ def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool
     gaps = np.concatenate([nearest_places(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])
     least, middle, largest = weighted_quantiles(gaps, area, (IGNORED_SHARE, 0.5, 1 - IGNORED_SHARE))
-    uneven = 2.5  # largest ratio of the distances of a slab's faces to their median
+    uneven = 2.5  # a slab has faces at similar distances: largest / median and median / smallest are at most this
     if largest > PARALLEL_GAP * side or (even and not (largest <= uneven * middle and middle <= uneven * least)):
         return None
     return None if middle <= COPY_GAP * side < largest else float(middle)

@@ -32,8 +32,8 @@ from dsfab.surface.topology import (
     pinches,
 )
 
-CRUMB = 0.01  # Largest area of removed loose pieces, divided by the mesh's area.
-PINHOLE = 1e-3  # Longest outline of closed holes, divided by the mesh's largest dimension.
+CRUMB = 0.01  # The repair removes loose pieces smaller than this fraction of the mesh's area.
+PINHOLE = 1e-3  # The repair closes holes with outlines shorter than this times the mesh's largest dimension.
 _NO_AREA = "dsfab dropped {} without area"
 _DOUBT = "; this is a large part of the mesh: check that all parts are in one unit"
 _ASTRAY = f"dsfab dropped {{}} with corners over {ASTRAY_RATIO:,.0f} times as far from the mesh's middle as the rest"
@@ -174,14 +174,17 @@ def _without_teeth(mesh: MendedMesh, metres: float) -> MendedMesh:
     return MendedMesh(even.V, even.F, (*mesh.repairs, words)) if even.moved else mesh
 
 
-HOLE = 0.15  # Longest outline of filled holes of a scan, divided by the scan's largest dimension.
-SPECK = 0.05  # Largest area of removed pieces of a scan, divided by the largest piece's area.
+HOLE = 0.15  # Holes of a scan are filled if their outline is shorter than this times the scan's largest dimension.
+SPECK = 0.05  # Pieces of a scan are removed if their area is below this times the largest piece's area.
 FINE, SEVERAL = 0.01, 3
-"""Largest mean edge of a scan / largest dimension; least number of small holes, or of edges with over two faces."""
+"""A mesh is a scan if two things hold. Its mean edge is below `FINE` times its largest dimension. It has at least
+`SEVERAL` small holes, or at least `SEVERAL` edges with more than two faces."""
 NOISY, FOLDED = 0.02, 1e-3
-"""Largest mean edge of a noisy scan / largest dimension; least share of faces turned against their neighbours."""
+"""A mesh is a noisy scan if two things hold. Its mean edge is below `NOISY` times its largest dimension. The share of
+folded faces (turned against their neighbours) is above `FOLDED`: up to 0.0002 in designs, 0.003 in a noisy mesh."""
 TILTED, LOW = 0.7, 0.5
-"""Limits for faces tilted by noise: cosine between the normal and its neighbours' mean normal; height / mean edge."""
+"""A face is tilted by noise if the cosine between its normal and its neighbours' mean normal is below `TILTED`. It must
+also be lower than `LOW` times the mesh's mean edge. Higher faces may be tilted by a real bend."""
 
 
 def is_scan(V: Floats, F: Ints) -> bool:
@@ -191,7 +194,7 @@ def is_scan(V: Floats, F: Ints) -> bool:
         return False
     edges, side = edge_table(F), float(np.ptp(V[F].reshape(-1, 3), axis=0).max())
     if (edges.count > 2).sum() >= SEVERAL:
-        F = F[complement(overlapping_faces(V, F).whole, len(F))]
+        F = F[complement(overlapping_faces(V, F).whole, len(F))]  # copies of faces do not count as faults of a scan
         edges = edge_table(F)
     mean = float(lengths(V[edges.ends[:, 1]] - V[edges.ends[:, 0]]).mean())
     if mean <= NOISY * side and not len(misoriented_edges(F, edges)) and _folded_faces(V, F).mean() > FOLDED:
@@ -240,7 +243,7 @@ def _smoothest(V: Floats, F: Ints, edges: EdgeTable, crowded: Ints) -> Ints:
         away /= np.maximum(lengths(away), 1e-300)[:, None]
         cosine = away @ away.T
         np.fill_diagonal(cosine, np.inf)
-        i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # the two faces that bend least
+        i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # the two faces that bend least at the edge
         smoothest_pairs.append((h[i], h[j]))
     return np.array(smoothest_pairs, dtype=np.int64).reshape(-1, 2)
 

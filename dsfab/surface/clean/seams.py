@@ -19,8 +19,8 @@ from dsfab.core.arrays import (
 )
 from dsfab.surface.topology import EdgeTable, corner_fans, edge_table, link_components, next_half_edge, pinches
 
-WELD = 5e-5  # Largest distance of merged vertices, divided by the mesh's largest dimension.
-ASTRAY_RATIO = 1000.0  # Largest distance from the median point, divided by the 99 % quantile of distances.
+WELD = 5e-5  # Vertices closer than this fraction of the mesh's largest dimension become one vertex.
+ASTRAY_RATIO = 1000.0  # Astray vertices: farther from the median point than this x the 99 % quantile of distances.
 
 
 def in_reach(V: Floats) -> Bools:
@@ -42,7 +42,7 @@ def merged_vertices(
     within : largest distance between merged vertices, divided by the mesh's largest dimension.
     apart  : function that takes pairs of vertices (p, 2) and marks the pairs (p,) that must stay separate."""
     alone = V, np.arange(len(V))
-    if not len(V) or not np.isfinite(V).all():
+    if not len(V) or not np.isfinite(V).all():  # `Surface` reports infinite coordinates
         return alone
     reach = within * float(np.ptp(V, axis=0).max())
     pairs = cKDTree(V).query_pairs(reach, output_type="ndarray")
@@ -83,14 +83,15 @@ def coincident(V: Floats) -> int:
 
 
 SAG = 1 / 15
-"""Largest width of a seam between two patches, divided by the length of an edge."""
+"""Largest width of a seam between two patches, divided by the length of a boundary edge beside it.
+The value is height / chord of an arc of 30 degrees."""
 
 
 def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
     """Stitch open seams of faces F (m, 3). Return the faces and the number of joined vertices.
     within : largest distance between an edge and a vertex, in V's unit."""
     faces, joined = F, 0
-    for _ in range(4):
+    for _ in range(4):  # each round stitches at most one edge of a face
         half, vertex = _open_seams(V, faces, edge_table(faces), within)
         if not len(half):
             break
@@ -131,6 +132,7 @@ def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     tree, edge, start, size = cKDTree(V[border]), np.arange(len(ends)), np.zeros(len(ends)), 1.0
     pairs = [np.zeros((0, 2), dtype=np.int64)]
     while len(edge):
+        # divide long edges with many vertices nearby into four parts
         middle = a[edge] + (start + size / 2)[:, None] * (b - a)[edge]
         radius = size / 2 * long[edge] + reach[edge]
         crowded, k, border_index = _few_within(tree, middle, radius)
@@ -148,6 +150,7 @@ def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
 
 def _few_within(tree: cKDTree, places: Floats, radius: Floats, crowd: int = 8) -> tuple[Bools, Ints, Ints]:
     """Mark balls with more than `crowd` points. For other balls, return pairs of a ball and a point inside."""
+    # the search omits points exactly at the upper bound
     distance, point = tree.query(places, crowd + 1, distance_upper_bound=np.nextafter(radius.max(), np.inf))
     inside = distance <= radius[:, None]
     crowded: Bools = inside[:, crowd]
@@ -216,7 +219,7 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
     fan = np.concatenate([fans.ravel()[alone], fans.ravel()[onward]])
     candidates = [_gusset(V, int(v), away[corner_vertex == v], fan[corner_vertex == v]) for v in points]
     gussets = np.array([face for face in candidates if face is not None], dtype=np.int64).reshape(-1, 3)
-    gussets = gussets[faces_with_area(V, gussets)]
+    gussets = gussets[faces_with_area(V, gussets)]  # a gap without area needs no gusset
     _, first_faces = np.unique(np.sort(gussets, axis=1), axis=0, return_index=True)
     faces = np.concatenate([F, gussets[np.sort(first_faces)]])
     crowded = (edge_table(faces).count > 2).sum() > (edges.count > 2).sum()
@@ -226,7 +229,7 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
 def _gusset(V: Floats, v: int, away: Ints, fan: Ints) -> list[int] | None:
     along = V[away] - V[v]
     along /= lengths(along)[:, None]
-    if not len(away):
+    if not len(away):  # closed parts have no boundary edges
         return None
     cosine = np.where((fan[:, None] == fan) | (away[:, None] == away), -np.inf, along @ along.T)
     i, j = np.unravel_index(int(cosine.argmax()), cosine.shape)

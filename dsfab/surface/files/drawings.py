@@ -38,10 +38,10 @@ from dsfab.surface.files.reading import (
 from dsfab.surface.files.separate_process import read_rhino_in_process
 
 SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE", "EXTRUDEDSURFACE", "LOFTEDSURFACE", "REVOLVEDSURFACE", "SWEPTSURFACE")
-"""DXF entities that only AutoCAD can read."""
+"""DXF entities that only AutoCAD can read, because their shapes are in AutoCAD's own format."""
 CURVES = ("LINE", "LWPOLYLINE", "POLYLINE", "CIRCLE", "ARC", "ELLIPSE", "SPLINE", "HELIX", "XLINE", "RAY")
 FLAT = ("SOLID", "TRACE", "IMAGE", "UNDERLAY", "WIPEOUT", "ACAD_PROXY_ENTITY", "OLE2FRAME")
-"""DXF entities that show areas without a mesh."""
+"""DXF entities that show areas without a mesh; dsfab tells the user that it dropped these."""
 
 
 def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:

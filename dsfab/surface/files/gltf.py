@@ -129,7 +129,7 @@ _HARMLESS = (
     *("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_", "KHR_mesh_quantization", "KHR_xmp"),
     *("KHR_technique", "EXT_mesh_gpu_instancing", "KHR_node_visibility"),
 )
-"""Extensions that do not change the shapes of meshes, or that dsfab reads."""
+"""Prefixes of extensions that do not change the shapes of meshes, and names of extensions that dsfab reads."""
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
@@ -206,7 +206,7 @@ def _scene(
     except (KeyError, TypeError, AttributeError, IndexError):
         raise MalformedFileError("an entry of the file's JSON is missing or of the wrong kind") from None
     V = upright_vertices(V, "y")
-    V, F = equal_merged(V, F) if len(F) else (V, F)  # after rotation, to sort vertices as in other formats
+    V, F = equal_merged(V, F) if len(F) else (V, F)  # merge after rotation, to sort vertices as in other formats
     doubts = doubts if tree.get("scenes") else (*doubts, "the file names no scene: all its objects are taken")
     return TriangleFile(V, F, "m", doubts, dropped, contents(scene.counts))
 
@@ -252,7 +252,7 @@ class _Scene:
         seen = set[int]()
         while waiting:
             number, above, outer_names, shown = waiting.pop()
-            if number in seen or len(outer_names) >= 200:  # usual programs nest at most 100 levels
+            if number in seen or len(outer_names) >= 200:  # usual programs nest nodes up to 100 levels deep
                 raise MalformedFileError("the file's nodes are not a tree: a node has two parents, or contains itself")
             seen.add(number)
             node = nodes[number]
@@ -302,7 +302,7 @@ class _Scene:
             return np.stack([order[1:-1], order[2:], np.full(len(order) - 2, order[0])], axis=1)
         F = np.stack([order[:-2], order[1:-1], order[2:]], axis=1)
         F[1::2] = F[1::2, [1, 0, 2]]
-        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # the triangle only links two strips
+        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # a repeated corner: the triangle only links two strips
         strip: Ints = F[~tied]
         return strip
 

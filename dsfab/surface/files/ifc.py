@@ -22,8 +22,8 @@ from dsfab.surface.files.reading import (
 )
 
 NO_BODIES = ("Annotation", "Axis", "Box", "Clearance", "CoG", "FootPrint", "Lighting", "Profile", "Reference")
-"""Representations that are not the shape of an element [IFC 4.3]."""
-LEVELS = 50  # Largest number of containers around an element.
+"""Representations that are not the shape of an element [IFC 4.3, IfcShapeRepresentation]."""
+LEVELS = 50  # Largest number of assemblies, storeys and buildings around an element; only damaged files have more.
 
 
 def read_ifc(path: Path, only: Sequence[str] = ()) -> TriangleFile:
@@ -36,11 +36,11 @@ def read_ifc(path: Path, only: Sequence[str] = ()) -> TriangleFile:
     with path.open("rb") as file:
         file.seek(max(0, path.stat().st_size - 512))
         end = file.read()
-    if b"END-ISO-10303-21" not in end:
+    if b"END-ISO-10303-21" not in end:  # ifcopenshell reads incomplete files without a warning
         raise MalformedFileError("its last line END-ISO-10303-21 is missing: the file is not IFC, or it is cut off")
     try:
         model = ifcopenshell.open(str(path))
-    except Exception:
+    except Exception:  # ifcopenshell does not document its errors
         raise MalformedFileError("the file is damaged or of a version of IFC that ifcopenshell does not know") from None
     counts, parts = Counter[Content](), list[tuple[Floats, Ints]]()
     elements = {element.id(): element for element in selected_parts(_visible_elements(model, counts), only, counts)}
@@ -74,7 +74,7 @@ def _visible_elements(model: Any, counts: Counter[Content]) -> Iterator[tuple[li
         kind, layers = product.is_a(), [*get_layers(model, product)]
         is_element = not product.is_a("IfcFeatureElement") and kind != "IfcVirtualElement"
         if not (is_element and (product.is_a("IfcElement") or kind == "IfcProxy")):
-            if product.Representation:
+            if product.Representation:  # products without a shape, such as storeys, are not counted
                 counts[Content(f"{kind} object", "beside")] += 1
         elif hidden := [layer.Name for layer in layers if _is_hidden(layer)]:
             counts[hidden_on(hidden[0])] += 1

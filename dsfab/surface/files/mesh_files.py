@@ -31,7 +31,7 @@ from dsfab.surface.files.reading import (
 from dsfab.surface.files.separate_process import read_3dm, read_cad
 from dsfab.surface.files.stl_and_3mf import read_3mf, read_stl
 
-OVERFLOW = float(np.finfo(np.float64).max) ** 0.25  # Largest coordinate whose squared areas do not overflow.
+OVERFLOW = float(np.finfo(np.float64).max) ** 0.25  # Squares of areas overflow for larger coordinates.
 
 
 def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
@@ -60,7 +60,7 @@ def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...
 def _some_places_twice(V: Floats) -> bool:
     if not np.isfinite(V).all():
         return False
-    numbers = V[:, 0] * 0.5298 + V[:, 1] * 0.6741 + V[:, 2] * 0.5144  # single numbers sort faster
+    numbers = V[:, 0] * 0.5298 + V[:, 1] * 0.6741 + V[:, 2] * 0.5144  # single numbers sort faster than rows of three
     numbers.sort()
     return bool((numbers[1:] == numbers[:-1]).any())
 
@@ -111,7 +111,7 @@ CAD_SUFFIXES = (
     *(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t", ".ifczip", ".ifcxml"),
     *(".fbx", ".dae", ".blend", ".rvt", ".gh"),
 )
-"""Suffixes of CAD files that dsfab does not read."""
+"""Suffixes of files of CAD programs that dsfab does not read."""
 
 
 def raw_mesh(
@@ -217,7 +217,7 @@ def _checked_mesh(path: Path, raw: RawMesh) -> RawMesh:
         raise SurfaceError(f"{path} has coordinates up to {largest:.3g}, too large in any unit; export it again")
     steps = number_steps(raw.V, raw.F, raw.unit)[1]
     record = replace(raw.record, read=(*raw.record.read, steps)) if steps else raw.record
-    has_unselected = any(thing.kind == UNSELECTED for thing in record.content)
+    has_unselected = any(thing.kind == UNSELECTED for thing in record.content)  # unselected parts leave unused vertices
     if len(used) < n and not record.repaired and not has_unselected:
         record = record.also((), (f"{count_phrase(n - len(used), 'vertex')} without a face",))
     return replace(raw, V=raw.V[used], F=F.reshape(-1, 3).astype(np.int64), record=record)

@@ -25,17 +25,17 @@ from dsfab.surface.files.reading import (
 )
 
 _IGNORED_SHAPES = {"l": "line", "p": "point", "curv": "curve", "curv2": "curve", "surf": "free-form surface"}
-"""First words of lines with shapes that dsfab does not read, and names of these shapes."""
+"""First words of lines with shapes that dsfab does not read, and the names of these shapes."""
 _IGNORED_WORDS = frozenset(
     "vt vn vp s mg usemtl mtllib usemap maplib shadow_obj trace_obj bevel c_interp d_interp lod call csh "  # noqa: SIM905
     "cstype deg bmat step parm trim hole scrv sp end con ctech stech".split()
 )
-"""First words of lines that do not change polygons, or that belong to free forms."""
-_NUMBERS = {3, 4, 6, 7}  # Possible numbers of values in a vertex line.
+"""First words of lines that do not change polygons, or that belong to free-form curves and surfaces."""
+_NUMBERS = {3, 4, 6, 7}  # A vertex has three coordinates, perhaps with a weight, a colour, or both.
 _COMMENT = re.compile(r"^([^\S\n]*#[^\n]*)\\$", re.MULTILINE)  # A comment ending with a backslash.
 _DIVIDED = re.compile(r"[^\s\\]\\\n(?=\S)")  # A backslash at the end of a line, with no space beside it.
 _DECIMAL_COMMA = re.compile(r"\d,\d")  # A number with a decimal comma.
-LINES_PER_CHECK = 1 << 14  # Number of lines between two checks of sizes.
+LINES_PER_CHECK = 1 << 14  # Number of lines between two checks of the counts of vertices and faces.
 
 
 def read_obj(data: bytes, budget: Budget, only: Sequence[str] = ()) -> PolygonFile:
@@ -89,7 +89,7 @@ def read_obj(data: bytes, budget: Budget, only: Sequence[str] = ()) -> PolygonFi
 
 
 _Group = tuple[int, tuple[str, ...], tuple[str, ...]]
-"""First face of a group of faces, the group's names, and its object's names."""
+"""First face of a group of faces, the group's names, and its object's names. A line `g roof tiles` names two groups."""
 
 
 def _named_faces(mesh: Polygons, groups: list[_Group], only: Sequence[str], counts: Counter[Content]) -> Polygons:
@@ -125,7 +125,7 @@ def _add_vertex(V: "array[float]", words: list[str], line: str) -> None:
         raise ValueError
     V.extend(map(float, words[1:4]))
     if len(words) > 4:
-        list(map(float, words[4:]))  # ValueError for words that are no numbers
+        list(map(float, words[4:]))  # raises ValueError if two vertices are on one line
 
 
 def _add_face(corners: "array[int]", sizes: "array[int]", words: list[str], count: int) -> None:
@@ -136,7 +136,7 @@ def _add_face(corners: "array[int]", sizes: "array[int]", words: list[str], coun
 
 
 KINDS = {"OFF", "COFF", "NOFF", "CNOFF", "NCOFF", "STOFF", "STCOFF", "STNOFF", "STCNOFF"}
-"""First words of OFF files with three coordinates for each vertex."""
+"""First words of OFF files with three coordinates per vertex, with or without colours, normals and textures."""
 
 
 def read_off(data: bytes, budget: Budget) -> PolygonFile:
@@ -164,7 +164,7 @@ def read_off(data: bytes, budget: Budget) -> PolygonFile:
             except (ValueError, IndexError, OverflowError):
                 raise MalformedFileError(f"line {number} cannot be read: {' '.join(words)[:60]!r}") from None
     extra_lines = sum(1 for _ in lines)
-    bare = not extra_lines and m and len(words) == 1 + sizes[-1]
+    bare = not extra_lines and m and len(words) == 1 + sizes[-1]  # the last line has no colour after the corners
     doubts = file.cut_off("a face") if bare and may_lack_digits(words[-1], n) else ()
     mesh = Polygons(np.array(V).reshape(-1, 3), np.array(corners), np.array(sizes))
     dropped = (f"{count_phrase(extra_lines, 'line')} after the last face",) if extra_lines else ()

@@ -59,13 +59,13 @@ def surface_of(mesh: Any, unit: str | None = None) -> Surface:
         return mesh
     own_unit = getattr(mesh, "units", None)
     unit = unit or (own_unit if isinstance(own_unit, str) and own_unit else "m")
-    if hasattr(mesh, "to_vertices_and_faces"):  # compas
+    if hasattr(mesh, "to_vertices_and_faces"):  # a mesh of the library compas
         V, F = mesh.to_vertices_and_faces()
         return _merged_surface(V, F, unit)
     if hasattr(mesh, "extract_surface") and hasattr(mesh, "points"):  # pyvista
         shell = mesh.extract_surface(algorithm=None) if not hasattr(type(mesh), "regular_faces") else mesh
         return _merged_surface(shell.points, shell.irregular_faces, unit)
-    if hasattr(mesh, "cells_dict") and hasattr(mesh, "points"):  # meshio
+    if hasattr(mesh, "cells_dict") and hasattr(mesh, "points"):  # a mesh of the library meshio
         cells = [face for kind in ("triangle", "quad") for face in mesh.cells_dict.get(kind, ())]
         return _merged_surface(mesh.points, cells, unit)
     if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
@@ -82,7 +82,7 @@ def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
             warnings.simplefilter("ignore")
             mesh: Any = trimesh.load(path, file_type="stl", force="mesh", process=False)
         return equal_merged(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64))
-    except Exception:  # trimesh raises many types of errors
+    except Exception:  # trimesh raises many types of errors for a bad file
         raise SurfaceError(f"{path}: trimesh cannot read this file, though dsfab can; export it again") from None
 
 
@@ -117,7 +117,7 @@ def as_pyvista(V: Floats, F: Ints) -> "pyvista.PolyData":
     """Return a pyvista mesh of vertices V (n, 3), metres, and faces F (m, 3)."""
     import pyvista
 
-    build: Any = pyvista.PolyData.from_regular_faces
+    build: Any = pyvista.PolyData.from_regular_faces  # pyvista's annotations forbid numpy arrays
     mesh: pyvista.PolyData = build(np.asarray(V), np.asarray(F))
     return mesh
 

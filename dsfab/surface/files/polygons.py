@@ -11,9 +11,10 @@ import pythoncdt as cdt
 from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 
 FLAT, WARPED = (float(np.cos(np.radians(angle))) for angle in (2, 10))
-"""Cosine between the normals of a quad's triangles: above `FLAT` the quad is flat, below `WARPED` perhaps folded."""
+"""Cosine between the normals of a quad's triangles: above `FLAT` the quad is flat, below `WARPED` it may be folded."""
 ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
-"""Largest difference of unit normals after a change of diagonal: `ON`, and `BETTER` x the difference before."""
+"""The cut of a quad changes to the other diagonal if the edges to its flat neighbours then bend much less. The largest
+difference of unit normals there must be below `ON` (10 degrees), and below `BETTER` x its value for the first cut."""
 
 
 def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
@@ -45,8 +46,8 @@ def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     return np.take_along_axis(Q, cut, axis=1).reshape(-1, 3)
 
 
-_TRIANGLES = (0, 1, 2), (0, 2, 3), (1, 2, 3), (1, 3, 0)  # Triangles of a quad: cut 0-2, then 1-3.
-_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)  # Index in `_TRIANGLES` of the triangle at each side.
+_TRIANGLES = (0, 1, 2), (0, 2, 3), (1, 2, 3), (1, 3, 0)  # Triangles of a quad: cut 0-2, then cut 1-3.
+_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)  # Index in `_TRIANGLES` of the triangle at each side: cut 0-2, then cut 1-3.
 
 
 def _inside(corners: Ints, n: int) -> Ints:
@@ -69,18 +70,18 @@ def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, start
     N = unit_vectors(np.stack([np.bincount(owner, x, len(sizes)) for x in turned.T], axis=1))
     _, edge, count = np.unique(np.minimum(a, b) * len(V) + np.maximum(a, b), return_inverse=True, return_counts=True)
     side = starts[:, None] + np.arange(4)
-    beyond = np.bincount(edge, h)[edge[side]].astype(np.int64) - side
+    beyond = np.bincount(edge, h)[edge[side]].astype(np.int64) - side  # the opposite half-edge
     beyond = np.where(count[edge[side]] == 2, beyond, side)
     is_flat = (beyond != side) & ~bent[owner[beyond]]
     return np.asarray((np.where(a[beyond] == a[side], -1.0, 1.0) * is_flat)[..., None] * N[owner[beyond]])
 
 
-MOST_CORNERS_FOR_EARS = 12  # Most corners for ear clipping.
-MANY = 2000  # Most corners for earcut.
+MOST_CORNERS_FOR_EARS = 12  # Most corners for ear clipping, which takes k^3 steps for k corners.
+MANY = 2000  # Largest number of corners for earcut; larger polygons get Delaunay triangles, which is faster.
 NOISE = 32 * float(np.finfo(np.float64).eps)
-"""Largest distance of a straight corner from the line through its neighbours, divided by the largest coordinate."""
-ORDER = cdt.VertexInsertionOrder.AUTO
-TOGETHER = 1 << 12  # Number of polygons cut together.
+"""A corner is straight if its distance from the line through its neighbours is below this x the largest coordinate."""
+ORDER = cdt.VertexInsertionOrder.AUTO  # An order of insertion in which near points follow each other.
+TOGETHER = 1 << 12  # Number of polygons cut together; their data fit into the processor's cache.
 
 
 def small_polygon_triangles(P: Floats) -> Ints:
@@ -110,7 +111,7 @@ def _are_ears(P: Floats, normal: Floats) -> Bools:
     k = P.shape[1]
     a, b, c = np.roll(P, 1, axis=1), P, np.roll(P, -1, axis=1)
     convex = np.einsum("qki,qi->qk", np.cross(b - a, c - b), normal) > 0
-    other_corners = P[:, (np.arange(k)[:, None] + np.arange(2, k - 1)) % k]  # (q, k, k - 3, 3)
+    other_corners = P[:, (np.arange(k)[:, None] + np.arange(2, k - 1)) % k]  # (q, k, k - 3, 3) corners outside the ear
     within = np.ones(other_corners.shape[:3], dtype=bool)
     for start, end in ((a, b), (b, c), (c, a)):
         side = np.cross((end - start)[:, :, None], other_corners - start[:, :, None])
@@ -143,12 +144,12 @@ def _ring_cut(flat: Floats) -> Ints:
     if len(flat) <= MANY:
         return earcut_triangles(flat)
     cut, ends = cdt.Triangulation(ORDER, cdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0), np.arange(len(flat))
-    points: Any = np.ascontiguousarray(flat)
+    points: Any = np.ascontiguousarray(flat)  # Any: Python before 3.12 has no type for buffers
     sides: Any = np.stack([ends, np.roll(ends, -1)], axis=1).astype(np.uint32)
     try:
         cut.insert_vertices(points)
         cut.insert_edges(sides)
-    except RuntimeError:
+    except RuntimeError:  # the outline has repeated points or crossing sides
         return earcut_triangles(flat)
     cut.erase_outer_triangles()
     return np.asarray(cut.triangles_array()["vertices"], dtype=np.int64)
@@ -158,7 +159,7 @@ def earcut_triangles(flat: Floats) -> Ints:
     """Return the counter-clockwise triangles (t, 3) of a polygon (k, 2)."""
     corners = mapbox_earcut.triangulate_float64(np.ascontiguousarray(flat), np.array([len(flat)], dtype=np.uint32))
     F: Ints = np.asarray(corners, dtype=np.int64).reshape(-1, 3)
-    turned = _twice_areas(flat, F) < 0
+    turned = _twice_areas(flat, F) < 0  # the order of the corners depends on earcut's version
     return np.where(turned[:, None], F[:, ::-1], F)
 
 
@@ -210,7 +211,7 @@ def _with_runs(F: Ints, runs: list[Ints]) -> Ints:
     for run in runs:
         run_start, run_end = int(run[0]), int(run[-1])
         apex = table.get((run_start, run_end))
-        if apex is None:
+        if apex is None:  # the outline crosses itself
             continue
         gone.add(frozenset((run_start, run_end, apex)))
         corners = run.tolist()

@@ -22,7 +22,7 @@ from dsfab.core.messages import count_phrase, names_and_count
 from dsfab.core.units import UNIT_WORDS
 from dsfab.surface.files.polygons import Polygons
 
-DEFAULT_TRIANGLES = MOST_TRIANGLES  # Default limit on a file's triangles.
+DEFAULT_TRIANGLES = MOST_TRIANGLES  # Default limit on a file's triangles, the same as for meshes that dsfab creates.
 
 
 class MalformedFileError(ValueError):
@@ -69,7 +69,7 @@ class Budget:
 
 
 _LIFT = "make the mesh coarser, or raise the limits with --max-triangles N (surface.max_triangles in a preset)"
-"""Remedy in the messages about limits."""
+"""Remedy in the messages about the limits of `Budget`."""
 
 
 log = logging.getLogger(__name__)
@@ -82,7 +82,7 @@ def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
     kind = path.suffix[1:].upper()
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
+            warnings.simplefilter("ignore")  # ignore warnings of parsers; real faults become a SurfaceError
             yield
     except SurfaceError as error:
         raise SurfaceError(f"{path}: {error}") from None
@@ -122,17 +122,17 @@ def hidden_on(layer: str) -> Content:
 
 
 MARK_LAYERS = ("support", "load", "keep", "void")
-"""Layers of supports, loads and regions of a design."""
+"""Layers whose points and curves are supports, loads and regions of a design."""
 _OTHER_NAMES = {
     "support": ("auflager", "lager", "stuetze", "stütze", "stützen", "appui", "appuis", "apoyo", "apoyos", "appoggi"),
     "load": ("last", "lasten", "charge", "charges", "carga", "cargas", "carichi"),
     "void": ("opening", "openings", "öffnung", "öffnungen", "hole", "holes", "loch"),
 }
-"""Names that users give to the layers of `MARK_LAYERS`."""
+"""Names that users give to the layers of `MARK_LAYERS`, also in other languages."""
 
 
 ALIKE = 0.85
-"""Least similarity [difflib] of a misspelt layer name."""
+"""Least similarity [difflib] at which a word is a misspelt layer name: "supports" is similar enough, "upload" not."""
 
 
 def mark(kind: str, layer: str) -> Content:
@@ -166,7 +166,7 @@ def ignored_clause(texts: Iterable[str]) -> str:
     return "".join(f"; ignored: {text}" for text in texts)
 
 
-MANY_LAYERS = 5  # Largest number of hidden layers that are reported one by one.
+MANY_LAYERS = 5  # If objects are hidden on more layers than this, one line reports them all.
 UNSELECTED = "unselected part"  # Kind of the parts that the user did not name.
 Part = TypeVar("Part")
 
@@ -298,19 +298,19 @@ def mesh_at(V: Floats, F: Ints, place: Floats) -> tuple[Floats, Ints]:
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8", "UTF-8 with a byte order mark"),
-    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # before UTF-16, whose mark begins alike
+    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # before UTF-16, because this mark begins with the UTF-16 mark
     (codecs.BOM_UTF32_BE, "utf-32-be", "UTF-32 text"),
     (codecs.BOM_UTF16_LE, "utf-16-le", "UTF-16 text"),
     (codecs.BOM_UTF16_BE, "utf-16-be", "UTF-16 text"),
 )
 _UNIT = re.compile(rf"\bunits?\s*[:=]\s*[\"']?({'|'.join(UNIT_WORDS)})\b", re.IGNORECASE)
-"""Pattern of a comment with a unit: '# File units = inches'."""
+"""Pattern of a comment with a unit: '# File units = inches', 'comment unit: mm'."""
 _FILE_UNIT = re.compile(r"\bfile units?\s*=\s*[\"']?([^\W\d_]+)", re.IGNORECASE)
-"""Pattern of the comment in which programs declare a unit."""
+"""Pattern of the comment in which programs declare a unit. It also finds units that dsfab does not know."""
 _PROGRAMS = re.compile(r"\b(?:(SketchUp|Blender|Rhino)|(FreeCAD|AutoCAD|Revit|dsfab))\b", re.IGNORECASE)
-"""Programs whose OBJ files have y up (first group) or z up."""
+"""Programs whose OBJ files have y up by default (first group), and programs with z up."""
 
-BLOCK = 1 << 20  # Number of characters between two checks of the time.
+BLOCK = 1 << 20  # Number of characters that are split into lines between two checks of the time.
 
 
 @dataclass(frozen=True)
@@ -325,7 +325,7 @@ class TextFile:
     def numbered_lines(self, budget: Budget) -> Iterator[tuple[int, str]]:
         """Yield line numbers from 1, and lines. Raises SurfaceError at the time limit."""
         number, position, text = 0, 0, self.text
-        while position <= len(text):
+        while position <= len(text):  # blocks save memory, because a list of all lines is large
             end = text.find("\n", position + BLOCK)
             end = len(text) if end < 0 else end
             budget.require_time()
@@ -343,7 +343,7 @@ def may_lack_digits(word: str, count: int) -> bool:
     """Return whether an index at the end of a file may have lost digits. count : largest index."""
     if not (word.isascii() and word.isdigit()):
         return True
-    return len(word) <= len(str(count)) and 10 * int(word) <= count  # int() fails for 5000 digits
+    return len(word) <= len(str(count)) and 10 * int(word) <= count  # lengths first: int() fails for 5000 digits
 
 
 def text_file(data: bytes) -> TextFile:
@@ -400,13 +400,14 @@ def whole_number(word: str) -> int:
 
 
 CURVE_TOLERANCE = 2e-4  # Largest distance of a polygon from its curve, divided by the curve's size.
-LARGEST_NUMBER = 1e12  # Largest number in a drawing.
+LARGEST_NUMBER = 1e12  # Largest number in a drawing; libraries may loop endlessly on larger numbers.
 
 
 FAR = 100.0  # A mesh is far from the origin if a coordinate exceeds this times the mesh's largest dimension.
-DIGITS = 6  # Default number of digits with which C programs write coordinates.
+DIGITS = 6  # Default number of digits with which C and C++ programs, such as gmsh, write coordinates.
 COARSE_STEP, LARGEST_STEP = 0.02, 0.5
-"""Smallest reported and largest accepted rounding step, divided by the mean edge."""
+"""Limits of the rounding step of the coordinates, divided by the mean edge.
+dsfab reports steps above `COARSE_STEP`. It refuses steps above `LARGEST_STEP`, which can turn faces over."""
 
 
 def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, str]:
@@ -419,7 +420,7 @@ def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, st
     tens = 10.0 ** (np.floor(np.log10(np.maximum(np.abs(P), 1e-300))) + 1 - DIGITS)
     if (P.astype(np.float32) == P).all():
         step, why = np.spacing(largest.astype(np.float32)).astype(np.float64), "32-bit numbers"
-        step *= (P % (2 * step)).any(axis=0)  # 0 on an axis where all coordinates are multiples of two steps
+        step *= (P % (2 * step)).any(axis=0)  # 0 on an axis where each coordinate is a multiple of two steps
     elif (np.abs(P / tens - np.rint(P / tens)) < 1e-6).all():
         step, why = tens.max(axis=0), f"{DIGITS} digits"
     else:
@@ -470,7 +471,7 @@ class DrawingBudget:
             raise SurfaceError(f"reading the drawing took more than {self.seconds:.0f} s; {_APART}")
 
 
-_APART = "put the outlines into a separate drawing"  # Remedy in messages about limits.
+_APART = "put the outlines into a separate drawing"  # Remedy in the messages about the limits of `DrawingBudget`.
 
 
 def curve_points(spans: Floats, curve: Callable[[Floats], Floats]) -> Floats:

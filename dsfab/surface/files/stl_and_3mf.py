@@ -87,7 +87,7 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
     budget.require_triangles(len(numbers) // 9)
     doubts = file.doubts if ended else (*file.doubts, "the last line, endsolid, is missing: the file may be cut off")
     V, F = equal_merged(np.array(numbers).reshape(-1, 3), np.arange(len(numbers) // 3).reshape(-1, 3))
-    parts = len(_SOLID.findall(text))
+    parts = len(_SOLID.findall(text))  # each part begins with the word solid, even if the part is not closed
     counts = Counter({Content("face"): len(numbers) // 9, Content("part"): parts if parts > 1 else 0})
     return TriangleFile(V, F, doubts=doubts, content=contents(counts))
 
@@ -97,8 +97,8 @@ def _line_number(text: str, position: int) -> int:
 
 
 _NAMESPACES = "core material production beamlattice slice trianglesets".split()  # noqa: SIM905
-"""Words in the names of 3MF extensions that dsfab accepts."""
-_TAKEN = ("model", "surface")  # Types of objects that belong to the model.
+"""Words in the names of 3MF extensions that dsfab accepts: it reads these extensions, or they do not change shapes."""
+_TAKEN = ("model", "surface")  # Types of objects that belong to the model; other types help only the printing.
 _CURA_AIDS = ("support_mesh", "anti_overhang_mesh", "infill_mesh", "cutting_mesh")  # settings of an object [Cura 5]
 _ROOT = re.compile(r"""<[^<>]*/3dmodel["'][^<>]*>""")  # entry that names the root model, which may have any suffix
 _TARGET = re.compile(r"""Target\s*=\s*["']/*([^"']+)["']""", re.IGNORECASE)
@@ -274,7 +274,7 @@ def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int,
                         ends = int(part.attrib["firstid"]), int(part.attrib["lastid"])
                         aids.setdefault((thing.attrib["id"], ""), []).append(ends)
         except (ElementTree.ParseError, KeyError, ValueError):
-            continue
+            continue  # if the list of printing aids cannot be read, all objects count as parts of the model
     return aids
 
 
@@ -294,6 +294,7 @@ def _archive_texts(data: bytes, budget: Budget) -> dict[str, bytes]:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
             size = sum(entry.file_size for entry in packed.infolist())
+            # compression shrinks numbers to a tenth, and repeated triangles to a hundredth
             if size > max(1 << 24, 60 * len(data)):
                 raise MalformedFileError(f"the file unpacks to {size / len(data):,.0f} times its size, unlike any mesh")
             budget.require_bytes(size, "bytes after unpacking")

@@ -22,7 +22,7 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.remesh.features import CORNER, TOLERANCE, FeatureCurves
 from dsfab.surface.topology import EdgeTable, edge_table, faces_at, next_half_edge, on_boundary
 
-FREE, ON_CURVE, FIXED = 0, 1, 2  # Vertices: free on the surface, on a boundary or crease, fixed.
+FREE, ON_CURVE, FIXED = 0, 1, 2  # Kinds of vertices: free on the surface, on a boundary or crease, fixed.
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) 
     return leading_candidates(order, touched, n, edges)
 
 
-LONGEST = 4 / 3  # Largest length / wanted length of an edge [Botsch and Kobbelt 2004].
+LONGEST = 4 / 3  # Edges longer than this multiple of their wanted length are halved [Botsch and Kobbelt 2004].
 
 
 def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
@@ -174,7 +174,7 @@ def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions
     )
 
 
-SHORTEST = 4 / 5  # Least length / wanted length of an edge [Botsch and Kobbelt 2004].
+SHORTEST = 4 / 5  # Edges shorter than this share of their wanted length are collapsed [Botsch and Kobbelt 2004].
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,7 +281,7 @@ def _merge_vertices(net: Net, collapses: _Collapses) -> Net:
     return replace(net, V=V, faces=faces, size=size, node=node, at=net.at[stays], curve=curve)
 
 
-LEAST_ANGLE = np.radians(25)  # Smallest angle after a flip, radians.
+LEAST_ANGLE = np.radians(25)  # Radians. A flip must not reduce the smallest angle below this.
 
 
 def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
@@ -313,7 +313,7 @@ def _valence_gain(net: Net, quad: Ints) -> Floats:
     ideal = np.where(free, 6, valence)
     ideal[on_boundary(edges, net.n) & free] = 4
     excess = valence - ideal
-    decrease = np.where(free, 2 * excess - 1, 0)
+    decrease = np.where(free, 2 * excess - 1, 0)  # excess^2 - (excess - 1)^2
     increase = np.where(free, -2 * excess - 1, 0)
     a, b, c, d = quad.T
     return np.asarray(decrease[a] + decrease[b] + increase[c] + increase[d], dtype=np.float64)
@@ -360,27 +360,27 @@ def with_ears_flipped(surface: Surface) -> Surface:
     bare = edges.boundary[edges.of].reshape(-1, 3).sum(axis=1) == 2
     quad = quads(surface.F, pairs)
     a, b, c, d = quad.T
-    alike = surface.F.ravel()[pairs[:, 1]] == b  # same orientation
+    alike = surface.F.ravel()[pairs[:, 1]] == b  # true if both faces have the same orientation
     ear = bare[pairs[:, 0] // 3] & ~bare[pairs[:, 1] // 3] & alike & has_new_diagonal(quad, edges, n)
     ear &= angles_at(surface.V, c, a, b) > np.radians(150.0)
     for start, end in ((a, b), (b, a)):  # no new face may turn over
         ear &= angles_at(surface.V, start, end, c) + angles_at(surface.V, start, end, d) < np.pi
     chosen = np.flatnonzero(ear)
-    chosen = chosen[np.unique(pairs[chosen, 1] // 3, return_index=True)[1]]
+    chosen = chosen[np.unique(pairs[chosen, 1] // 3, return_index=True)[1]]  # only one flip for each inner face
     if not len(chosen):
         return surface
     return Surface(surface.V, with_other_diagonals(surface.F, pairs[chosen], quad[chosen]))
 
 
 LOW = 1 / 8
-"""Largest height of a low border face / length of the border edge."""
+"""Largest height of a low border face / length of its border edge. The normals of low faces have large errors."""
 
 
 def without_rim_slivers(surface: Surface, smooth: bool = False) -> Surface:
     """Return the surface without very thin faces at the border, which have wrong normals.
     smooth : also collapse faces lower than `LOW` times the border edge, at a curved border."""
     chosen, _, _, tip = _low_border_faces(surface, TOLERANCE)
-    chosen = chosen[np.unique(tip, return_index=True)[1]]
+    chosen = chosen[np.unique(tip, return_index=True)[1]]  # remove only one face at each vertex
     surface = Surface(surface.V, np.delete(surface.F, chosen, axis=0)) if len(chosen) else surface
     while smooth and (onto := _collapsed_tips(surface)) is not None:
         used, F = np.unique(contracted_faces(surface.F, onto), return_inverse=True)
@@ -392,7 +392,7 @@ def _low_border_faces(surface: Surface, ratio: float) -> tuple[Ints, Ints, Ints,
     """Return low border faces (c,), lowest first, both ends (c,), (c,) of border edges, and third corners (c,)."""
     V, F, edges = surface.V, surface.F, surface.edges
     bare = edges.boundary[edges.of].reshape(-1, 3)
-    side = bare.argmax(axis=1)
+    side = bare.argmax(axis=1)  # the border edge starts at corner `side`
     a, b, tip = (F[np.arange(len(F)), (side + k) % 3] for k in range(3))
     height = 2 * surface.areas / edge_lengths(V, np.stack([a, b], axis=1)) ** 2
     low = (height < ratio) & (bare.sum(axis=1) == 1) & ~on_boundary(edges, surface.n)[tip]
@@ -410,7 +410,7 @@ def _collapsed_tips(surface: Surface) -> Ints | None:
     end = np.where(to_a < to_b, a, b)
     sharp = sharp_edges(surface)
     creased = np.bincount(edges.ends[sharp].ravel(), minlength=n)
-    by_tilt = sharp[edges.of.reshape(-1, 3)[faces]].sum(axis=1)
+    by_tilt = sharp[edges.of.reshape(-1, 3)[faces]].sum(axis=1)  # creases along edges of the low face, due to its tilt
     turn, explained = _border_turns(surface, faces, a, b, tip)
     fits = (creased[tip] <= by_tilt) & explained
     fits &= ((V[tip] > V.min(axis=0)) & (V[tip] < V.max(axis=0))).all(axis=1) | (np.ptp(V, axis=0) == 0).any()
@@ -418,7 +418,7 @@ def _collapsed_tips(surface: Surface) -> Ints | None:
     fits &= meets_link_condition(edges, np.searchsorted(edges.ends @ (n, 1), keys), n)
     candidate = np.full(n, -1)
     candidate[tip] = np.arange(len(tip))
-    fits &= candidate[tip] == np.arange(len(tip))
+    fits &= candidate[tip] == np.arange(len(tip))  # use only one low face at each tip
     for corner in range(3):
         changed = np.flatnonzero(candidate[F[:, corner]] >= 0)
         number, triangles = candidate[F[changed, corner]], F[changed].copy()
@@ -443,7 +443,7 @@ def _border_turns(surface: Surface, faces: Ints, a: Ints, b: Ints, tip: Ints) ->
         np.add.at(weighted, corner, area_vectors(V, F[rest]))
     normal = unit_vectors(weighted[tip])
     along = unit_vectors(V[b] - V[a])
-    slope = np.zeros((surface.n, 3))
+    slope = np.zeros((surface.n, 3))  # sum of the directions from a border vertex to its border neighbours
     for start, stop in (edges.ends[edges.boundary].T, edges.ends[edges.boundary].T[::-1]):
         np.add.at(slope, start, unit_vectors(V[stop] - V[start]))
     slope[lengths(slope) > 2 * np.sin(np.radians(CORNER) / 2) + 1e-6] = 0.0

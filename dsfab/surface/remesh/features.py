@@ -13,8 +13,8 @@ from dsfab.surface.topology import link_components
 
 TOLERANCE = 1 / 50  # Largest move of boundaries and creases, in edge lengths.
 CORNER = 30.0  # Least bend of a curve at a corner, degrees.
-DULL = 0.6 * CREASE  # Largest difference of mean normals beside a slight crease, degrees.
-FINE = 1 / 80  # Largest averaging radius for normals / diagonal of the bounding box.
+DULL = 0.6 * CREASE  # A short crease is left out if the mean normals on its two sides differ by less, degrees.
+FINE = 1 / 80  # Largest averaging radius for a scan's normals in `design_features`, divided by its box's diagonal.
 
 
 class SmoothVertices(NamedTuple):
@@ -78,7 +78,7 @@ def _mean_bends(surface: Surface, crease: Ints, radius: float) -> Floats:
     u, v = (np.einsum("ck,cki->ci", weight * on_side, surface.normals[near_faces]) for on_side in (side > 0, side <= 0))
     bend = np.arctan2(lengths(np.cross(u, v)), np.einsum("ci,ci->c", u, v))
     slight = np.minimum(lengths(u), lengths(v)) < TOLERANCE * radius * surface.edge_lengths[crease]
-    return np.where(slight, 0, bend)
+    return np.where(slight, 0, bend)  # the normal of one very narrow face at the boundary is unreliable
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +137,7 @@ def feature_curves(surface: Surface, edge: float) -> FeatureCurves:
     vertex, curve = np.concatenate(chains), np.repeat(np.arange(len(chains)), [len(chain) for chain in chains])
     points = surface.V[vertex]
     step = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1)
-    step[np.diff(curve, prepend=0) > 0] = surface.size  # gap between curves
+    step[np.diff(curve, prepend=0) > 0] = surface.size  # a gap in arc length between two successive curves
     return FeatureCurves(points, np.cumsum(step), curve, vertex, fixed)
 
 

@@ -16,9 +16,9 @@ from dsfab.surface.remesh.smoothing import NearestOnSurface, SmoothPatches
 from dsfab.surface.topology import euler_characteristic, half_edges, link_components, misoriented_edges, pieces
 
 LARGEST_GROUP = 240  # Largest number of elements of a symmetry group.
-MATRIX_TOLERANCE = 1e-6  # Largest difference of entries of equal matrices.
-INERTIA_TOLERANCE = 1e-2  # Largest relative difference of equal moments of inertia.
-FAR_TOLERANCE = 1e-3  # Largest difference of equal distances / size of the surface.
+MATRIX_TOLERANCE = 1e-6  # Two matrices count as equal if no entry differs by more than this.
+INERTIA_TOLERANCE = 1e-2  # Moments of inertia count as equal within this fraction of the largest moment.
+FAR_TOLERANCE = 1e-3  # Distances count as equal within this fraction of the surface's size.
 
 
 def mirror(normal: Floats) -> Floats:
@@ -74,9 +74,9 @@ def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) 
     return elements[:count].copy()
 
 
-IMAGE_TOLERANCE = 1 / 20  # Largest distance of a surface from its mirror image, in edge lengths.
-ROUND_ANGLES = (0.7, 1.9)  # Angles (radians) from a mirror plane to further mirror planes of a round surface.
-MOST_SIDES = 16  # Largest number of mirrored sectors around an axis.
+IMAGE_TOLERANCE = 1 / 20  # Largest distance of a surface from its mirror image, divided by the edge length.
+ROUND_ANGLES = (0.7, 1.9)  # A surface is round if planes at these angles (radians) to a mirror plane are also mirrors.
+MOST_SIDES = 16  # Largest number of mirrored sectors around an axis; with more sectors, only two mirrors are used.
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ class Mirrors:
         look = _MirrorTest(nearest_on.surface, nearest_on, edge, smooth)
         group, normals = np.eye(3)[None], list[Floats]()
         for normal in _candidate_mirrors(look):
-            with suppress(OverflowError):
+            with suppress(OverflowError):  # inexact mirror planes can generate too many images
                 group, normals = _mirror_group([*normals, normal], 2 * MOST_SIDES), [*normals, normal]
         if not normals:
             return None
@@ -151,7 +151,7 @@ class _MirrorTest:
         s, R, limit = self.surface, mirror(normal), IMAGE_TOLERANCE * self.edge
         if np.ptp(s.V @ normal) < self.edge:
             return False
-        step = max(s.n // 100, 1)  # test a sample first
+        step = max(s.n // 100, 1)  # test a sample of the vertices first
         for points in (s.V[::step], s.V):
             image = self._image(points, R)
             if lengths(self.places_on(image)[0] - image).max() > limit:
@@ -218,7 +218,7 @@ def _mirror_group(normals: list[Floats], largest: int) -> Floats:
     return generated_group([mirror(normal) for normal in normals], largest)
 
 
-PLANE_TOLERANCE = 1e-3  # Tolerance for vertices on mirror planes, in edge lengths.
+PLANE_TOLERANCE = 1e-3  # Tolerance, in edge lengths, for vertices on mirror planes and for coinciding mirror images.
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,7 +255,7 @@ class Chamber:
     def moved_into_planes(self, V: Floats, planes: Bools) -> Floats:
         """Return points V (p, 3), moved into the mirror planes that `planes` (k, p) marks."""
         moved = V.copy()
-        for _ in range(2 * len(self.toward)):
+        for _ in range(2 * len(self.toward)):  # a point that moves into one plane can leave another plane
             for normal, in_plane in zip(self.toward, planes, strict=True):
                 moved[in_plane] -= np.outer((moved[in_plane] - self.mirrors.centre) @ normal, normal)
         return moved
@@ -287,7 +287,7 @@ class Chamber:
         if surface.edges.count.max() > 2 or facts(surface) != facts(original):
             return False
         new_length, old_length = (float(s.edge_lengths[s.edges.boundary].sum()) for s in (surface, original))
-        return abs(new_length - old_length) <= 0.05 * old_length
+        return abs(new_length - old_length) <= 0.05 * old_length  # new edges may shorten a curved boundary
 
 
 def _positive_side(x: Floats, F: Ints, normal: Floats, tolerance: float) -> tuple[Floats, Ints] | None:

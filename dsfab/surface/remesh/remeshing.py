@@ -33,7 +33,7 @@ from dsfab.surface.remesh.smoothing import (
 )
 from dsfab.surface.topology import crowded_edge_fault, repeated_face_fault
 
-SHARP_ANGLE = 20.0  # Smallest angle at which a mirrored mesh is always kept, degrees.
+SHARP_ANGLE = 20.0  # A mirrored mesh is always kept if its smallest angle is above this, degrees.
 
 
 def remeshed_surface(
@@ -61,7 +61,7 @@ def remeshed_surface(
         return by_sides
     net = _net(nearest_to, sizes, edge)
     direct = Surface(_on_smooth_surface(net, nearest_to).V if smooth else net.V, net.F)
-    # a mirror plane halves the angle of a pointed tip
+    # the mirrored mesh can be worse, because a mirror plane along a pointed tip halves the angle of the tip
     return by_sides if by_sides and _smallest_angle(by_sides) > 0.9 * _smallest_angle(direct) else direct
 
 
@@ -90,7 +90,7 @@ def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Se
     whole_net = Net(every.V, NetFaces(every.F), net.kind[original], none, net.at[:0], none, net.size[original])
     V = with_vertices_at(whole_net, _places_on_curves(whole_net, nearest_on, edge, smooth), whole_net.at).V
     box, new_box = ((x.min(axis=0), x.max(axis=0)) for x in (surface.V, V))
-    with suppress(SurfaceError):  # two vertices of a narrow tip may move to one corner
+    with suppress(SurfaceError):  # at a narrow tip, two vertices may move to one corner
         return Surface(V, every.F) if np.abs(np.subtract(box, new_box)).max() < TOLERANCE * edge else None
     return None
 

@@ -14,7 +14,7 @@ from dsfab.surface.remesh.edges import FIXED, FREE, Net
 from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
 from dsfab.surface.topology import corner_fans
 
-CORNERS = ((0, 1), (1, 2), (2, 0))  # Corners of each half-edge of a face.
+CORNERS = ((0, 1), (1, 2), (2, 0))  # First and second corner of each half-edge of a face.
 
 
 class SmoothPatches:
@@ -137,7 +137,7 @@ def with_vertices_at(net: Net, goal: Floats, positions: Floats) -> Net:
     positions : (k,) arc lengths, metres, of the vertices on boundaries and creases."""
     old_areas, V = area_vectors(net.V, net.F), goal.copy()
     face = np.arange(len(net.F))
-    retreats = 6  # rounds that move vertices of rotated faces back
+    retreats = 6  # rounds that move vertices of over-rotated faces back; after these rounds, all vertices move back
     for k in range(retreats + 1):
         new_areas = area_vectors(V, net.F[face])
         was = old_areas[face]

@@ -23,9 +23,9 @@ from dsfab.surface.shapes.meshing import check_density
 from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults, on_boundary, smoothing_neighbours
 
 LONGEST, SHORTEST = 4 / 3, 4 / 5  # Edges over 4/3 of the wanted length are halved, edges under 4/5 collapse.
-ROUNDS, POLISH = 5, 10  # Numbers of rounds: first with, then without new vertices.
-LEAST_TURN_COSINE = 0.3  # Cosine of the largest rotation of a face in one step.
-FOLDED = -0.5  # Largest cosine of the angle between the normals of two faces in a fold.
+ROUNDS, POLISH = 5, 10  # First 5 rounds add and remove vertices; then 10 rounds only flip edges and move vertices.
+LEAST_TURN_COSINE = 0.3  # Cosine of the largest rotation of a face in one step, about 70 degrees.
+FOLDED = -0.5  # Largest cosine of the angle between the normals of two faces in a fold (120 degrees).
 
 
 class MeshChart(Protocol):
@@ -66,6 +66,7 @@ def remeshed_chart(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[F
 
 
 def _too_long(why: str) -> SurfaceError:
+    # the message omits the length, because shapes are scaled later
     return SurfaceError(f"the edge is too long for the shape's details ({why}); use a shorter edge")
 
 
@@ -185,7 +186,7 @@ def _relax(chart: MeshChart, X: Floats, F: Ints) -> Floats:
 
 Field = Callable[[Floats], Floats]  # Points (q, 3) -> approximate distances (q,) from a solid, m; negative inside.
 Point = Sequence[float] | Floats
-EDGE_CORRECTION = 0.9  # Factor on the wanted length, because remeshing makes edges too long.
+EDGE_CORRECTION = 0.9  # Remeshing makes edges too long; the wanted length is multiplied by this.
 
 
 def _norm(Q: Floats) -> Floats:
@@ -321,12 +322,13 @@ def skin(field: Field, low: Point, high: Point, edge: float, floor: float | None
         bottom[2] = floor
     x, y, z = size = top - bottom
     check_density(2 * float(x * y + y * z + z * x), edge)
+    # coarser cells lose details; finer cells only give edges that collapse again
     cells = np.maximum(np.ceil(size / (1.3 * edge)), 4).astype(int)
     nodes = [np.linspace(a, b, n + 1) for a, b, n in zip(bottom, top, cells, strict=True)]
     z, y, x = np.meshgrid(nodes[2], nodes[1], nodes[0], indexing="ij")
     grid = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
     value = field(grid)
-    # a grid node on the surface would create triangles without area
+    # a grid node on the surface itself would create triangles without area
     value = np.where(np.abs(value) < 1e-3 * edge, 1e-3 * edge, value)
     V, F, _ = igl.marching_cubes(value, grid, *(len(n) for n in nodes), 0.0)
     if Surface(V, F).volume < 0:

@@ -73,7 +73,7 @@ def mesh_region(rim: Floats, inside: Callable[[Floats, float], Bools], edge: flo
     """Mesh a region of the plane. Return vertices (n, 2), first the points `rim`, and counter-clockwise faces (m, 3).
     rim    : (k, 2) points along the boundary of the region, about `edge` apart.
     inside : function of points (q, 2) and a distance; marks points at least this far inside the boundary."""
-    from scipy.spatial import Delaunay
+    from scipy.spatial import Delaunay  # imported here, because the import takes a tenth of a second
 
     reach = int(np.ceil(2 * np.abs(rim).max() / edge)) + 2
     i, j = (x.ravel() for x in np.meshgrid(np.arange(-reach, reach + 1), np.arange(-reach, reach + 1)))
@@ -135,9 +135,10 @@ class _Wedge:
 
     def __init__(self, half: float, half_foot: float, ground: float, top: float, edge: float) -> None:
         self.half, self.half_foot, self.ground, self.edge = half, half_foot, ground, edge
+        # the circle of the arch goes through the end of the foot, the mirror image of this end, and the arch's top
         across, along = ground * np.sin(half - half_foot), ground * np.cos(half - half_foot)
         dip = along - top
-        if abs(dip) < 1e-3 * ground:
+        if abs(dip) < 1e-3 * ground:  # curve a nearly straight arch a little, to keep its radius finite
             dip, top = 1e-3 * ground, along - 1e-3 * ground
         self.radius = (across**2 + dip**2) / (2 * abs(dip))
         self.bend = np.sign(dip)

@@ -108,7 +108,7 @@ class SplitBodies:
         return np.asarray(np.linspace(low, high, int(np.ceil((high - low) / bed - 1e-9)) + 1))
 
     def _drills(self, solid: "manifold3d.Manifold", axis: int, levels: list[Floats]) -> list["manifold3d.Manifold"]:
-        turned = solid.rotate([[0, 90, 0], [90, 0, 0], [0, 0, 0]][axis])
+        turned = solid.rotate([[0, 90, 0], [90, 0, 0], [0, 0, 0]][axis])  # the axis is now parallel to z
         ups = [(2, 1), (0, 2), (0, 1)][axis]
         drills = []
         for level in levels[axis][1:-1]:

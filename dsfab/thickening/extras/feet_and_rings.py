@@ -48,7 +48,7 @@ class Feet:
         return standing
 
 
-STRAIGHT = 1e-9  # Largest change of unit direction and unit normal at a straight vertex of a loop.
+STRAIGHT = 1e-9  # A loop is straight at a vertex if its unit direction and unit normal change by less than this.
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def closed_bar(P: Floats, along: Floats, normal: Floats, width: float, height: f
     along, normal : (k, 3) unit directions and unit normals of the sides that begin at these corners.
     height : size along the normals, metres."""
     before = np.roll(along, 1, axis=0)
-    sharpest = 0.2  # smallest cosine of half the bend angle
+    sharpest = 0.2  # smallest cosine of half the bend angle; a mitre is then five bar widths long
     middle = before + along
     cosine = np.maximum(np.linalg.norm(middle, axis=1) / 2, sharpest)
     middle /= np.maximum(np.linalg.norm(middle, axis=1, keepdims=True), sharpest)

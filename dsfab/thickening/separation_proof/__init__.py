@@ -100,7 +100,7 @@ def block_steps() -> list[Ints]:
     return list(np.stack(np.meshgrid(along, along, along), axis=-1).reshape(-1, 3))
 
 
-CHUNK = 1 << 14  # Number of cells processed together.
+CHUNK = 1 << 14  # Number of cells processed together, because they fit the processor's cache.
 
 Three = tuple[Floats, Floats, Floats]
 
@@ -231,7 +231,7 @@ def proven_cells(layer: OffsetLayer) -> Bools:
     if is_fine(uncut.V, layer.D):
         error += rounding_step(uncut.V, layer.D)
     sure = np.zeros(cells.m, dtype=bool)
-    for count in (1000, 8000):  # numbers of boxes
+    for count in (1000, 8000):  # numbers of boxes; more boxes prove more cells free of intersections
         boxes = boxes_of(layer, error, count)
         folded, cosine, reach = prisms(layer, boxes, error)
         if folded.mean() > 0.05:
@@ -248,7 +248,7 @@ def proven_cells(layer: OffsetLayer) -> Bools:
 def _cells_near_folds(layer: OffsetLayer, folded: Bools, reach: Floats) -> Bools:
     middle = layer.cells.centroids + layer.shift * layer.carried[layer.cells.F].mean(axis=1)
     bad = np.flatnonzero(folded)
-    size = 2.1 * reach
+    size = 2.1 * reach  # a sphere of radius `reach` around `middle` contains the prism of a cell
     lists = cKDTree(middle).query_ball_point(middle[bad], size[bad] + size.max())
     result = np.zeros(len(folded), dtype=bool)
     result[np.concatenate([np.asarray(row, dtype=np.int64) for row in lists])] = True

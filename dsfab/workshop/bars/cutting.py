@@ -16,7 +16,7 @@ from dsfab.workshop.bars.lattice import BAR_CLEARANCE
 from dsfab.workshop.parts import NAME_SHARE, NODE_LETTERS, FlatPart, Fold, Hole, half_plane_clip, label, text_length
 
 BOLT_SPACINGS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
-"""Distances in bolt diameters: fold to first bolt, bolt to bolt, bolt to plate's end."""
+"""Distances in bolt diameters: fold to first bolt, bolt to bolt, bolt to plate's end. The first fitting row is used."""
 LEG_NAME = "ground"  # name of a plate's arm that stands on the ground
 
 

@@ -23,8 +23,8 @@ from dsfab.workshop.bars.lattice import BAR_CLEARANCE, LEAST_BAR, Bay, Lattice, 
 from dsfab.workshop.layers import END_DISTANCE, Layering
 from dsfab.workshop.parts import NODE_LETTERS, FlatPart, Fold, Hole, label, text_length
 
-FLAT_SINE = np.sin(np.radians(5.0))  # sine of the smallest slope of node plates with legs
-LEAST_SIDE, ARM_SHARE = 1.5, 0.45  # half width of an arm: in bolt diameters, in member widths
+FLAT_SINE = np.sin(np.radians(5.0))  # sine of the smallest slope at which node plates at supports get legs
+LEAST_SIDE, ARM_SHARE = 1.5, 0.45  # half width of an arm: at least 1.5 bolt diameters, usually 0.45 member widths
 ANCHOR_SPACINGS = (3.0, 4.0, 3.0)
 """Distances in anchor diameters: fold to first anchor, first to second anchor, second anchor to the leg's end."""
 
@@ -80,12 +80,12 @@ class Footing:
         points, normals : (q, 3) of all nodes. widths : (q,) widths of the widest members, metres."""
         away = np.asarray(cKDTree(self.supports).query(points)[0])
         legs: dict[int, Leg | None] = {}
-        limits = self.reach + 0.75 * np.asarray(widths)
+        limits = self.reach + 0.75 * np.asarray(widths)  # largest distance from a node to its support (m)
         for k in np.flatnonzero(away < limits).tolist():
             n = normals[k]
             down = (n @ self.up) * n - self.up
             steep = float(np.linalg.norm(down))
-            outward = n @ self.up > 0
+            outward = n @ self.up > 0  # a plate whose normal points down folds upwards
             angle = float(np.arctan2(steep, abs(float(n @ self.up)))) * (1 if outward else -1)
             legs[k] = Leg(down / steep, angle, self.anchor) if steep > FLAT_SINE else None
         return legs
@@ -145,7 +145,7 @@ def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
 
 
 SQUARE_ANGLE = np.radians(70.0)
-"""Smallest angle between bars with square ends. Bars at sharper angles have mitres."""
+"""Smallest angle between bars with square ends. Bars at sharper angles have mitres, to begin closer to the node."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,6 +270,7 @@ def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: fl
     joined = np.array([node.joined for node in lattice.nodes], dtype=bool)
     chord = P[bay_ends.node[bay_ends.opposite]] - P[bay_ends.node]
     level = _level_directions(chord, N[bay_ends.node])
+    # a bar's angle below the node's plane is about 1.5 times that of the straight line between its nodes
     lean = 1.5 * thickness / 2 * np.sin(np.abs(bay_ends.dip(chord, N)))
     orders = [_counter_clockwise(np.flatnonzero(bay_ends.node == k), level, N[k]) for k in range(len(P))]
     lengths = np.linalg.norm(chord, axis=1)
@@ -307,7 +308,7 @@ def _counter_clockwise(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints,
 
 
 def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
-    notch = 0.9
+    notch = 0.9  # distance of the corner between two arms from the node, divided by the bars' distance from the node
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2
     clear = half / float(np.tan(max(sharpest, SQUARE_ANGLE) / 2)) + BAR_CLEARANCE * bolt + float(lean.max())
@@ -319,7 +320,7 @@ def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: flo
 def _bar_roots(P: Floats, N: Floats, bay_ends: _BayEnds, root: Floats, rounds: int = 30) -> Floats:
     node_points = P[bay_ends.node]
     roots = node_points
-    for _ in range(rounds):
+    for _ in range(rounds):  # each round moves the beginnings of the bars much less than the round before
         level = _level_directions(roots[bay_ends.opposite] - node_points, N[bay_ends.node])
         roots = node_points + root[bay_ends.node][:, None] * level
     return roots

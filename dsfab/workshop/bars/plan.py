@@ -124,7 +124,8 @@ def _names(names: tuple[str, ...]) -> str:
 
 
 BAR_QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
-"""Corners of a bar's six sides, in order as seen from outside. Numbers: 1 for up + 2 for left + 4 for the bar's end."""
+"""Corners of a bar's six sides, in order as seen from outside.
+The number of a corner is a sum: 1 for up, 2 for left, and 4 for the end of the bar."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -131,6 +131,7 @@ def stack_parts(
 
 
 def _largest_first(parts: Sequence[FlatPart]) -> list[FlatPart]:
+    # long and bowed parts come first, because short parts fit between them
     keys = [(-round(float(part.size[0] * part.size[1]), 4), -float(part.size[0]), part.id) for part in parts]
     return [parts[k] for k in sorted(range(len(parts)), key=keys.__getitem__)]
 
@@ -199,7 +200,7 @@ def require_spyrrow() -> None:
 
 def with_fewer_sheets(sheets: Sequence[NestedSheet], gap: float, grain: bool = False) -> list[NestedSheet]:
     """Return the same parts on fewer sheets if possible. grain : true if parts must lie lengthwise."""
-    # the limit counts trials: results must not depend on the machine
+    # the limit counts trials, not seconds: results must not depend on the machine
     remaining, tries = list(sheets), iter(range(24))
     while len(remaining) > 1:
         fewer = _without_least(remaining, gap, grain, tries)
@@ -243,6 +244,7 @@ def _with_part(sheet: NestedSheet, part: FlatPart, gap: float, grain: bool) -> N
 
 
 def _by_spyrrow(parts: Sequence[FlatPart], size: tuple[float, float], gap: float, grain: bool) -> list[NestedPart]:
+    # with a margin, because spyrrow computes in single precision, and `contours` omit some corners
     separation = gap + 1e-5 + 2 * OUTLINE_TOLERANCE
     items = [[part.contours[0].tolist(), _allowed_turns(part, size[1] - 2 * gap, grain)] for part in parts]
     job = {"items": items, "height": size[1], "length": size[0], "gap": separation, "seed": 1}

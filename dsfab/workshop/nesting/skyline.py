@@ -45,7 +45,7 @@ class ColumnGrid:
 
 def column_grid(stock: Sequence[tuple[float, float]], gap: float, grain: bool = False) -> ColumnGrid:
     """Return the narrow columns into which nesting divides sheets. stock : lengths and widths of sheets (m)."""
-    step = min(0.01, max(max(size) for size in stock) / 250)  # column width (m)
+    step = min(0.01, max(max(size) for size in stock) / 250)  # column width (m), at most 1/250 of the longest sheet
     return ColumnGrid(gap, step, max(min(size) for size in stock) - 2 * gap + ROUNDING, grain)
 
 
@@ -161,7 +161,7 @@ class OpenSheet:
 
 def empty_sheet(size: tuple[float, float], grid: ColumnGrid) -> OpenSheet:
     """Return an empty sheet of the size (length, width), metres."""
-    columns = int(np.ceil((size[0] - grid.gap) / grid.step))
+    columns = int(np.ceil((size[0] - grid.gap) / grid.step))  # the last column may extend beyond the sheet's edge
     return OpenSheet(size, np.full(columns, grid.gap / 2), size[0] * size[1], grid.gap / 2)
 
 
@@ -205,7 +205,7 @@ def _best_on_skyline(sheet: OpenSheet, turns: list[PartShape], grid: ColumnGrid)
         k = len(shape.lower)
         if k > len(sheet.skyline) or sheet.lowest + shape.size[1] + gap > top + step:
             continue
-        if k not in cached:
+        if k not in cached:  # rotation by 180 degrees keeps the number k of the shape's columns
             column_runs = _column_windows(sheet.skyline, k)
             cached[k] = column_runs, column_runs.sum(axis=1)
         windows, sums = cached[k]

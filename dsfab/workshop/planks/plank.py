@@ -17,7 +17,7 @@ from dsfab.workshop.splices import SCARF_SLOPE, box_fits, lap_marks, lapped_span
 from dsfab.workshop.strips import HOLE_EDGE_DISTANCE, UNCERTAIN_WIDTHS, letter_height
 
 EdgeStations = tuple[tuple[float, float], tuple[float, float]]
-"""Arc lengths of a plank's corners: right, left at the beginning; right, left at the end."""
+"""Arc lengths of the right and left corner at a plank's beginning, then of the right and left corner at its end."""
 
 
 @dataclass(frozen=True)

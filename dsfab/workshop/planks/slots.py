@@ -20,7 +20,8 @@ from dsfab.workshop.development import StripCourse
 from dsfab.workshop.parts import FlatPart
 
 SLIDE_ANGLE = float(np.radians(10.0))
-"""Largest angle between the assembly direction of a piece and its normals, radians."""
+"""Largest angle between the assembly direction of a piece and the normals at its nodes, radians.
+Slots are widened so that a piece can slide in its assembly direction. A plank with a larger angle is spliced."""
 
 
 def largest_deviation(normals: Floats) -> float:
@@ -36,10 +37,10 @@ def middle_direction(normals: Floats) -> Floats:
 
 
 STANDING_ORDER = ("major", "minor", "rim", "keep")
-"""Order of assembly of families of planks; later families cross above."""
-SLOT_CLEARANCE = 2e-4  # gap between a plank and its slot (m)
+"""Order of assembly of families of planks that begin at equal heights. Later families cross above earlier families."""
+SLOT_CLEARANCE = 2e-4  # gap between a plank and the sides and bottom of its slot (m)
 LEAST_DEGREES = 30.0
-"""Smallest crossing angle of planks with slots (degrees)."""
+"""Smallest crossing angle of planks with slots (degrees); at a smaller angle a slot would cut most of the plank."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +109,7 @@ def standing_order(graph: MemberGraph, up: Floats) -> tuple[str, ...]:
         if member.axis is not None and member.family in begins:
             begins[member.family].append(float(z[graph.sheet.surface.F[member.cells]].min()))
     span = max(float(np.ptp(z)), np.finfo(float).tiny)
+    # heights within a twentieth of the structure's height count as equal
     low = {family: round(float(np.median(heights)) / span / 0.05) for family, heights in begins.items() if heights}
     return tuple(sorted(STANDING_ORDER, key=lambda family: (low.get(family, np.inf), STANDING_ORDER.index(family))))
 

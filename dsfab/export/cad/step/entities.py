@@ -18,7 +18,7 @@ from dsfab.export.readback import ReadBack, distinct_rows, require_equal
 from dsfab.export.writing import TRAILING_ZEROS, comma_separated_rows, one_line, rows
 
 COLOURS = ((0.62, 0.66, 0.70), (0.80, 0.62, 0.42), (0.45, 0.62, 0.72), (0.60, 0.70, 0.50), (0.72, 0.55, 0.60))
-"""Colours of the pieces in turn, as red, green and blue."""
+"""Colours of the pieces in turn, as red, green and blue. They are muted, so that edges stay visible."""
 
 DIGITS = 6  # number of decimals (coordinates in mm) for curves, and in the search for coplanar triangles
 DIRECTION_DIGITS = 11  # decimals of directions; rounding moves the end of an edge of 100 m by under 1e-6 mm

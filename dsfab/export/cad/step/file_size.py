@@ -16,7 +16,7 @@ from dsfab.surface import nearest_places
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import coarsen_mesh
 
-LOADING_SECONDS = 1.5  # shortest time (seconds) to read a STEP file back
+LOADING_SECONDS = 1.5  # shortest time (seconds) to read a STEP file back, because a new process loads OCCT
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def require_budget(part: Part, faces: int, size: float = 0.0) -> None:
 
 def writing_seconds(part: Part, strategy: str, faces: int) -> float:
     """Return the seconds to write a part and to read the file back."""
-    in_use = 6e-2  # seconds per face
+    in_use = 6e-2  # seconds per face for trial cuts, which are made on request only
     tried = in_use if strategy == "members" and not part.hurry else 0.0
     return LOADING_SECONDS + (COSTS[strategy].write + tried) * faces
 
@@ -126,8 +126,8 @@ def usual_tolerance(part: Part) -> float:
 def simplified_part(part: Part, tolerance: float) -> Part:
     """Return the solid with fewer triangles, at most `tolerance` (mm) from the old surface.
     Raises ExportError if this is impossible, BudgetError if far more planar faces remain than `step_faces`."""
-    worth = 0.9
-    stride = 1.6  # next tolerance / last tolerance
+    worth = 0.9  # largest fraction of the triangles that may remain after simplification
+    stride = 1.6  # each try has 1.6 times the tolerance (in manifold3d) of the try before
     crossing, step = len(intersecting_pairs(part.V, part.F)), tolerance
     result: Part | None = None
     for _ in range(TRIES):
@@ -148,7 +148,7 @@ def simplified_part(part: Part, tolerance: float) -> Part:
 
 
 def _require_hope(simple: Part) -> None:
-    hopeless = 1.2  # largest number of faces in a try / allowed number
+    hopeless = 1.2  # the search ends if a try has more than 1.2 times the allowed faces
     if 0 < hopeless * simple.step_faces < len(simple.F):
         shape = polyhedron(simple.V, simple.F, np.zeros(len(simple.F), dtype=np.int64))
         if len(shape.normals) > hopeless * simple.step_faces:

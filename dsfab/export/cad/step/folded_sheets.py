@@ -97,7 +97,7 @@ def flat_facets(part: Part) -> FlatFacets | None:
     try:
         return _facets(part)
     except ExportError:
-        return None
+        return None  # the sheet is a single plane, or is curved
 
 
 @derived
@@ -111,7 +111,7 @@ def folded_sheet(part: Part) -> FoldedSheet | None:
 
 
 def _facets(part: Part) -> FlatFacets:
-    rough = 1e-4  # largest error of vertices, divided by the thickness
+    rough = 1e-4  # largest error of vertices, divided by the thickness, because mesh files round vertices
     if part.curved is None:
         raise NotFlatError("the sheet that the solid was made from is unknown")
     curved = part.curved()
@@ -143,7 +143,7 @@ def _mitred_sheet(flat: FlatFacets) -> FoldedSheet:
 
 
 def _require_few_facets(facet: Ints) -> None:
-    faces_per_facet = 4  # least mean number of triangles per facet
+    faces_per_facet = 4  # least mean number of triangles per facet; on a curved sheet, each triangle is a facet
     if not 1 < int(facet.max()) + 1 <= len(facet) / faces_per_facet:
         raise NotFlatError("the facets of the sheet are not flat")
 
@@ -232,7 +232,7 @@ def _curve(line: Floats, tolerance: float) -> Curve:
     return curve
 
 
-EdgePair = tuple[int, int]  # edges (or vertices) of the upper and lower skin
+EdgePair = tuple[int, int]  # numbers of an edge (or vertex) on the upper and on the lower skin
 
 
 class PlanarFile(NamedTuple):
@@ -260,6 +260,7 @@ def planar_file(part: Part) -> PlanarFile:
 
 class _Writer:
     def __init__(self, shape: FoldedShape) -> None:
+        # Two more digits make edges on inclined planes exact to 1e-7 mm, as OCCT's fillets need.
         self.new, self.shape, self.sheet = StepEntities(extra_digits=2), shape, shape.sheet
         self.vertices, self.posts, self.edges = dict[int, EdgePair](), dict[int, int](), dict[RunKey, EdgePair]()
 

@@ -35,10 +35,12 @@ from dsfab.surface.topology import edge_table, half_edges
 ROUTES = ("auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated")
 
 QUICK_FACTOR = 3
-"""Factor for step = 'quick', on the largest numbers of walls and of layouts (divisions into charts)."""
+"""Factor for step = 'quick': multiplies the usual largest numbers of walls and of layouts (divisions into charts).
+If OCCT refuses the first layout, another layout often succeeds, because its seams lie elsewhere."""
 
 MEMBER_FACES_FACTOR = 2
-"""Multiple of the usual limit of faces for step = 'members', if a faceted file is too large."""
+"""If a faceted file is too large, step = 'auto' tries step = 'members' with this multiple of the usual limit of faces.
+The next attempt would be a smooth file, which CAD programs usually fail to cut."""
 
 
 def prepare(part: Part) -> Part:
@@ -47,7 +49,7 @@ def prepare(part: Part) -> Part:
     V, coarse = (np.round(part.V, digits) + 0.0 for digits in (DIGITS, FACETED_DIGITS))
     ends = np.stack(half_edges(part.F))
     short = ends[:, (coarse[ends[0]] == coarse[ends[1]]).all(axis=1)]
-    V[short] = coarse[short]
+    V[short] = coarse[short]  # the ends of short edges get fewer decimals and merge
     part = without_collapsed(part, V, f"a STEP file with {FACETED_DIGITS} decimals")
     crowded = int((edge_table(part.F).count != 2).sum())
     if crowded:
@@ -61,7 +63,7 @@ def prepare(part: Part) -> Part:
 def attempts(part: Part) -> Iterator[Part | BudgetError]:
     """Yield versions of the part for each strategy, the best first.
     A BudgetError replaces each version that is too large."""
-    tighter = 1 / 4  # tolerance of the second planar file, as a fraction of the first
+    tighter = 1 / 4  # tolerance of the second planar file, as a fraction of the first; closer curves cross less often
     flat, chosen = 0.0, part.step in ("auto", "quick")
     if part.step == "members":
         yield part
@@ -108,7 +110,7 @@ def _striped_sheet(part: Part) -> Curved | None:
 
 
 def _last_attempts(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
-    far_factor = 2
+    far_factor = 2  # with more than twice the allowed faces, further tries do not help
     is_far = False
     if not part.tolerance:
         simple = _simpler_or_error(part, usual_tolerance(part))
@@ -334,6 +336,6 @@ SHAPES: dict[str, Callable[[Part], tuple[int, float, str]]] = {
     "faceted": _estimate_faceted,
     "tessellated": _estimate_tessellated,
 }
-"""Functions for each `Part.step`, which return counts of faces and bytes, and a note."""
+"""Functions for each `Part.step`: return counts of faces and bytes, and a note; or raise ExportError on failure."""
 
 WAYS = ("planar", "members", "smooth", "faceted", "simplified", "tessellated")

@@ -16,14 +16,14 @@ from dsfab.export.cad.step.by_members.trimmed import axes_of, middle_normal, sig
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.splines import Spline, arc_lengths, bernstein, even_samples, polyline_length, splines_through
 
-TOUCHING_SHARE = 1 / 400  # parts of an outline touch if distance / thickness is smaller
+TOUCHING_SHARE = 1 / 400  # parts of an outline touch if their distance / thickness is smaller
 
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
     """Return numbers of the chains (rows of mesh edges) around a region that cross or nearly touch.
     distance : largest distance (mm) of chains that nearly touch."""
-    finest = 12
-    segments = 600
+    finest = 12  # a cubic gets at most 12 chords; the chords at its ends are short
+    segments = 600  # an outline gets about 600 chords
     steps = [step for loop in net.loops[region] for step in loop]
     spans = [len(curves[k].spans) for k, _ in steps]
     fine = int(np.clip(segments // sum(spans), 4, finest))
@@ -37,7 +37,7 @@ def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int
     for skin in (slice(3), slice(3, 6)):
         seen = [line[:, skin] @ plane for line in lines]
         if sum(signed_area(line) for line in seen) <= 0:
-            return set(chain.tolist())
+            return set(chain.tolist())  # the area is negative: sides of a narrow region cross
         chain_numbers.update(chain[crossing_segments(seen)].tolist())
         corner, segment = np.nonzero(ends_elsewhere & (_distances(seen, first_points) < distance))
         chain_numbers.update(chain[segment].tolist())
@@ -174,7 +174,7 @@ def _without_hairpins(net: ChainNet, hairpins: Sequence[int], N: Floats) -> Chai
 
 def point_count(curve: Spline, sag: float) -> int:
     """Return how many points a polyline needs to stay within `sag` (mm) of a curve."""
-    fewest = 9
+    fewest = 9  # a straightened chain has at least 9 points
     bends = np.linalg.norm(np.diff(curve(PLACES), n=2, axis=0) * (len(PLACES) - 1) ** 2, axis=1)
     return max(fewest, 1 + int(np.ceil(np.sqrt(bends.max() / (8 * sag)))))
 
@@ -185,7 +185,7 @@ LONGEST_CHORD = 2.0  # largest chord of a round corner, as a multiple of the thi
 def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
     """Move ends of borders between members to places where border and outline form larger angles.
     lifting : mapping of mesh points to the sheet's skins.    thickness : mm."""
-    rounds = 3
+    rounds = 3  # in each round, a border's end moves along one chain of the outline; a corner may have several chains
     for _ in range(rounds):
         work = _BorderEnds(net, np.asarray(net.weights @ lifting.skins.points), thickness)
         for node in sorted(work.nodes):
@@ -226,7 +226,7 @@ class _BorderEnds:
         self.changed |= {before, after, seam}
 
     def _worth(self, place: tuple[float, int, int]) -> tuple[float, bool, float]:
-        enough = 45.0
+        enough = 45.0  # degrees; all places with larger angles between border and outline are equally good
         steep, k, i = place
         return min(steep, enough), i in (0, len(self.chains[k].points) - 1), steep
 

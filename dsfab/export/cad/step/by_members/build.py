@@ -29,7 +29,7 @@ from dsfab.export.part import Part
 from dsfab.export.subprocesses import ProgramError
 
 SECONDS, SECONDS_PER_FACE = 120.0, 0.3
-"""Limit of processor time for each OCCT program: seconds, and seconds per face."""
+"""Limit of processor time for each OCCT program: seconds, and seconds per face. Most programs need far less."""
 
 CUT_COUNT = len(PLANES)
 
@@ -90,7 +90,7 @@ def member_file(part: Part) -> MemberFile:
 
 
 def _tried(part: Part, plan: SolidPlan, fine: bool) -> MemberFile:
-    with occt() as program:
+    with occt() as program:  # another process loads OCCT while dsfab drafts the file
         draft = member_draft(part, plan, fine)
         require_budget(part, draft.faces, len(draft.text))
         seconds, deflection = SECONDS + SECONDS_PER_FACE * draft.faces, DEFLECTION * plan.limits.distance
@@ -138,7 +138,7 @@ def require_solid(
 ) -> tuple[float, float, bytes]:
     """Check what OCCT found in a file. Raises ExportError for a fault.
     Return the largest distances (mm) of the solid from the mesh and back, and OCCT's binary shape."""
-    wide_box = 2e-2  # largest error of OCCT's bounding box, as a fraction of its diagonal
+    wide_box = 2e-2  # largest error of OCCT's bounding box, as a fraction of its diagonal; 1.1 % for a saddle of 5 m
     gap, widest = max((finding.gap for finding in findings), default=0.0), GAP_SHARE * plan.limits.thickness
     faces = sum(finding.faces for finding in findings)
     _require(len(findings) == draft.solids, "OCCT did not read the solids of step = 'members' within the time limit")
@@ -180,7 +180,7 @@ def _use_sentence(draft: MemberDraft, seconds: float) -> str:
 
 def require_use(report: dict[str, Any]) -> None:
     """Raise ExportError if OCCT failed in trials with a solid, such as cuts."""
-    plain_limit = 1e-3  # largest relative error of the volume
+    plain_limit = 1e-3  # largest relative error of the volume if OCCT does not refine its integration
     plain_error = report["plain"] / report["volume"] - 1
     _require(report["valid"], "OCCT finds the solid of step = 'members' invalid after reading it again")
     last_cut = _cut_fault(f"half-space cut {report['sound'] + 1} of {CUT_COUNT}", report["missed"][-1])

@@ -204,7 +204,7 @@ PARABOLA_SHARE = 1 / 10  # allowed distance from parabola to cubic, divided by t
 ZERO_DIFFERENCE = 1e-8  # mm; smaller third differences of a cubic's poles are rounding errors
 
 BOW_FACTOR = np.sqrt(3) / 36
-"""Distance between a cubic and the parabola, divided by the third difference of the poles."""
+"""Largest distance between a cubic and its parabola (see `as_parabolas`), divided by the poles' third difference."""
 
 
 def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:

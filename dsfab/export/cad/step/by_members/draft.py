@@ -48,7 +48,7 @@ from dsfab.export.part import Part, StripedSheet
 from dsfab.surface import edge_table, link_components
 
 EDGE_DIGITS = 7
-"""Decimals of the coordinates of edges (mm)."""
+"""Decimals of the coordinates of edges (mm). OCCT accepts gaps below 1e-7 mm between an edge and its patch."""
 
 
 class NetWriter:
@@ -137,7 +137,7 @@ class NetWriter:
     def _post(self, posts: dict[tuple[int, int], int], vertex: int) -> tuple[int, bool]:
         outer, inner = self.vertices[vertex]
         if (outer, inner) in posts:
-            return posts[outer, inner], False  # the edge exists, in the opposite direction
+            return posts[outer, inner], False  # the other side of the seam added this edge, in the opposite direction
         if (inner, outer) not in posts:
             ends = [next(self._points(self.model.vertices[vertex][None, i : i + 3])) for i in (3, 0)]
             posts[inner, outer] = self.new.edge(inner, outer, self.new.bezier(ends))
@@ -149,8 +149,8 @@ class NetWriter:
 
 
 GAP_SHARE = 1 / 4000  # wanted gap between a trimmed face and its edges, as a fraction of the thickness
-PASSES = 3  # number of attempts to remove crossings of outlines
-UNASKED = 7000  # largest number of faces if the user does not ask for step = 'members'
+PASSES = 3  # number of attempts to remove crossings of outlines; a change may cause new crossings
+UNASKED = 7000  # largest number of faces if the user does not ask for step = 'members'; more take over half a minute
 
 
 class ManyFacesError(ExportError):
@@ -173,12 +173,12 @@ def member_draft(part: Part, plan: SolidPlan, fine: bool = False) -> MemberDraft
     """Return the STEP file of a part before its checks.
     fine : True for a more exact file (slower).
     Raises ExportError for a failure, and for too many faces."""
-    with one_blas_thread():
+    with one_blas_thread():  # several threads would slow down thousands of small systems
         return _draft(part, plan, fine)
 
 
 def _draft(part: Part, plan: SolidPlan, fine: bool) -> MemberDraft:
-    least_walls = 3 / 4  # smallest fraction of the outline chains that become walls
+    least_walls = 3 / 4  # for an early estimate of the number of faces: at least 3/4 of the outline chains become walls
     if plan.curved.striped is None:
         raise ExportError("step = 'members' needs the stripes of the sheet, but the stripes are unknown")
     lifting = Lifting.from_sheet(plan.surface, plan.curved)
@@ -227,7 +227,7 @@ def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
 
 
 def _net(sheet: StripedSheet, lifting: Lifting, plan: SolidPlan) -> ChainNet:
-    lens_share = 1 / 3  # smallest width of a region between two chains of edges / thickness
+    lens_share = 1 / 3  # a region between two chains of edges must be wider than this fraction of the thickness
     wall_share = 1 / 20  # smallest length of a wall between two borders / thickness
     t, skins = plan.limits.thickness, lifting.skins
     creased = lifting.sides.lines_on_creases if len(lifting.sides.creases) else None
@@ -240,7 +240,7 @@ def _net(sheet: StripedSheet, lifting: Lifting, plan: SolidPlan) -> ChainNet:
 
 
 def _solid(part: Part, net: ChainNet, interior: RegionInterior, plan: SolidPlan) -> tuple[NetModel, list[TrimmedFace]]:
-    least_share = 0.95  # smallest fraction of the faces that remain after regions are joined
+    least_share = 0.95  # at least this fraction of the faces must remain after regions are joined
     fits = _Fits(interior, plan)
     lines, model = fits.model(net)
     require_few_faces(part, int(least_share * model.faces))
@@ -363,10 +363,11 @@ class RegionQuads:
 
 def wanted_gap(thickness: float) -> float:
     """Return the wanted gap (mm) between trimmed faces and their edges in a sheet of this thickness (mm)."""
-    narrow_mm, thin_share = 0.01, 1 / 1500  # limits of a narrow gap
+    narrow_mm, thin_share = 0.01, 1 / 1500  # a gap is narrow enough if it is below both limits
     return max(GAP_SHARE * thickness, min(narrow_mm, thin_share * thickness))
 
 
 def _wide_box(skins: Floats) -> Floats:
+    # OCCT's bounding box contains all poles, so poles must not lie far outside the skins.
     share = 1 / 300  # poles may lie outside the box of the skins by this fraction of the box's diagonal
     return np.asarray(skins + share * float(np.linalg.norm(skins[1] - skins[0])) * np.array([[-1.0], [1.0]]))

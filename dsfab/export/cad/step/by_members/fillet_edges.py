@@ -24,8 +24,8 @@ from dsfab.export.cad.step.by_members.regions import ChainLoop
 from dsfab.export.cad.step.by_members.trimmed import TrimmedFace
 from dsfab.export.splines import bernstein
 
-FACE_TOLERANCE = 1e-6  # largest distance of a curve on a face (mm)
-PLACES = np.linspace(0, 1, 17)  # samples of a curve
+FACE_TOLERANCE = 1e-6  # a curve lies on a face if its distance from the face is at most this (mm)
+PLACES = np.linspace(0, 1, 17)  # parameters of a curve where its distance from a face is measured
 
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
@@ -52,7 +52,7 @@ def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Flo
 
 
 def _parameter(side: Floats, point: Floats) -> float:
-    steps = 5
+    steps = 5  # Newton's method begins at the nearest sample and needs few steps
     x = float(PLACES[np.argmin(np.linalg.norm(bernstein(PLACES) @ side - point, axis=1))])
     for _ in range(steps):
         quadratic = np.array([(1 - x) ** 2, 2 * x * (1 - x), x**2])
@@ -67,17 +67,17 @@ def _is_on(P: Floats, uv: Floats, poles: Floats) -> bool:
     return bool(np.abs(points - bernstein(PLACES) @ poles).max() < FACE_TOLERANCE)
 
 
-FILLET_SHARE = 1 / 6  # radius of a fillet / thickness
-MARGIN = 0.1  # extra extension of the surface under a seam / extension of the seam
+FILLET_SHARE = 1 / 6  # radius of a fillet / thickness; a seam is extended by radius * tan(bend / 2)
+MARGIN = 0.1  # the surface under a seam is extended by (1 + MARGIN) times the extension of the seam
 
 LARGE_FILLET_SHARE = 1 / 8
-"""Radius of the largest valid fillet at a seam in line with a wall's edge / thickness."""
+"""Radius of the largest valid fillet at a seam that continues a wall's edge, as a fraction of the thickness."""
 
 TANGENT_GAP = 3e-5
-"""Largest gap (mm) at the end of the largest fillet."""
+"""Largest gap (mm) that OCCT may leave at the end of the largest fillet."""
 
 POLE_OFFSET = 1e-5
-"""Movement (mm) of a pole, for OCCT's tolerance."""
+"""Movement (mm) of a pole of a seam that continues a wall's edge beside a trimmed face, for OCCT's tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,7 @@ def curves_beyond(model: NetModel) -> dict[int, Floats]:
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
     """Return added lengths (2,) / old length, and new poles (4, 6), of extended seams, by number."""
-    longest = 3.0  # a longer polynomial is unreliable
+    longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
     shares = dict[int, Floats]()
     for corner in corners:
         share = shares.setdefault(corner.seam, np.zeros(2))
@@ -196,7 +196,7 @@ def _beside_straight(
 
 
 def _wider_box(patch: NetPatch) -> Floats:
-    wider = 1 / 100  # added range of a patch / thickness
+    wider = 1 / 100  # a patch grows by this fraction of the thickness, so that it contains the seam that OCCT lengthens
     P = patch.poles[:, :, :3]
     thick = float(np.linalg.norm(patch.poles[0, 0, :3] - patch.poles[0, 0, 3:]))
     long = np.linalg.norm([P[3, 0] - P[0, 0], P[0, 3] - P[0, 0]], axis=1)
@@ -251,12 +251,13 @@ def _polynomial_part(P: Floats, low: float, high: float) -> Floats:
     return np.stack(parts)
 
 
-CLEAR_EDGE = 1 / 7  # radius of a fillet / thickness
+CLEAR_EDGE = 1 / 7  # radius of a fillet / thickness; edges are cut farther from a corner than this fillet reaches
 
 LONGEST_SHARE = 4.0
-"""Largest length of an edge at a corner / (thickness * t). t : tangent of half the bend, at most 1."""
+"""Largest length of an edge at a corner, divided by (thickness * t). t is the tangent of half the bend, but at most 1.
+On a longer edge, OCCT may find the wrong end of a fillet."""
 
-DENSE = np.linspace(0, 1, 129)  # samples of an edge
+DENSE = np.linspace(0, 1, 129)  # parameters of an edge where its gap to a trimmed face is measured
 
 
 def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
@@ -295,7 +296,7 @@ def edge_stops(
     """Return where an edge with poles (4, 6) is cut for fillets, as fractions of the edge's length.
     corners : tan(bend angle / 2) at the start and the end of the edge; 0 if there is no corner.
     ending  : for each end, True if `LONGEST_SHARE` limits the distance to the cut."""
-    exact = 1e-6  # OCCT ignores smaller gaps (mm)
+    exact = 1e-6  # OCCT ignores a gap below this (mm)
     thick, long = (float(np.linalg.norm(v)) for v in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3]))
     share = thick / max(long, 1e-300)
     clear_start, clear_end = (CLEAR_EDGE * share * half for half in corners)

@@ -28,7 +28,7 @@ def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting
 
 
 def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
-    fewest = 5
+    fewest = 5  # the chain is divided again with at least 5 points before its ends are moved
     line = P[points]
     lengths = arc_lengths(line)
     start, end = P[ends[0]] - line[0], P[ends[1]] - line[-1]
@@ -40,7 +40,7 @@ def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
 def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> ChainNet:
     """Remove parts of outlines between two borders of members that are shorter than `shortest` mm.
     lifting : mapping of mesh points to the sheet's skins."""
-    fewest_sides = 3
+    fewest_sides = 3  # a region keeps at least three sides
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     chains, moves, node_ends = dict(net.chains), dict[tuple[int, int], int](), ends_at(net)
     loops = {region: [list(loop) for loop in region_loops] for region, region_loops in net.loops.items()}
@@ -53,7 +53,7 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
             continue
         three = ([net.chains[i].points[-2], *net.chains[j].points[:2]] for i, j in (before[:2], after[:2]))
         turned = [turn_at(P[points]) for points in three]
-        first_gives_way = turned[0] < turned[1]
+        first_gives_way = turned[0] < turned[1]  # the short wall joins the wall before or after it: at the smaller bend
         joined_wall, border = (before[0], before[2]) if first_gives_way else (after[1], after[2])
         if joined_wall not in chains or chains[joined_wall].left == chain.left or border in moves:
             continue

@@ -13,7 +13,7 @@ from dsfab.export.cad.step.by_members.patch_sides import Quad, SideGrid, SideSta
 from dsfab.export.cad.step.by_members.patches import PatchBuilder
 from dsfab.export.cad.step.by_members.regions import ChainLoop, mean_width
 
-MOST_CELLS = 2
+MOST_CELLS = 2  # a four-sided region that needs more than 2 patches becomes a trimmed face, unless the region is long
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,7 +215,7 @@ def backwards(loop: ChainLoop) -> ChainLoop:
 
 
 def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
-    limit = 10.0  # largest perimeter / `mean_width` of a compact region
+    limit = 10.0  # largest perimeter / `mean_width` of a compact region: 8 for a square, 10.7 for 3 squares in a row
     steps = [step for side in quad.sides for step in side]
     line = np.concatenate([chains[k].middle[:: 1 if ahead else -1][:-1] for k, ahead in steps])
     return sum(float(chains[k].lengths[-1]) for k, _ in steps) <= limit * mean_width(line)
@@ -243,7 +243,7 @@ def corner_tangents(model: NetModel) -> dict[int, float]:
 
 def filled_corners(model: NetModel) -> list[FilledCorner]:
     """Return all corners that a fillet fills and where exactly one seam ends; [] for a one-sided surface."""
-    straight_cosine = np.cos(0.01)  # OCCT 8.0 accepts a bend of 0.01 radians
+    straight_cosine = np.cos(0.01)  # OCCT 8.0 accepts a bend of 0.01 radians between a seam and its continuation
     if model.seam:
         return []
     walls = {e for wall in model.walls for e, _ in wall.steps}
@@ -277,7 +277,7 @@ def _corners(model: NetModel) -> dict[int, tuple[float, tuple[int, bool], tuple[
 
 def half_turn(cosine: float) -> float:
     """Return tan(bend / 2) at a corner between walls; 0 for small bends. cosine : cosine of the bend."""
-    smooth = np.cos(np.deg2rad(10.0))
+    smooth = np.cos(np.deg2rad(10.0))  # walls with a bend of at most 10 degrees need no fillet
     return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < smooth else 0.0
 
 

@@ -90,7 +90,7 @@ class QuadSide:
 
 
 SideGrid = tuple[list[LinePart], list[LinePart], list[LinePart], list[LinePart]]
-"""Bottom, right, top and left side of a region; opposite sides run in the same direction."""
+"""Bottom, right, top and left side of a region, each divided into parts. Opposite sides run in the same direction."""
 
 
 class SideStations:
@@ -192,7 +192,7 @@ def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, 
 
 
 CHORD_SHARE = 1 / 8
-"""Fraction of the mesh's chord error in the tolerance of lines."""
+"""Fraction of the mesh's chord error that is added to the tolerance of lines. Larger fractions make tori inexact."""
 
 
 class LineFits:
@@ -302,7 +302,7 @@ def _samples(row: Iterable[tuple[int, bool]], chains: Mapping[int, SampledChain]
 
 
 Turn = Callable[[ChainEnd, ChainEnd], float]
-"""Function that returns the bend (degrees) between two chains of mesh edges."""
+"""Function that returns the bend (degrees) between the ends of two consecutive chains of mesh edges."""
 
 
 def chain_turn(chains: Mapping[int, SampledChain], reach: float, first_end: ChainEnd, second_end: ChainEnd) -> float:

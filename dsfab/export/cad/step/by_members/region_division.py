@@ -89,7 +89,7 @@ def _points(net: ChainNet, loop: ChainLoop) -> Ints:
 
 
 LEAST_COSINE = 0.75
-"""Smallest cosine between a region's normals and the mean normal."""
+"""Smallest cosine between a region's normals and their mean; a region with a smaller cosine may be divided."""
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:

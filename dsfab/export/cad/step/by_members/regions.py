@@ -15,7 +15,8 @@ from dsfab.surface import EdgeTable, edge_table, half_edges, link_components, ne
 CORNER_COSINE = np.cos(np.deg2rad(40.0))  # cosine of the smallest bend at a corner of an outline
 
 ROUND_COSINE = np.cos(np.deg2rad(10.0))
-"""Cosine of the smallest bend at a vertex of a round corner."""
+"""Cosine of the smallest bend at a vertex of a round corner. Nodes mark the ends of round corners.
+Bends are measured in the plane of the sheet. Bends out of this plane come from the coarse mesh."""
 
 VOID = -1  # number in place of a region, for the space beyond an outline
 ChainLoop = list[tuple[int, bool]]  # chain numbers in order; True if the loop runs along the chain
@@ -72,7 +73,7 @@ class ChainNet:
 
 
 CreaseTest = Callable[[csr_array, Ints, Ints], Bools]
-"""Function that tells which segments between two points lie on a crease."""
+"""Function that tells which segments between two points lie on a crease, see `CreaseSides.lines_on_creases`."""
 
 
 def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased: CreaseTest | None = None) -> ChainNet:
@@ -322,10 +323,10 @@ def vector_area(line: Floats) -> Floats:
 
 
 INNER = ((1 / 3, 1 / 3, 1 / 3), (2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1 / 6, 1 / 6, 2 / 3))
-"""Barycentric coordinates of the points in each cell to which a face is fitted."""
+"""Barycentric coordinates of the points in each cell to which a trimmed face is fitted."""
 
 MORE = tuple((a / 7, b / 7, 1 - (a + b) / 7) for a in range(1, 6) for b in range(1, 7 - a))
-"""Barycentric coordinates of more points, for long cells."""
+"""More barycentric points of cells longer than the sheet's thickness, so that fitted faces have no waves there."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -94,15 +94,15 @@ def _edges_of_face(face: TrimmedFace) -> set[int]:
 FILLET_SHARE = 1 / 6  # largest fillet radius / thickness; edges lie exactly on the surface as far as such fillets go
 
 INNER_SHARE = 6 / 7
-"""Smallest fillet radius on the inner skin, divided by the radius on the outer skin."""
+"""Smallest fillet radius on the inner skin / radius on the outer skin, as inner edges are shorter at openings."""
 
 TEST_PLACES = np.linspace(0, 1, 33)  # parameters of the samples along an edge
 
 FLUSH_TOLERANCE = 1e-6
-"""Largest distance (mm) between a face and its edge at a sharp corner."""
+"""Largest distance (mm) between a face and its edge at a sharp corner, so that OCCT can make fillets there."""
 
 STILL_ROWS = rows_at(np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2))
-"""Function of a degree; returns a surface's basis at a grid of places."""
+"""Function of a degree; returns a surface's basis at a grid of places, where a fit must hardly move the surface."""
 
 MOVED = 1 / 400  # largest movement of points inside a face, as a fraction of the thickness
 

@@ -58,17 +58,17 @@ class FaceDomain:
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
         """Return two of the directions `ways` (k, 2) for the sides of a parallelogram, in right-handed order."""
-        least_sine = 1 / 4  # least sine of the angle of the sides
+        least_sine = 1 / 4  # sine of the angle of the sides; at smaller angles, a bent surface would have folds
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
         long = np.linalg.norm(ways, axis=1)[:, None]
-        ways = ways[long[:, 0] > 0] / long[long > 0][:, None]
+        ways = ways[long[:, 0] > 0] / long[long > 0][:, None]  # a closed edge has no chord
         turned = np.stack([-ways[:, 1], ways[:, 0]])
         leftwards = places_in_plane @ turned
         ends = np.stack([leftwards.min(axis=0), leftwards.max(axis=0)])  # (2, k) extent perpendicular to each way
         i, j = np.triu_indices(len(ways), 1)
         sine = (ways @ turned)[j, i]
-        i, j = np.where(sine > 0, (i, j), (j, i))
+        i, j = np.where(sine > 0, (i, j), (j, i))  # right-handed axes make the surface face outwards
         i, j, sine = (x[np.abs(sine) >= least_sine] for x in (i, j, np.abs(sine)))
         if not len(i):
             return self.sides
@@ -96,30 +96,31 @@ def _outside(points: Floats, box: Floats) -> Floats:
 
 
 SPLIT = 0.045
-"""Widest gap (mm) between a face and its edge at which OCCT can cut the edge."""
+"""Widest gap (mm) between a face and its edge so that OCCT can cut the edge, measured at 23 points of the edge.
+OCCT measures each part of a cut edge at 23 new points, and allows gaps up to 0.05 mm (`BOPAlgo_Builder::PostTreat`)."""
 
 EDGE_WEIGHTS = (100.0, 10.0)
-"""Weights of edge points in trial fits of a face; inner points have weight 1."""
+"""Weights of edge points in trial fits of a face; inner points have weight 1. The last trials use the smaller one."""
 
 SMOOTH_WEIGHTS = (1e-1, 1e-2)
-"""Weights of second differences of pole movements in trial fits."""
+"""Weights of second differences of pole movements in trial fits. Later trials use the smaller weight."""
 
-BASE_DEGREE = 2  # degree of the first surface
+BASE_DEGREE = 2  # degree of the surface to which corrections of higher degree are added
 
 USUAL_TRIALS = tuple((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[0], degree) for degree in (2, 3, 4, 5, 6, 7, 8, 9))
-"""Trial fits of a face: weight of edges, weight of second differences, degree."""
+"""Trial fits of a face: weight of edges, weight of second differences, degree. The first fit within limits is used."""
 
 FURTHER_TRIALS = (
     *((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[1], degree) for degree in (7, 9, 11, 13, 15)),
     *((EDGE_WEIGHTS[1], SMOOTH_WEIGHTS[1], degree) for degree in (3, 4, 5, 6, 7, 8, 9)),
 )
-"""Trial fits of a face after `USUAL_TRIALS`."""
+"""Trial fits after `USUAL_TRIALS`, until the gap of one fit is below `SPLIT`."""
 
 TURNED = np.array([[[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]] for a in np.radians(np.arange(0, 90, 5))])
 """Axes (t, 2, 2) of the rectangles that are tried around a region."""
 
 HELD_PLACES = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
-"""Parameters where a surface is fitted to an edge."""
+"""Parameters where a surface is fitted to an edge; between them the distance from the edge is below 5e-8 mm."""
 
 LEAST_NORMAL_COSINE = 0.35  # smallest cosine between mean normal and normals of a region
 
@@ -194,7 +195,7 @@ def inside_of(line: Floats) -> Floats:
 
 def loop_samples(model: NetModel, loop: ChainLoop) -> Floats:
     """Return points (k, 6) along a loop."""
-    fewest, step_share = 12, 1 / 160  # least number of steps of an edge; usual step / length of the loop
+    fewest, step_share = 12, 1 / 160  # fewest steps along an edge; usual step, as a fraction of the loop's length
     poles = [model.poles(step) for step in loop]
     long = np.array([polyline_length(P[:, :3]) for P in poles])
     steps = np.maximum(fewest, np.ceil(long / (step_share * max(long.sum(), 1e-300)))).astype(int)
@@ -248,7 +249,7 @@ def height_surface(
 
 
 def _fit_domain(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
-    high = 2.0  # largest height of poles beyond the points, divided by `limits.off`
+    high = 2.0  # the degree rises if a pole is above or below all points by more than 2 * `limits.off`
     z, gap, inner_distance = _best(over, limits)
     if len(z) == BASE_DEGREE + 1 and max(z.max() - over.z.max(), over.z.min() - z.min()) > high * limits.off:
         z = raised_poles(z, BASE_DEGREE + 1)
@@ -286,7 +287,7 @@ def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
 
 
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
-    least_gain = 3 / 4  # largest ratio of the areas of the new and the old rectangle
+    least_gain = 3 / 4  # axes rotate only if the area of the new rectangle is below this fraction of the old area
     turned = TURNED @ axes[:2]
     area = np.ptp(line @ turned.transpose(0, 2, 1), axis=1).prod(axis=1)
     smallest = int(np.argmin(area))
@@ -319,5 +320,5 @@ def _heights(A: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) 
     rows = np.concatenate([weight[:, None] * A, smooth * differences(len(base))])
     right = np.zeros(len(rows))
     right[: len(z)] = weight * (z - A @ base.ravel())
-    correction = lstsq(rows, right, lapack_driver="gelsy", check_finite=False)[0]
+    correction = lstsq(rows, right, lapack_driver="gelsy", check_finite=False)[0]  # scipy takes half of numpy's time
     return np.asarray(base + correction.reshape(base.shape))

@@ -24,7 +24,7 @@ from dsfab.export.cad.step.by_members.trimmed import (
 from dsfab.export.splines import bernstein
 
 ROWS = rows_at(np.stack(np.meshgrid(*[np.arange(0.5, 12) / 12] * 2, indexing="ij"), axis=2).reshape(-1, 2))
-"""Function of a surface's degree that returns the Bezier basis at 12 x 12 places."""
+"""Function of a surface's degree; it returns the Bezier basis at 12 x 12 places."""
 
 
 def without_strays(
@@ -36,7 +36,7 @@ def without_strays(
 ) -> dict[int, TrimmedFace]:
     """Fit faces again, with more points, if they are too far from the skins of the sheet.
     points : (k, 6) for each face.    away : function of points; returns the vectors to both skins."""
-    rounds = 2
+    rounds = 2  # after a correction in one place, a face may be too far from the skins in another place
     result, todo, fit_points = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
     for _ in range(rounds):
         if not todo:
@@ -48,7 +48,7 @@ def without_strays(
             fit_points[i] = np.concatenate([fit_points[i], face_points])
             try:
                 result[i] = trimmed_face(model, result[i].loops, fit_points[i], limits, True)
-            except ExportError:
+            except ExportError:  # no single surface fits the first points and the points added on the skins
                 continue
             todo.append(i)
     return result
@@ -73,7 +73,7 @@ def _places(model: NetModel, face: TrimmedFace) -> Floats:
 
 
 SAMPLES = 23  # number of OCCT's points along an edge, ends included
-BETWEEN = 8  # number of dsfab's steps between two of OCCT's points
+BETWEEN = 8  # number of dsfab's steps along an edge between two of the points where OCCT measures gaps
 SLOPE_STEP = 1e-3  # distance (mm) of two points that determine the slope of a surface
 
 
@@ -88,12 +88,12 @@ def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[Trimme
 def _with_peaks(
     face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int], exact_poles: Mapping[int, Floats]
 ) -> TrimmedFace:
-    fine = 5e-4  # mm; a face with a smaller gap is written with all digits
+    fine = 5e-4  # mm; if a face has a smaller gap at a seam, the poles of the face are written with all digits
     face_edges = sorted({e for loop in face.loops for e, _ in loop})
     seams = [e for e in face_edges if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
     if not seams:
         return face
-    B = bernstein(np.linspace(0, 1, (SAMPLES - 1) * BETWEEN + 1))
+    B = bernstein(np.linspace(0, 1, (SAMPLES - 1) * BETWEEN + 1))  # OCCT measures gaps at every `BETWEEN`th place
     dense = np.stack([B @ model.edges[e].poles for e in seams])
     firm = np.stack([bernstein(HELD_PLACES) @ exact_poles[e] for e in face_edges])
     edges = np.concatenate([loop_samples(model, loop) for loop in face.loops])
@@ -136,7 +136,7 @@ class _PeakSurface:
     def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
         """Return for each round the heights of the poles, and a count of remaining seams."""
         rounds = 6  # largest number of times that all poles move
-        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of gaps at samples, smooth and small pole movements
+        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of goals: gaps at samples, smooth and small pole movements
         degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
         gaps, cosines = self._gaps_and_cosines(local)
         rows, pinned = self._seam_rows(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
@@ -185,7 +185,7 @@ class _PeakSurface:
 
     def _misplaced(self, gaps: Floats) -> Bools:
         exact = 1e-7  # OCCT ignores a gap below this (mm)
-        short = 3e-6  # allowed relative excess of the widest gap over the gap at OCCT's samples
+        short = 3e-6  # the widest gap may exceed the gap at OCCT's samples by this fraction; OCCT allows 1e-5
         wide = np.abs(gaps).max(axis=1)
         sampled = np.abs(gaps[:, ::BETWEEN]).max(axis=1)
         return np.asarray((sampled < (1 - short) * _summits(np.abs(gaps))) & (wide > exact) & (wide <= SPLIT))
@@ -200,7 +200,7 @@ def _summits(gaps: Floats) -> Floats:
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
-    higher = 1.003  # wanted gap / widest gap of the previous round
+    higher = 1.003  # in later rounds, the wanted gap is this factor times the widest gap of the previous round
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0
 

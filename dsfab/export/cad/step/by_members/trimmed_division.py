@@ -27,7 +27,7 @@ from dsfab.export.cad.step.by_members.trimmed import (
 from dsfab.export.cad.step.by_members.trimmed_corrections import without_strays
 from dsfab.export.splines import bernstein
 
-TRIED = 24  # largest number of tried chords across a region
+TRIED = 24  # largest number of tried chords across a region; half of these chords begin at the widest gaps
 POINTS = 8  # number of points of the outline along half an edge
 
 
@@ -61,7 +61,7 @@ class HalvedOutline:
     def chords(self, worst: Ints, times: int = 1) -> Iterator[tuple[int, int]]:
         """Yield pairs (i, j) of places, i < j, whose chord lies well inside the outline.
         worst : (k,) places with the widest gaps."""
-        least_width = 1 / 20  # least width of a part / thickness
+        least_width = 1 / 20  # smallest width of a part / thickness; OCCT fails on narrower parts
         axes = axes_of(middle_normal(self.line))
         line, place_points = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
         i, j = np.triu_indices(len(place_points), 1)
@@ -71,7 +71,7 @@ class HalvedOutline:
         long = np.linalg.norm(place_points[j] - place_points[i], axis=1)
         order = np.argsort(long / np.maximum(least, 1e-300), kind="stable")
         narrow = least_width * float(np.linalg.norm(self.line[:, :3] - self.line[:, 3:], axis=1).mean())
-        order = order[least[order] > narrow * long[order]]
+        order = order[least[order] > narrow * long[order]]  # drop chords with a narrow part, or outside the outline
         is_near = np.isin(i[order], worst) | np.isin(j[order], worst)
         for group in (order[is_near], order[~is_near]):
             clear = (k for k in group.tolist() if _is_clear(place_points[i[k]], place_points[j[k]], line))
@@ -79,7 +79,7 @@ class HalvedOutline:
 
 
 def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
-    clear = 0.3  # least distance of a chord's point from the outline / distance from the chord's end
+    clear = 0.3  # least distance from a chord's point to the outline / distance from this point to the chord's end
     shares = np.linspace(0, 1, 17)[1:-1]
     P, directions = a + shares[:, None] * (b - a), np.roll(line, -1, axis=0) - line
     from_start = P[:, None] - line
@@ -88,18 +88,18 @@ def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
     return bool((apart >= clear * np.minimum(shares, 1 - shares) * np.linalg.norm(b - a)).all())
 
 
-TRIAL_DEGREE = 6  # degree of surfaces in trials of seams
+TRIAL_DEGREE = 6  # degree of the surfaces that are fitted to compare possible seams
 
 TIMES = 3
-"""Largest factor on the number of seams tried in a face."""
+"""Largest factor on the number of seams tried in a face. The factor rises if parts of a divided face exceed a limit."""
 
 OUT, OFF = 1 / 150, 2.0
-"""Limits beyond which a face is divided.
-OUT : distance of poles from `limits.box` / diagonal of the box.    OFF : distance of inner points / `limits.off`."""
+"""A face beyond these limits is divided. OUT : distance of poles from `limits.box`, as a fraction of its diagonal.
+OFF : distance of the face from the inner points of its region, as a multiple of `limits.off`."""
 
 CUBIC_COUNTS, STRAY_SHARE = (1, 2, 4), 1 / 2
-"""CUBIC_COUNTS : tried numbers of cubics in a seam.
-STRAY_SHARE : largest distance of seams from skins / `limits.off`."""
+"""CUBIC_COUNTS : tried numbers of cubics in a seam. STRAY_SHARE : largest distance of seams from skins / `limits.off`.
+If the distance from the mesh is limited, a seam is a single cubic: OCCT would fail beside a seam of several cubics."""
 
 
 def divided_faces(
@@ -124,7 +124,7 @@ def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
     """Return the largest value / limit of a face."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
-    astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off
+    astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # includes the error of OCCT's triangles
     return max(face.gap / SPLIT, face.off / (OFF * limits.off), out / (OUT * size), astray)
 
 
@@ -148,7 +148,7 @@ class FaceDivision:
         return pieces
 
     def _parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        largest_count = 12  # largest number of parts of a region
+        largest_count = 12  # one region has at most 12 parts
         todo, finished = [replace(face, loops=[self.over_halves(loop) for loop in face.loops])], list[TrimmedFace]()
         while todo:
             todo.sort(key=lambda face: allowance_used(face, self.limits))
@@ -168,14 +168,15 @@ class FaceDivision:
 
     def two_parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
         """Divide a face into two parts that keep the limits better; [] if no seam does so. points : (k, 6) inside."""
-        less = 0.9  # largest `allowance_used` of a part / `allowance_used` of the undivided face
-        loop, model = self.over_halves(face.loops[0]), self.model
+        less = 0.9  # `allowance_used` of each part / `allowance_used` of the undivided face must be less than this
+        loop, model = self.over_halves(face.loops[0]), self.model  # divisions of other faces may have halved edges
         best_seam: tuple[int, int, Floats] | None = None
         least = less * allowance_used(face, self.limits)
         for ends, cubics in self.seams(HalvedOutline.from_loop(model, loop), points):
             edges, vertices, halves = len(model.edges), len(model.vertices), dict(self.halves)
             two = self.part_faces(self.seam_loops(loop, *ends, cubics), points)
             worse = max((allowance_used(part, self.limits) for part in two), default=np.inf)
+            # CAD programs cannot cut an edge whose gap to its face is wider than SPLIT
             wide = face.gap <= SPLIT < max((part.gap for part in two), default=0.0)
             if worse < least and not wide:
                 if self.times == 1:
@@ -195,9 +196,9 @@ class FaceDivision:
 
     def seams(self, outline: HalvedOutline, points: Floats) -> list[tuple[tuple[int, int], Floats]]:
         """Return the best seams across a region: ends as places on the outline, and cubics (c, 4, 6)."""
-        full = 3  # largest number of returned seams / `times`
+        full = 3  # at most 3 * `times` seams, with the smallest errors, are returned
         many = 2000  # largest number of points in a trial
-        at_gap = 4  # number of places with the widest gaps
+        at_gap = 4  # half of the tried seams begin at the four places with the widest gaps
         points = points[:: 1 + len(points) // many]
         distances = misfit(points, outline.line, TRIAL_DEGREE).reshape(-1, POINTS).max(axis=1)
         worst = np.argsort(-np.maximum(distances, np.roll(distances, 1)), kind="stable")[:at_gap]
@@ -213,7 +214,7 @@ class FaceDivision:
 
     def chord_cubics(self, chords: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
         """Return cubics (k, 4, 6) on both skins between the ends (6,) of each chord."""
-        checks = 8
+        checks = 8  # the distance of each cubic from the skins is measured at 8 places
         result, todo, share = [np.zeros((0, 4, 6))] * len(chords), list(range(len(chords))), np.linspace(0, 1, 4)
         for count in CUBIC_COUNTS[:1] if self.limits.beyond_mesh else CUBIC_COUNTS:
             if not todo:

@@ -21,16 +21,16 @@ OTHER_EDGES = [[1, 2], [2, 0], [0, 1]]  # the two other edges of a face, for eac
 
 def crease_edges(surface: Surface) -> Bools:
     """Return a mask (e,) of the edges on creases, which are rows of sharp edges."""
-    shortest = 6  # a crease has at least 6 edges
+    shortest = 6  # a crease has at least 6 edges; single sharp edges are noise of the mesh
     edges = surface.edges
     inner = edges.count == 2
     bend = np.zeros(len(edges.ends))
     normals_left, normals_right = surface.normals[edges.pairs // 3].transpose(1, 0, 2)
     bend[inner] = np.degrees(np.arccos(np.clip(np.einsum("ei,ei->e", normals_left, normals_right), -1, 1)))
     crease = np.zeros(len(bend), dtype=bool)
-    for _ in range(2):
+    for _ in range(2):  # the second round ignores known creases, to find the second sharp edge of a face
         rest = np.where(crease | ~inner, 0.0, bend)
-        sharper_other = rest[edges.of[:, OTHER_EDGES]].max(axis=2)  # (m, 3)
+        sharper_other = rest[edges.of[:, OTHER_EDGES]].max(axis=2)  # (m, 3) larger bend of a face's two remaining edges
         around = np.zeros(len(bend))
         np.maximum.at(around, edges.of, sharper_other)
         crease |= inner & (bend >= np.maximum(LEAST_BEND, BEND_RATIO * around))
@@ -252,7 +252,7 @@ class Lifting:
         return csr_array(vstack([weights, nearest], format="csr")[row])
 
     def _points(self, weights: csr_array) -> Floats:
-        most_lift = 1 / 5  # largest distance from the mesh, divided by the thickness
+        most_lift = 1 / 5  # largest distance from the mesh, divided by the thickness; `MOST_CHORD` limits chord errors
         V, N = self.skins.points[self.sides.vertex], self.sides.normals
         P, n = np.asarray(weights @ V), np.asarray(weights @ N)
         along = np.einsum("ni,ni->n", V, N)
@@ -271,7 +271,7 @@ class Lifting:
         """Return perpendicular vectors (k, 6) from points Q (k, 6) to the outer and inner skin."""
         targets = self.points(self.weights_at((Q[:, :3] + Q[:, 3:]) / 2))
         across = targets[:, :3] - targets[:, 3:]
-        is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0
+        is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # on a one-sided surface, skins may swap
         targets[is_flipped], across[is_flipped] = np.roll(targets[is_flipped], 3, axis=1), -across[is_flipped]
         across = unit_vectors(across)
         vectors = [np.einsum("ki,ki->k", (targets - Q)[:, s : s + 3], across)[:, None] * across for s in (0, 3)]

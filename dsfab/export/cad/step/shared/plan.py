@@ -101,7 +101,7 @@ class PieceJudge:
     def excess_volumes(self) -> Floats:
         """(p,) fraction by which each smooth piece may exceed `volumes`."""
         sheet = self.sheet
-        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)
+        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # `nearest` is twice as fast for points on a skin
         return np.maximum(self._sum(self.limits.rounder[self.limits.nearest(upper)]) / self.volumes, 0.0)
 
     def _sum(self, share: Floats) -> Floats:
@@ -117,7 +117,7 @@ class PieceJudge:
     def excess_distances(self, points: Floats) -> Floats:
         """Return the distance (k,) of points (k, 3) from the mesh, minus the allowed distance."""
         away = self.solids.distances(points)
-        is_far = away > self.limits.distance / 2
+        is_far = away > self.limits.distance / 2  # near points need no chord errors, which take time to compute
         away[is_far] -= self.limits.allowed_distances(points[is_far])
         away[~is_far] -= self.limits.distance
         return away
@@ -126,7 +126,7 @@ class PieceJudge:
         """Return the distances of the triangles V (n, 3), F (m, 3) from the triangles V2, F2."""
         points = np.concatenate([V[corners_of(F, np.ones(len(F), dtype=bool), len(V))], V[F].mean(axis=1)])
         away = nearest_places(points, V2, F2).distance
-        far_points = points[away > self.limits.distance]
+        far_points = points[away > self.limits.distance]  # points within `distance` are allowed everywhere
         if not len(far_points):
             return MeshDistances(float(away.max()), float(away.max()), self.limits.distance, far_points)
         far_distances, allowed = away[away > self.limits.distance], self.limits.allowed_distances(far_points)

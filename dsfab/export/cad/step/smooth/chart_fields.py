@@ -22,7 +22,7 @@ SYMMETRIC: dict[str, Any] = {
     "options": {"SymmetricMode": True},
     "diag_pivot_thresh": 0.0,
 }
-"""SuperLU options for symmetric matrices."""
+"""SuperLU options for symmetric matrices; the factors then have fewer entries."""
 
 SWEEPS = 4  # number of diffusions of the fields; before a repetition, each vertex's largest field becomes 1, others 0
 
@@ -135,7 +135,7 @@ def diffused_fields(surface: Surface, label: Ints, share: float) -> Floats:
         for _ in range(SWEEPS - 1):
             chosen = np.zeros_like(load)
             chosen[np.arange(surface.n), fields.argmax(axis=1)] = mass
-            moved = (chosen != load).any(axis=0)
+            moved = (chosen != load).any(axis=0)  # only these fields must be solved again
             fields[:, moved] = step.solve(chosen[:, moved])
             load = chosen
     return fields

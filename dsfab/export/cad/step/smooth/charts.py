@@ -62,7 +62,7 @@ class SplinePatch:
 
     def nearest(self, points: Floats, uv: Floats, rounds: int = 8) -> Floats:
         """Return the parameters (k, 2) of the nearest surface points. uv : (k, 2) first guesses."""
-        step_limit = 1e-8
+        step_limit = 1e-8  # length of the last step / size of the surface
         low, high = np.array([self.u[0], self.v[0]]), np.array([self.u[-1], self.v[-1]])
         uv, going = np.clip(uv, low, high), np.arange(len(uv))
         for _ in range(rounds):
@@ -78,10 +78,10 @@ class SplinePatch:
         return uv
 
 
-SMOOTHING = 1e-5  # weight of second differences of the poles in the fit
+SMOOTHING = 1e-5  # weight of second differences of the poles in the fit; distances from points have weights up to 1
 FEWEST_POLES, MOST_POLES = 6, 48  # smallest and largest number of poles of a fit in one direction
-FEW_POLES = 24  # largest number of poles in one direction before a chart is divided
-FIRST_POLES = 8.0  # poles of the first attempt, geometric mean of both directions
+FEW_POLES = 24  # largest number of poles in one direction before a chart is divided; OCCT is slow with more
+FIRST_POLES = 8.0  # poles of the first attempt: geometric mean of the numbers along u and along v
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +110,7 @@ def fitted_surface(
     uv, Q       : (k, 2) points in a plane, and (k, 6) points on upper and lower skin, mm.
     inside      : (k,) True for points to which the tolerance (mm) applies.    weight : (k,) weights in the fit.
     first_poles : poles at the start, geometric mean of both directions.    most_poles : most poles in a direction."""
-    points_per_pole = 2.5
+    points_per_pole = 2.5  # with fewer points, surfaces have waves between the points and gaps at seams
     extent = np.ptp(uv, axis=0)
     aspect = np.sqrt(np.clip(extent[0] / extent[1], 0.1, 10.0))
     pole_limit = np.sqrt(len(uv) / points_per_pole)
@@ -205,10 +205,11 @@ def _diagonal(table: Floats, below: int) -> Floats:
 
 
 OUTSIDE, BOUNDARY = 0.2, 0.5
-"""Weights in a chart's fit: OUTSIDE for points of neighbour charts, BOUNDARY at boundaries."""
+"""Weights in a chart's fit: OUTSIDE for points of neighbour charts, so that skins meet; BOUNDARY at sheet boundaries.
+Boundary points have inexact normals. The tolerance does not apply to points outside a chart or on the boundary."""
 
 FOLDED = 0.01
-"""Largest fraction of a chart's faces that face away from its axis."""
+"""Largest fraction of a chart's faces that face away from its axis. Division of coarse meshes turns some faces over."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,7 +281,7 @@ def _axes(V: Floats, across: Floats) -> Floats:
 
 HALVED = 4  # largest number of divisions of a chart
 
-STEEPEST = np.cos(np.deg2rad(80.0))  # smallest cosine between normals and axis of a chart
+STEEPEST = np.cos(np.deg2rad(80.0))  # smallest cosine between normals and axis of a chart; steeper charts are divided
 
 
 @dataclass(frozen=True, eq=False)
@@ -326,8 +327,8 @@ class ChartAtlas:
     ) -> None:
         """Fit the charts `numbers`. If `halve` is True, charts may be divided.
         hopeless : function of a failed chart's number; returns True to stop."""
-        useless = 3  # a chart fails if its error exceeds 3 times the tolerance
-        fewest = 12  # smallest number of vertices of a chart that is divided
+        useless = 3  # a chart fails if its error exceeds 3 times the tolerance; OCCT checks all pieces later
+        fewest = 12  # a chart with fewer vertices is not divided
         todo = [(int(k), 0) for k in numbers if k not in self.charts and k not in self.failed]
         while todo:
             k, turn = todo.pop()
@@ -387,7 +388,7 @@ class ChartAtlas:
     def chart(self, k: int, first_poles: float, most_poles: int) -> SkinChart:
         """Return chart k with fitted spline surfaces.
         first_poles, most_poles : number of poles in each direction, at the start and at most."""
-        of_chord = 0.3  # fraction of the mesh's chord error in the tolerance
+        of_chord = 0.3  # the tolerance includes this fraction of the mesh's chord error
         most_divisions = 2  # largest number of divisions of a coarse mesh
         F = self.surface.F
         near_faces = faces_at(F, self._best[0] == k)

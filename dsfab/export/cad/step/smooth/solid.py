@@ -147,7 +147,7 @@ def _polygon(owner: SmoothPiece, loop: tuple[tuple[int, bool], ...], chart: int)
     return np.concatenate([poles[:-1] for poles in pole_rows])
 
 
-ROUNDED = 1e-9  # largest distance of a point on a chord, divided by the chord's length
+ROUNDED = 1e-9  # a point counts as on a chord if its distance is below this fraction of the chord's length
 
 
 def crossings(piece: SmoothPiece) -> Floats:
@@ -191,7 +191,7 @@ def crossing_chords(start: Floats, end: Floats) -> Ints:
     reach = long.max()
     chord_a, chord_b = cKDTree(middle).query_pairs(reach, output_type="ndarray").T
     apart = np.linalg.norm(middle[chord_a] - middle[chord_b], axis=1)
-    is_close = apart <= (1 + ROUNDED) * (long[chord_a] + long[chord_b]) / 2
+    is_close = apart <= (1 + ROUNDED) * (long[chord_a] + long[chord_b]) / 2  # distant chords cannot cross
     chord_a, chord_b = chord_a[is_close], chord_b[is_close]
     meet = np.zeros(len(chord_a), dtype=bool)
     for a in (start, end):

@@ -28,7 +28,7 @@ from dsfab.export.cad.step.worker.shapes import (
 from dsfab.export.cad.step.worker.triangles import draw, keep_drawn
 from dsfab.export.cad.step.worker.volume import VOLUME, volume
 
-CAN_FORK = sys.platform == "linux"
+CAN_FORK = sys.platform == "linux"  # true if the process can be forked safely
 
 
 class ForkedWork:
@@ -44,7 +44,7 @@ class ForkedWork:
     @staticmethod
     def _run(work: Callable[[], Any], to: int) -> None:
         try:
-            ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # the fork ends with its parent
+            ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG: the fork ends with its parent
             with os.fdopen(to, "w") as pipe:
                 json.dump(work(), pipe)
         finally:
@@ -85,7 +85,7 @@ REPAIRS = (
     *("IntersectingWires", "LoopWires", "NotchedEdges", "Tail", "Small", "SmallAreaWire", "Lacking", "Degenerated"),
     *("AddNaturalBound", "MissingSeam", "Seam", "SplitFace", "VertexTolerance"),
 )
-"""Repairs that OCCT's reader must not make."""
+"""Repairs that OCCT's reader must not make, because a file that needs a repair is refused."""
 
 
 def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies: bool = False) -> list[dict[str, Any]]:
@@ -133,7 +133,7 @@ def _reader(path: str) -> Any | None:
         repairs = DataMap_TCollection_AsciiString_TCollection_AsciiString()
         for name in REPAIRS:
             repairs.Bind(TCollection_AsciiString(f"FixShape.Fix{name}Mode"), TCollection_AsciiString("0"))
-        reader.SetShapeFixParameters(repairs)
+        reader.SetShapeFixParameters(repairs)  # reading resets these parameters
     return reader
 
 
@@ -206,7 +206,7 @@ def _measures(solid: Any, faces: list[Any], with_volume: bool = True) -> tuple[f
 
 
 def _untriangulated_findings(solids: list[Any]) -> list[dict[str, Any]]:
-    results = []
+    results = []  # the Gauss-Kronrod rule suits many small faces
     for solid in solids:
         checked = _shape_findings(solid)
         gap, _ = _measures(solid, faces_of(solid), with_volume=False)
@@ -216,7 +216,7 @@ def _untriangulated_findings(solids: list[Any]) -> list[dict[str, Any]]:
 
 
 def _gap(face: Any) -> float:
-    samples = 24
+    samples = 24  # each edge has 24 samples
     from OCP.Adaptor3d import Adaptor3d_CurveOnSurface
     from OCP.BRep import BRep_Tool
     from OCP.BRepLib import BRepLib_ValidateEdge

@@ -78,7 +78,7 @@ def mesh_in(folder: str, facts: dict[str, float], shape: bytes = b"") -> StepMes
 
 
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
-"""Record of a triangle in a binary STL file."""
+"""Record of one triangle in a binary STL file, after 84 bytes of header."""
 
 
 @dataclass(frozen=True, eq=False)

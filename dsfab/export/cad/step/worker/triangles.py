@@ -77,7 +77,7 @@ def _triangles(face: Any) -> tuple[Any, Any]:
     if mesh is None:
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
     nodes: Iterable[Any] = map(mesh.Node, range(1, mesh.NbNodes() + 1))
-    if not place.IsIdentity():
+    if not place.IsIdentity():  # skip a needless move, which takes as long as reading the nodes
         move = place.Transformation()
         nodes = (node.Transformed(move) for node in nodes)
     V = np.array([node.Coord() for node in nodes])

@@ -90,7 +90,7 @@ def _cone_on_spline(surface: Any, outline: Sequence[PlaneSpline], about: Any) ->
     to_u, to_v = np.linalg.inv(legendre.legvander(x, p - 1)), np.linalg.inv(legendre.legvander(y, q - 1))
     G = legendre.legint(np.einsum("am,imjn,bn->iajb", to_u, f, to_v), lbnd=-1, axis=1)
     G *= np.diff(u)[:, None, None, None] / 2
-    G[1:, 0] += np.cumsum(G.sum(axis=1), axis=0)[:-1]
+    G[1:, 0] += np.cumsum(G.sum(axis=1), axis=0)[:-1]  # add the integrals of all earlier spans
     places, dv = _outline_points(outline)
     i, s = _local(u, places[:, 0])
     j, t = _local(v, places[:, 1])
