@@ -345,7 +345,12 @@ def solved_layers(
         def solve(share_of: Callable[[float], float]) -> float:
             return solved_factor(share_of, requested, tolerance, slope, jump)
 
-        return layers_with_share(layers, share, factor, solve)
+        try:
+            return layers_with_share(layers, share, factor, solve)
+        except PatternError as error:
+            if added < SHARE_TOLERANCE:
+                raise
+            raise PatternError(f"{error}; round corners and filled openings add another {added:.1%}") from None
     return layers(factor), factor
 
 

@@ -1,6 +1,6 @@
 """The verdict on a cut structure."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Literal
@@ -11,11 +11,12 @@ from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Bools, Floats, point_tuple
 from dsfab.core.errors import DsfabError, StaticsError
-from dsfab.core.messages import length
+from dsfab.core.messages import force, length
 from dsfab.core.sparse import solver_name
 from dsfab.design import Design, acting_on, sheet_loads
 from dsfab.design.member_model import member_utilisation
 from dsfab.preset.model import Preset
+from dsfab.preset.surface_section import SurfaceSection
 from dsfab.slicing import Sheet
 from dsfab.statics import (
     Elements,
@@ -38,7 +39,7 @@ from dsfab.statics import (
 from dsfab.study.verdict import BUDGET
 from dsfab.study.verdict.estimates import quantile
 from dsfab.study.verdict.levels import memory_needed
-from dsfab.surface import LoadCase, Support, Surface, support_names
+from dsfab.surface import DesignFactors, LoadCase, Support, Surface, lifting_combinations, support_names
 
 if TYPE_CHECKING:
     from dsfab.members.frame import MemberForces
@@ -48,6 +49,7 @@ NO_STRENGTH = "the preset has no material and no strength; set statics.material 
 BUCKLED_CASES = 3
 """Number of cases and combinations for which buckling is computed: those with the largest compression. The number is
 limited because each buckling analysis takes as long as a solve."""
+NO_PULL = 0.01  # a support pulls the structure down if the pull is above this share of the largest vertical reaction
 
 
 @dataclass(frozen=True)
@@ -232,13 +234,13 @@ def cut_carrying(statics: CutStatics) -> Carrying:
     case = use.case if use else statics.preset.judged_in("ULS", statics.answers)[0]
     outcome = replace(outcome, reactions=rows, stress=statics.stress(case).largest)
     if use is None:
-        return outcome
+        return replace(outcome, remarks=(*outcome.remarks, *hold_down_remarks(statics.preset.surface, rows)))
     factor, buckling_case, aside = _buckling(statics)
     if use.value > 1:
         faults.append(f"the load on {use.member} is {use.value:.0%} of its resistance ({use.check})")
     if factor is not None and factor <= 1:
         faults.append(f"the sheet buckles at {factor:.2g} times its load")
-    remarks = (*outcome.remarks, *aside)
+    remarks = (*outcome.remarks, *aside, *hold_down_remarks(statics.preset.surface, rows))
     return replace(outcome, buckling=factor, buckling_case=buckling_case, faults=tuple(faults), remarks=remarks)
 
 
@@ -376,6 +378,28 @@ def _reactions(statics: CutStatics) -> tuple[SupportForce, ...]:
             thrust = np.hypot(forces[:, along], forces[:, across]).sum()
             rows.append(SupportForce(support, case, *(float(x) for x in (R[up], level, direction, thrust))))
     return tuple(rows)
+
+
+def hold_down_remarks(section: SurfaceSection, rows: Sequence[SupportForce]) -> Iterator[str]:
+    """Yield a sentence if supports must pull the structure down, with the largest force (N) of each support.
+    The forces are those of static equilibrium [EN 1990, table A1.2(A)], or of the cases if these mix kinds of loads."""
+    lifting = lifting_combinations(section.load, section.actions, section.factors or DesignFactors())
+    sums = {row.case: {row.case: 1.0} for row in rows}
+    if lifting:
+        sums = {item.formula: item.factors for item in lifting}
+    forces: dict[str, dict[str, float]] = {}
+    for row in rows:
+        forces.setdefault(row.support, {})[row.case] = row.vertical
+    largest = max((abs(row.vertical) for row in rows), default=0.0)
+    pulls = dict[str, tuple[float, str]]()
+    for support, by_case in forces.items():
+        pull, words = max((-sum(f * by_case[case] for case, f in sums[words].items()), words) for words in sums)
+        if pull > NO_PULL * largest:
+            pulls[support] = pull, words
+    if pulls:
+        listed = [f"{support} {force(pull)} ({words})" for support, (pull, words) in pulls.items()]
+        rule = "by EN 1990, table A1.2(A)" if lifting else "in its worst case, without factors"
+        yield f"supports must hold the structure down, {rule}: {', '.join(listed)}"
 
 
 def support_shares(supports: Iterable[Support], surface: Surface, sheet: Sheet) -> Floats:

@@ -161,16 +161,27 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
             continue
         if chosen:
             return _with_result(chosen, SizingResult((*trials, *rows.trials, *cuts), source, changes))
+        thickness = rows.design.preset.statics.thickness
         judged = [rows.full_trial(k) for k in range(len(rows.trials))]
         trials += [*judged, *cuts]
         cut = {trial.thickness for trial in cuts}
         candidates += [(row, changes) for row in (*judged, *cuts) if row.is_final or row.thickness not in cut]
-    row, changes = min(candidates, key=lambda candidate: candidate[0].worst)
-    design = Design.from_preset(with_overrides(preset, changes).with_thickness(row.thickness), design, progress)
-    if row.is_final:
-        trials.remove(row)  # the table shows this design once, as its last row
-    trials.append(_trial(design, carrying(design), row))
-    return _with_result(design, SizingResult(tuple(trials), source, changes))
+    while True:
+        row, changes = min(candidates, key=lambda candidate: candidate[0].worst)
+        design = Design.from_preset(with_overrides(preset, changes).with_thickness(row.thickness), design, progress)
+        try:
+            trial = _trial(design, carrying(design), row)
+        except (PatternError, StaticsError):
+            # a thicker sheet has wider members and larger round corners, so it cannot be cut either
+            candidates = [
+                (other, keys) for other, keys in candidates if keys != changes or other.thickness < row.thickness
+            ]
+            if not candidates:
+                raise
+            continue
+        if row.is_final:
+            trials.remove(row)  # the table shows this design once, as its last row
+        return _with_result(design, SizingResult((*trials, trial), source, changes))
 
 
 def _possible_thicknesses(design: Design, stock: Sequence[float], source: str) -> tuple[Sequence[float], str]:

@@ -820,6 +820,21 @@ def test_a_wall_carries_wind_from_both_sides():
     assert all(support.clamp for support in surface.support)
 
 
+@pytest.mark.parametrize(
+    ("stand", "shapes"), [("sides", ["vault", "vault"]), ("columns", ["canopy down", "canopy up"])]
+)
+def test_wind_lifts_a_roof_on_columns_and_on_walls(stand, shapes):
+    """A vault of 60 degrees over 10 m: suction of figure 7.11 on walls, the net pressure of table 7.7 on columns."""
+    flat = grid(40, 24, 1.0, 8.0)
+    angle = np.radians(50) * (2 * flat.V[:, 0] - 1)
+    roof = Surface(np.stack([6.5 * np.sin(angle), flat.V[:, 1], 6.5 * np.cos(angle)], axis=1), flat.F)
+    proposal = propose(roof, wishes=MeshWishes(stand=stand, loads=("wind",)))
+    winds = [load for load in proposal.preset.surface.load if isinstance(load, Wind)]
+    assert [load.shape for load in winds] == shapes
+    lift = [load.forces(roof, 0.0)[:, 2].sum() for load in winds]
+    assert max(lift) > 0.3 * winds[0].pressure * 79
+
+
 @pytest.mark.parametrize("sill", [0.2, 1.0])
 def test_a_low_window_of_a_tower_is_no_foot(sill):
     """One that slants, within a twentieth of its height, was held all around, and bore a part of the tower."""

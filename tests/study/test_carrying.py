@@ -175,6 +175,30 @@ def test_members_of_a_graded_material_have_the_utilisation_of_the_members_report
         assert sum(rows) == pytest.approx(-load.force[:, 2].sum(), rel=1e-6)
 
 
+LIFTED = {"kind": "wind", "direction": [1, 0, 0], "shape": "canopy up", "case": "lift"}
+
+
+@pytest.mark.parametrize(("cases", "words"), [(("dead", "lift"), "0.9 dead + 1.5 lift"), (("lift", "lift"), "lift")])
+@pytest.mark.parametrize("pressure", [200.0, 2000.0])
+def test_supports_hold_a_light_roof_down_by_the_rule_of_static_equilibrium(cases, words, pressure):
+    """Each of two ends takes half of 0.9 G - 1.5 Q [EN 1990, table A1.2(A)]; of G - Q if a case mixes both. A flat
+    canopy is lifted by 0.55 of the velocity pressure."""
+    side = {"pick": "side", "axis": "x"}
+    ends = [{"name": end, "at": {**side, "end": end}, "hold": "xyz"} for end in ("min", "max")]
+    plate = {"shape": "plate", "length": 4.0, "width": 2.0, "edge": 0.4, "support": ends}
+    loads = [{"kind": "self_weight", "case": cases[0]}, LIFTED | {"pressure": pressure}]
+    statics = {"thickness": 0.1, "young": YOUNG, "poisson": 0.0, "strength": 235e6, "density": 500.0}
+    preset = {"name": "canopy", "surface": plate | {"load": loads}, "statics": statics}
+    judged = carrying(whole(Design.from_preset(Preset.model_validate(preset))))
+    weight, wind = 500 * 9.81 * 0.1 * 4.0, 0.55 * pressure * 4.0  # newtons on half of the plate
+    pull = 1.5 * wind - 0.9 * weight if cases[0] == "dead" else wind - weight
+    remarks = [text for text in judged.remarks if text.startswith("supports must hold the structure down")]
+    assert len(remarks) == (pull > 0)
+    for text in remarks:
+        assert text.count(f"{pull / 1e3:.3g} kN ({words})") == 2
+        assert ("EN 1990, table A1.2(A)" in text) == (cases[0] == "dead")
+
+
 @pytest.mark.slow
 @needs_ccx
 def test_a_slab_of_narrow_ribs_moves_as_its_solid():

@@ -146,6 +146,22 @@ def test_a_design_that_only_its_draft_can_be_is_not_chosen(fails, chosen, monkey
     assert (result.fits, result.trials[-1].thickness, bool(result.changes)) == (True, chosen, fails == "pattern")
 
 
+def test_if_no_thickness_suffices_the_nearest_that_can_be_cut_is_taken(monkeypatch):
+    """A helical ramp was refused after a minute: its thickest draft came nearest, but could not be cut."""
+
+    def failing(design):
+        if design.preset.statics.thickness > 0.11:
+            raise PatternError("the pattern cannot keep 32.0% of the surface")
+        return carrying(design)
+
+    monkeypatch.setattr(sizing, "carrying", failing)
+    preset = vault(sizing__thicknesses=[0.1, 0.12, 0.14], sizing__buckling=1e6)
+    result = sizing_result(dsfab.sized_design(preset))
+    assert (result.fits, result.trials[-1].thickness, result.trials[-1].is_final) == (False, 0.1, True)
+    with pytest.raises(PatternError, match="cannot keep"):
+        dsfab.sized_design(vault(sizing__thicknesses=[0.12, 0.14], sizing__buckling=1e6))
+
+
 def test_targets_that_no_thickness_meets_bring_more_material_and_closer_members(tmp_path, capsys):
     given, written = tmp_path / "given.toml", tmp_path / "sized.toml"
     given.write_text(preset_toml(vault(sizing__thicknesses=[0.02], sizing__buckling=1e6)), encoding="utf-8")

@@ -144,7 +144,7 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     yield from _unsupported_pieces(surface, plan.stands)
     figure = is_figure(surface)
     model = "; a printed model has no snow" if not plan.loads and surface.size < MODEL and not figure else ""
-    loads = load_words(surface, plan.loads) + model
+    loads = load_words(surface, plan.loads, plan.stands) + model
     yield Decision("carries", loads, "surface.load, or --load snow, wind, people, none")
     over = "" if figure else f", 1/{size.ratio} of the span of {length(size.bridged or size.span)}"
     material = f"{size.material}; sizing chooses the thickness; first guess {length(size.thickness)}{over}"

@@ -1,15 +1,18 @@
 """Loads of a proposed preset, such as snow. All values are placeholders for those of the local standard."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
-from dsfab.core.arrays import Floats
-from dsfab.core.errors import PresetError
+from dsfab.core.arrays import Floats, point_tuple
+from dsfab.core.errors import PresetError, SurfaceError
+from dsfab.preset.proposal.readings import SupportPlace
 from dsfab.preset.proposal.shape import is_nearly_closed
-from dsfab.surface import Surface, one_sided_pieces
+from dsfab.surface import Surface, Wind, faces_without_upper_side, one_sided_pieces
+from dsfab.surface.loads.load_case import WindShape
 
 USUAL_LOAD = {"roof": "snow", "hung": "services", "floor": "people", "wall": "wind"}
 """Usual load of a surface besides its weight, by kind of surface."""
@@ -19,6 +22,12 @@ LINE_OF_COMMENT = {
     "services": "Pa on the plan area: a placeholder for lights and pipes that hang from the surface",
     "wind": "Pa, velocity pressure: a placeholder for your site [EN 1991-1-4, 4.5]",
 }
+LINE_OF_SHAPE = {
+    "vault": "suction and pressure on a curved roof; also for domes [EN 1991-1-4, 7.2.8, figure 7.11]",
+    "canopy": "net pressure on a roof without walls [EN 1991-1-4, 7.3, tables 7.6 and 7.7]",
+}
+OPEN_ROOF: tuple[WindShape, ...] = ("canopy down", "canopy up")
+VAULT: tuple[WindShape, ...] = ("vault",)
 PRESSURE = {"snow": 1000.0, "people": 5000.0, "services": 300.0, "wind": 500.0}  # Pa; placeholders for values of codes.
 AROUND = 0.3  # A surface is a tower if the horizontal part of sum(normal x area) is below this share of its area.
 
@@ -71,14 +80,17 @@ def _positive(text: str) -> float:
     return value if 0 < value < np.inf else 0.0
 
 
-def load_words(surface: Surface, pressures: Mapping[str, float]) -> str:
+def load_words(surface: Surface, pressures: Mapping[str, float], stands: Sequence[SupportPlace]) -> str:
     """Return the loads as text for a preset."""
+    shapes = _wind_shapes(surface, stands) if "wind" in pressures else ()
     places = {
         "snow": "on the ground, less on slopes [EN 1991-1-3, 5.3]",
         "people": "on the plan area [EN 1991-1-1, table 6.2]",
         "services": "on the plan",
-        "wind": "from both sides [EN 1991-1-4, 7.4]",
+        "wind": f"from both sides [EN 1991-1-4, {'7.2.8' if shapes else '7.4'}]",
     }
+    if len(shapes) == 2:
+        places["wind"] = "that presses the open roof down or lifts it [EN 1991-1-4, 7.3]"
     if snow_picker(surface):
         places["snow"] = "on the ground, here on top only, less on slopes [EN 1991-1-3, 5.3]"
     parts = [f"{name} of {pressure / 1000:g} kPa {places[name]}" for name, pressure in pressures.items()]
@@ -86,23 +98,47 @@ def load_words(surface: Surface, pressures: Mapping[str, float]) -> str:
     return f"{words}; replace these loads by those of your local code" if parts else words
 
 
-def load_tables(surface: Surface, pressures: Mapping[str, float]) -> Iterator[list[str]]:
+def load_tables(
+    surface: Surface, pressures: Mapping[str, float], stands: Sequence[SupportPlace]
+) -> Iterator[list[str]]:
     """Yield the tables of loads for a preset, each as lines."""
     cases = ["wind", "wind_back"] if "wind" in pressures else []
+    shapes = _wind_shapes(surface, stands) if cases else ()
+    if len(shapes) == 2:
+        cases = ["wind_down", "wind_up"]
     if len(pressures) > 1 or not cases:
         yield ["[[surface.load]]", 'kind = "self_weight"']
         for name in pressures:
             if name != "wind":
                 yield list(_vertical(surface, name, pressures[name]))
-    for case, sign in zip(cases, (1.0, -1.0), strict=False):
+    for k, case in enumerate(cases):
+        sign = -1.0 if case == "wind_back" else 1.0
         direction = [float(x) for x in np.round(sign * broadside(surface), 3) + 0.0]
         yield ["[[surface.load]]", 'kind = "self_weight"', f'case = "{case}"']
         lines = ["[[surface.load]]", 'kind = "wind"', toml_line("pressure", pressures["wind"], LINE_OF_COMMENT["wind"])]
         lines += [f"direction = {direction}", f'case = "{case}"']
-        if not _goes_around(surface):
+        if shapes:
+            shape = shapes[k % len(shapes)]
+            lines.append(toml_line("shape", shape, LINE_OF_SHAPE[shape.split()[0]]))
+        elif not _goes_around(surface):
             note = "net coefficient of a free-standing wall [EN 1991-1-4, table 7.9, zone D]"
             lines += [toml_line("windward", 1.2, note), "leeward = 1.2"]
         yield lines
+
+
+def _wind_shapes(surface: Surface, stands: Sequence[SupportPlace]) -> tuple[WindShape, ...]:
+    """Return the shapes of wind loads on a roof: two for an open roof, one for a vault, none if no shape fits.
+    A roof is open if it stands on less than half of its edges."""
+    held = sum(place.length for place in stands)
+    is_open = held < 0.5 * float(surface.edge_lengths[surface.edges.boundary].sum())
+    if one_sided_pieces(surface.F, surface.edges).any() or faces_without_upper_side(surface).any():
+        return ()
+    for shapes in (OPEN_ROOF, VAULT) if is_open else (VAULT,):
+        with suppress(SurfaceError):
+            for shape in shapes:
+                Wind(1.0, point_tuple(broadside(surface)), shape=shape).traction(surface)
+            return shapes
+    return ()
 
 
 def _vertical(surface: Surface, name: str, pressure: float) -> Iterator[str]:

@@ -176,6 +176,23 @@ def en1990_combinations(
     return sorted(combinations.values(), key=lambda item: item.limit_state != "ULS")
 
 
+HOLDING_WEIGHT = 0.9  # factor of favourable permanent loads in static equilibrium [EN 1990:2002, table A1.2(A)]
+
+
+def lifting_combinations(
+    loads: Sequence[Load], actions: Mapping[str, ActionKind], factors: DesignFactors
+) -> list[Combination]:
+    """Return the combinations for static equilibrium in which wind leads or acts, and 0.9 of the permanent loads
+    [EN 1990:2002, table A1.2(A)]. The list is empty if a case has loads of several or of unknown kinds of action."""
+    for case in case_names(loads):
+        kinds = {actions.get(case) or ACTION_OF_LOAD.get(load.kind) for load in loads if load.case == case}
+        if None in kinds or len(kinds) > 1:
+            return []
+    light = replace(factors, favourable=HOLDING_WEIGHT)
+    combinations = en1990_combinations(loads, actions, "EN 1990 6.10", light)
+    return [sum_ for sum_ in combinations if sum_.name.startswith("ULS-light")]
+
+
 def _ordered_combinations(
     permanent: Sequence[str], order: Sequence[_Variable], rule: CombinationRule, factors: DesignFactors
 ) -> Iterator[Combination]:

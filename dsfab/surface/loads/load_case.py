@@ -5,12 +5,21 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
+from annotated_types import Ge
 from pydantic import ConfigDict, Field
 
 from dsfab.core.arrays import Bools, Floats, Ints, lock
 from dsfab.core.errors import SurfaceError
 from dsfab.surface.loads.outlines import Picker
 from dsfab.surface.loads.pickers import STRICT, All, CaseName, Real, Vector, unit_vector
+from dsfab.surface.loads.roof_shapes import (
+    RoofProfile,
+    canopy_coefficients,
+    drifted_on_arch,
+    half_cleared,
+    snow_shape_factor,
+    vault_pressure,
+)
 from dsfab.surface.loads.supports import Name, Support
 from dsfab.surface.mesh import Surface, signed_volumes
 from dsfab.surface.orientation import one_sided_pieces, require_two_sides
@@ -23,7 +32,9 @@ class Snow:
     """A snow load, or another load per *plan* area: a force s A |n . d| d on a face of area A and unit normal n.
     s is `pressure` (Pa) with its shape factor, and d the unit vector of `direction` [EN 1991-1-3, 5.2]. An open sheet
     carries snow on all picked faces, also under overhangs; a closed surface only on upper faces.
-    shape   : "mu1" to multiply `pressure` (s_k on the ground) by `snow_shape_factor`; "" if it includes the factor.
+    shape   : "mu1", "half" or "drifted" to multiply `pressure` (s_k on the ground) by `snow_shape_factor`,
+              `half_cleared` or `drifted_on_arch`; "" if `pressure` includes the factor.
+    drift   : horizontal direction in which the wind carries the snow, for "half" and "drifted".
     kind    : "snow"; or "imposed" for people and services [EN 1991-1-1, 6.3].
     covered : true if a covering closes the openings, so that members also carry the snow on the covering."""
 
@@ -35,7 +46,8 @@ class Snow:
     case: CaseName = "load"
     name: Name = ""
     covered: bool = True
-    shape: Literal["", "mu1"] = ""
+    shape: Literal["", "mu1", "half", "drifted"] = ""
+    drift: Vector = (1.0, 0.0, 0.0)
 
     def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
         """Return the traction (m, 3) of the snow, Pa: force per area of each face. `weight` is not used."""
@@ -44,9 +56,14 @@ class Snow:
         towards = -(outward_normals(surface) @ d)
         two_sided = ~one_sided_pieces(surface.F, surface.edges)
         lying = np.where(two_sided & surface.is_closed, towards, np.abs(towards))
-        plan = np.where(picked_faces(surface, self.at, self.kind), lying, 0.0)
-        if self.shape:
-            plan = plan * snow_shape_factor(np.degrees(np.arccos(np.clip(np.abs(towards), 0.0, 1.0))))
+        picked = picked_faces(surface, self.at, self.kind)
+        plan = np.where(picked, lying, 0.0)
+        slope = np.degrees(np.arccos(np.clip(np.abs(towards), 0.0, 1.0)))
+        if self.shape == "mu1":
+            plan = plan * snow_shape_factor(slope)
+        elif self.shape:
+            profile = RoofProfile.along(surface, picked, outward_normals(surface), self.drift, self.kind)
+            plan = plan * (half_cleared if self.shape == "half" else drifted_on_arch)(profile, slope)
         if plan.max() <= EDGE_ON:
             raise SurfaceError(
                 f"a load of kind '{self.kind}' misses every picked face; pick faces that are not vertical"
@@ -59,10 +76,7 @@ class Snow:
         return forces_at_corners(surface, self.traction(surface) * surface.areas[:, None])
 
 
-def snow_shape_factor(slope: Floats) -> Floats:
-    """Return the shape factor mu_1 (m,) of roofs by their slope (m,), degrees [EN 1991-1-3:2003, table 5.2].
-    The factor is 0.8 up to 30 degrees, falls linearly up to 60 degrees, and is 0 on steeper roofs."""
-    return np.asarray(0.8 * np.clip((60.0 - slope) / 30.0, 0.0, 1.0))
+WindShape = Literal["", "vault", "canopy down", "canopy up"]
 
 
 @dataclass(frozen=True)
@@ -76,7 +90,11 @@ class Wind:
     and -0.5 [EN 1991-1-4:2005, table 7.1, zones D and E, h/d = 1].
 
     This first estimate lacks suction along roofs and side walls, and pressure in open halls; add `pressure` loads.
+    For roofs use a shape, in place of `windward` and `leeward`:
 
+    shape   : "vault" for a curved roof on walls or on the ground, see `vault_pressure`; "canopy down" or "canopy up"
+              for an open roof: its largest or smallest force coefficient on all faces, see `canopy_coefficients`.
+    eaves   : for "vault", height of the eaves above the ground, metres.
     covered : see `Snow`; an open lattice also has different coefficients [EN 1991-1-4, 7.11]."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -89,6 +107,8 @@ class Wind:
     case: CaseName = "load"
     name: Name = ""
     covered: bool = True
+    shape: WindShape = ""
+    eaves: Annotated[Real, Ge(0)] = 0.0
 
     def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
         """Return the traction (m, 3) on each face, Pa."""
@@ -96,6 +116,8 @@ class Wind:
         picked = picked_faces(surface, self.at, "wind")
         require_two_sides(surface, picked, "a load of kind 'wind'")
         n = outward_normals(surface)
+        if self.shape:
+            return np.asarray(-self.pressure * self._on_roof(surface, picked, n)[:, None] * n)
         along = n @ unit_vector(self.direction, "a load of kind 'wind'")
         c = self.windward * np.maximum(-along, 0.0) - self.leeward * np.maximum(along, 0.0)
         c[~picked | (np.abs(along) <= EDGE_ON)] = 0.0
@@ -105,6 +127,13 @@ class Wind:
                 "or pick more faces"
             )
         return np.asarray(-self.pressure * c[:, None] * n)
+
+    def _on_roof(self, surface: Surface, picked: Bools, normals: Floats) -> Floats:
+        profile = RoofProfile.along(surface, picked, normals, self.direction, "wind")
+        if self.shape == "vault":
+            return vault_pressure(profile, self.eaves)
+        down, up = canopy_coefficients(profile, surface.areas)
+        return np.where(profile.roof, down if self.shape == "canopy down" else up, 0.0)
 
     def forces(self, surface: Surface, weight: float) -> Floats:
         """Return the forces (n, 3), newtons."""

@@ -1,0 +1,151 @@
+"""Shape factors of snow and wind on roofs, by EN 1991-1-3 and EN 1991-1-4."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsfab.core.arrays import Bools, Floats
+from dsfab.core.errors import SurfaceError
+from dsfab.surface.loads.pickers import Vector, unit_vector
+from dsfab.surface.mesh import Surface
+
+STEEP = 60.0  # degrees; steeper parts of a roof keep no snow [EN 1991-1-3:2003, 5.3.2 and 5.3.5]
+LARGEST_MU3 = 2.0  # upper value of mu_3 [EN 1991-1-3:2003, 5.3.5, recommended value]
+STRIPS = 100  # strips across a roof in which the length of its arc is summed
+
+
+@dataclass(frozen=True, eq=False)
+class RoofProfile:
+    """Section through a roof along a horizontal direction; lengths in metres.
+    roof  : (m,) mask of the faces that belong to the roof: picked faces that look upwards. Other faces have 0 below.
+    place : (m,) position of each face along the direction, 0 at the first face and 1 at the last.
+    arc   : (m,) the same position, measured along the arc of the roof.
+    slope : (m,) slope of each face along the direction as rise / run, positive if the roof rises.
+    depth : length of the roof in plan.    rise : height of the roof."""
+
+    roof: Bools
+    place: Floats
+    arc: Floats
+    slope: Floats
+    depth: float
+    rise: float
+
+    @classmethod
+    def along(cls, surface: Surface, faces: Bools, normals: Floats, direction: Vector, kind: str) -> "RoofProfile":
+        """Return the profile of the picked `faces` (m,) that look upwards.
+        normals : (m, 3) to the outside.    kind : kind of the load, for messages.
+        Raises SurfaceError for a vertical direction, and if no face looks upwards."""
+        d = np.array(unit_vector(direction, f"a load of kind '{kind}'")) * (1.0, 1.0, 0.0)
+        roof = faces & (normals[:, 2] > 1e-6)
+        if not roof.any() or np.linalg.norm(d) < 1e-6:
+            what = "its direction is vertical" if roof.any() else "no picked face looks upwards"
+            raise SurfaceError(f"a load of kind '{kind}' with a shape of roofs: {what}; pick a roof, and give x and y")
+        d /= np.linalg.norm(d)
+        corners = surface.V[surface.F[roof]]
+        low, high = corners.reshape(-1, 3).min(axis=0), corners.reshape(-1, 3).max(axis=0)
+        ends = (corners @ d).min(), (corners @ d).max()
+        place, slope = np.zeros(surface.m), np.zeros(surface.m)
+        place[roof] = (surface.centroids[roof] @ d - ends[0]) / (ends[1] - ends[0])
+        slope[roof] = -(normals[roof] @ d) / normals[roof, 2]
+        arc = _along_arc(place[roof], slope[roof], surface.areas[roof])
+        return cls(roof, place, _filled(roof, arc), slope, float(ends[1] - ends[0]), float(high[2] - low[2]))
+
+
+def _filled(mask: Bools, values: Floats) -> Floats:
+    filled = np.zeros(len(mask))
+    filled[mask] = values
+    return filled
+
+
+def _along_arc(place: Floats, slope: Floats, areas: Floats) -> Floats:
+    """Return positions along the arc, 0 to 1. In each strip the arc is as much longer as its faces are larger."""
+    strip = np.minimum((place * STRIPS).astype(int), STRIPS - 1)
+    in_plan = np.bincount(strip, areas / np.sqrt(1 + slope**2), STRIPS)
+    longer = np.where(in_plan > 0, np.bincount(strip, areas, STRIPS) / np.maximum(in_plan, 1e-300), 1.0)
+    length = np.concatenate([[0.0], np.cumsum(longer)])
+    return np.asarray(np.interp(place * STRIPS, np.arange(STRIPS + 1), length) / length[-1])
+
+
+def snow_shape_factor(slope: Floats) -> Floats:
+    """Return the shape factor mu_1 (m,) of roofs by their slope (m,), degrees [EN 1991-1-3:2003, table 5.2].
+    The factor is 0.8 up to 30 degrees, falls linearly up to 60 degrees, and is 0 on steeper roofs."""
+    return np.asarray(0.8 * np.clip((STEEP - slope) / 30.0, 0.0, 1.0))
+
+
+def half_cleared(profile: RoofProfile, slope: Floats) -> Floats:
+    """Return mu_1 (m,) on parts that fall along the direction, and half of it elsewhere [EN 1991-1-3:2003, 5.3.3 (4)].
+    slope : (m,) degrees of each face."""
+    return np.where(profile.slope <= 0, 1.0, 0.5) * snow_shape_factor(slope)
+
+
+def drifted_on_arch(profile: RoofProfile, slope: Floats) -> Floats:
+    """Return the factor (m,) of drifted snow on a cylindrical roof [EN 1991-1-3:2003, 5.3.5, figure 5.6, case (ii)].
+
+    Snow lies where the slope (m,) is at most 60 degrees. On each half of this part the factor rises from 0 to its peak
+    in the middle of the half, and falls to 0. The peak is mu_3 = 0.2 + 10 rise / depth, at most 2, on the half towards
+    the direction, and mu_3 / 2 on the other half."""
+    lies = (slope <= STEEP) & profile.roof
+    if not lies.any():
+        return np.zeros(len(slope))
+    first, last = profile.place[lies].min(), profile.place[lies].max()
+    along = (profile.place - first) / max(last - first, 1e-12)
+    peak = min(0.2 + 10 * profile.rise / profile.depth, LARGEST_MU3)
+    triangle = np.interp(along, [0.0, 0.25, 0.5, 0.75, 1.0], [0.0, peak / 2, 0.0, peak, 0.0])
+    return np.where(lies, triangle, 0.0)
+
+
+def vault_pressure(profile: RoofProfile, eaves: float) -> Floats:
+    """Return the pressure coefficients c_pe,10 (m,) of a vault across the wind; suction is negative.
+
+    The arc has four equal parts: zone A (first part), B (the two in the middle) and C (last). With f = rise / depth,
+    A is 1.6 f on the ground, and 8/3 (f - 0.2) if the eaves are half of the depth or more above it, or -1.2 for f below
+    0.2; B is -0.7 - f; C is -0.4. Between these heights A is linear [EN 1991-1-4:2005, 7.2.8, figure 7.11].
+    eaves : height of the eaves above the ground, metres. Raises SurfaceError for f outside of the figure, 0.05 to 0.5;
+    up to 0.55 counts as 0.5, because the edge of a mesh of half a circle is ragged."""
+    f, high = profile.rise / profile.depth, min(2 * eaves / profile.depth, 1.0)
+    if not 0.05 <= f <= 0.55:
+        raise SurfaceError(
+            f"a load of kind 'wind' with shape 'vault': rise / depth is {f:.2f} along the wind; EN 1991-1-4, figure "
+            "7.11 covers 0.05 to 0.5; turn the wind across the vault, or give coefficients without a shape"
+        )
+    f = min(f, 0.5)
+    windward = (1 - high) * 1.6 * f + high * (8 / 3 * (f - 0.2) if f >= 0.2 else -1.2)
+    zones = np.array([windward, -0.7 - f, -0.7 - f, -0.4])
+    return np.where(profile.roof, zones[np.minimum((4 * profile.arc).astype(int), 3)], 0.0)
+
+
+MONOPITCH = np.array(
+    [(0, 5, 10, 15, 20, 25, 30), (0.2, 0.4, 0.5, 0.7, 0.8, 1.0, 1.2), (-0.5, -0.7, -0.9, -1.1, -1.3, -1.6, -1.8)]
+)
+"""Rows: slope (degrees), largest and smallest force coefficient of open canopies with one slope and nothing below them
+[EN 1991-1-4:2005, table 7.6, phi = 0]."""
+DUOPITCH = np.array(
+    [
+        (-20, -15, -10, -5, 5, 10, 15, 20, 25, 30),
+        (0.7, 0.5, 0.4, 0.3, 0.3, 0.4, 0.4, 0.6, 0.7, 0.9),
+        (-0.7, -0.6, -0.6, -0.5, -0.6, -0.7, -0.8, -0.9, -1.0, -1.0),
+    ]
+)
+"""Rows: slope (degrees, negative for a trough), largest and smallest force coefficient of open canopies with two slopes
+[EN 1991-1-4:2005, table 7.7, phi = 0]."""
+
+
+def canopy_coefficients(profile: RoofProfile, areas: Floats) -> tuple[float, float]:
+    """Return the largest (downward) and smallest (upward) force coefficient of an open canopy.
+
+    The halves before and behind the middle have mean slopes along the wind. Half of their sum is the slope of a roof
+    with one slope, half of their difference that of a roof with two slopes; the larger coefficient of both counts.
+    areas : (m,) of the faces. Raises SurfaceError for slopes outside of the tables."""
+    in_plan = np.where(profile.roof, areas, 0.0) / np.sqrt(1 + profile.slope**2)
+    halves = [in_plan * (profile.place < 0.5), in_plan * (profile.place >= 0.5)]
+    rising, falling = (float(profile.slope @ half / max(half.sum(), 1e-300)) for half in halves)
+    one = abs(float(np.degrees(np.arctan((rising + falling) / 2))))
+    two = float(np.degrees(np.arctan((rising - falling) / 2)))
+    if one > 30.5 or not -20.5 <= two <= 30.5:
+        raise SurfaceError(
+            f"a load of kind 'wind' on an open canopy: its slope is {max(one, abs(two)):.0f} degrees; EN 1991-1-4, 7.3 "
+            "covers -20 to 30 degrees; use shape 'vault', or give coefficients without a shape"
+        )
+    pairs = ((one, MONOPITCH), (two, DUOPITCH))
+    down, up = ([float(np.interp(angle, table[0], table[k])) for angle, table in pairs] for k in (1, 2))
+    return max(down), min(up)

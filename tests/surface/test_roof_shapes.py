@@ -1,0 +1,146 @@
+"""Snow and wind on roofs by EN 1991-1-3 and EN 1991-1-4: sums by hand, for six shapes."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from dsfab.core.errors import SurfaceError
+from dsfab.surface import LoadCase, Snow, Support, Surface, Vertices, Wind
+from dsfab.surface.shapes import plate, sphere
+from tests.shapes import grid
+
+HELD = [Support(Vertices((0,)))]
+Q, LENGTH = 600.0, 8.0
+
+
+def total(surface, load):
+    return LoadCase.build(surface, HELD, [load]).force.sum(axis=0)
+
+
+def arch(radius, half_angle, turned=0.0, faces_down=False, along=128):
+    """A cylindrical roof of 8 m whose arc reaches from -half_angle to half_angle (degrees) about the vertical."""
+    flat = grid(along, 4, 1.0, LENGTH)
+    angle = np.radians(half_angle) * (2 * flat.V[:, 0] - 1)
+    V = np.stack([radius * np.sin(angle), flat.V[:, 1], radius * np.cos(angle)], axis=1)
+    c, s = np.cos(np.radians(turned)), np.sin(np.radians(turned))
+    return Surface(V @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]), flat.F[:, ::-1] if faces_down else flat.F)
+
+
+def pitched(left, right, length=10.0):
+    """A roof of two slopes (degrees, positive upwards along x) that meet in the middle."""
+    flat = grid(20, 8, length, LENGTH)
+    x = flat.V[:, 0] - length / 2
+    rise = np.where(x < 0, np.tan(np.radians(left)), np.tan(np.radians(right))) * x
+    return Surface(np.stack([x, flat.V[:, 1], rise], axis=1), flat.F)
+
+
+def upright():
+    flat = grid(4, 4, 1.0, 1.0)
+    return Surface(flat.V[:, [0, 2, 1]], flat.F)
+
+
+@pytest.mark.parametrize(("half_angle", "eaves", "windward"), [(90.0, 0.0, 0.8), (60.0, 0.0, 1.6 * 0.2887)])
+@pytest.mark.parametrize("faces_down", [False, True])
+def test_a_vault_across_the_wind_has_four_equal_parts_of_its_arc(half_angle, eaves, windward, faces_down):
+    """By hand, figure 7.11: c = A, B, B, C on quarters of the arc; the force of a part is -q c L times its chord,
+    turned by a right angle."""
+    radius, depth = 5.0, 10.0 * np.sin(np.radians(half_angle))
+    f = 5.0 * (1 - np.cos(np.radians(half_angle))) / depth
+    roof = arch(radius, half_angle, faces_down=faces_down)
+    ends = np.radians(half_angle) * np.linspace(-1, 1, 5)
+    x, z = radius * np.sin(ends), radius * np.cos(ends)
+    expected = sum(
+        -Q * c * LENGTH * np.array([-(z[k + 1] - z[k]), 0, x[k + 1] - x[k]])
+        for k, c in enumerate((windward, -0.7 - f, -0.7 - f, -0.4))
+    )
+    force = total(roof, Wind(Q, (1.0, 0, 0), shape="vault", eaves=eaves))
+    assert_allclose(force, expected, rtol=1e-2, atol=1.0)
+    assert force[2] > 0  # row 3 of the former faults: the vault was pressed down
+    back = total(roof, Wind(Q, (-1.0, 0, 0), shape="vault", eaves=eaves))
+    assert_allclose(back, expected * [-1, 1, 1], rtol=1e-2, atol=1.0)
+
+
+def test_a_vault_on_walls_has_the_coefficients_of_a_published_example():
+    """d = 9.6 m, f = 2.51 m, h = 3.2 m: A +0.25 (0.42 on the ground, 0.16 high up), B -0.96, C -0.40; read from figure
+    7.11 by civil-engineering-design.com, 'Wind action evaluation on vaulted roofs', 2021."""
+    radius = (4.8**2 + 2.51**2) / (2 * 2.51)
+    roof = arch(radius, np.degrees(np.arcsin(4.8 / radius)), turned=30.0)
+    d = (np.cos(np.radians(30)), np.sin(np.radians(30)), 0.0)
+    for eaves, a in ((0.0, 0.42), (3.2, 0.25), (4.8, 0.16), (9.0, 0.16)):
+        traction = Wind(1.0, d, shape="vault", eaves=eaves).traction(roof)
+        c = -np.einsum("mi,mi->m", traction, np.where(roof.normals[:, 2:] > 0, roof.normals, -roof.normals))
+        order = np.argsort(roof.centroids @ d)
+        assert_allclose(c[order][[0, roof.m // 2, -1]], [a, -0.96, -0.40], atol=0.006)
+    flat = arch(40.0, 20.0)
+    lifted = Wind(1.0, (1.0, 0, 0), shape="vault", eaves=20.0).traction(flat)[np.argmin(flat.centroids[:, 0])]
+    assert lifted[2] > 0  # f is below 0.2, and the eaves are high: suction on the windward part, too
+    assert np.linalg.norm(lifted) == pytest.approx(1.2)
+
+
+@pytest.mark.parametrize(
+    ("roof", "down", "up"),
+    [
+        (plate(length=10.0, width=8.0, edge=1.0), 0.3, -0.55),  # two slopes of 0 degrees, between -5 and 5
+        (pitched(20, 20), 0.8, -1.3),  # table 7.6, 20 degrees
+        (pitched(15, -15), 0.4, -0.8),  # table 7.7, ridge of 15 degrees; table 7.6 at 0 has less
+        (pitched(-20, 20), 0.7, -0.7),  # table 7.7, trough of -20 degrees
+        (arch(20.0, 25.0), 0.4, -0.75),  # a mean slope of 12.5 degrees counts as a ridge
+    ],
+    ids=["flat", "one slope", "ridge", "trough", "arch"],
+)
+def test_an_open_canopy_is_pressed_and_lifted_by_its_force_coefficients(roof, down, up):
+    """Vertical force: -q c times the plan area, for every face has the same net pressure."""
+    plan = float(np.abs(roof.areas @ roof.normals[:, 2]))
+    for turned in (roof, Surface(roof.V, roof.F[:, ::-1])):
+        for shape, c in (("canopy down", down), ("canopy up", up)):
+            force = total(turned, Wind(Q, (1.0, 0, 0), shape=shape))
+            assert force[2] == pytest.approx(-Q * c * plan, rel=0.02)
+
+
+def test_snow_that_drifts_over_an_arch_lies_in_two_triangles():
+    """s_k L b mu_3 3/8 by hand: triangles of height mu_3 and mu_3 / 2 on half of the plan each; mu_3 = 0.2 + 10 h/b."""
+    roof = arch(20.0, 30.0)
+    b, h = 20.0, 20.0 * (1 - np.cos(np.radians(30)))
+    mu3 = 0.2 + 10 * h / b
+    for drift, side in (((1.0, 0, 0), 1), ((-2.0, 0, 0), -1)):
+        load = Snow(900.0, shape="drifted", drift=drift)
+        assert total(roof, load)[2] == pytest.approx(-900 * LENGTH * b * mu3 * 3 / 8, rel=0.01)
+        on_face = -load.traction(roof)[:, 2] / roof.normals[:, 2].__abs__() / 900
+        towards = side * roof.centroids[:, 0] > 0
+        assert on_face[towards].max() == pytest.approx(mu3, rel=0.03)
+        assert on_face[~towards].max() == pytest.approx(mu3 / 2, rel=0.03)
+    high = arch(5.0, 90.0)  # mu_3 is at most 2, and no snow lies beyond 60 degrees
+    load = Snow(900.0, shape="drifted")
+    assert total(high, load)[2] == pytest.approx(-900 * LENGTH * 10 * np.sin(np.pi / 3) * 2.0 * 3 / 8, rel=0.01)
+    slope = np.degrees(np.arccos(np.abs(high.normals[:, 2])))
+    assert not load.traction(high)[slope > 60].any()
+
+
+def test_half_of_the_snow_is_cleared_from_the_slope_that_rises_along_the_drift():
+    roof = pitched(20, -45)
+    half = LENGTH * 5.0
+    for drift, left, right in (((1.0, 0, 0), 0.4, 0.4), ((-1.0, 0, 0), 0.8, 0.2)):
+        force = total(roof, Snow(1000.0, shape="half", drift=drift))
+        assert_allclose(force, [0, 0, -1000 * half * (left + right)], rtol=1e-9, atol=1e-6)
+
+
+def test_loads_of_roofs_leave_walls_and_undersides_alone():
+    ball = sphere(radius=3.0, edge=0.4)
+    lifted = Wind(Q, (1.0, 0, 0), shape="vault").traction(ball)
+    assert not lifted[ball.normals[:, 2] <= 0].any()
+    assert lifted[ball.normals[:, 2] > 0.9].any()
+
+
+@pytest.mark.parametrize(
+    ("load", "roof", "words"),
+    [
+        (Wind(Q, (0, 0, -1.0), shape="vault"), arch(5.0, 60.0), "its direction is vertical"),
+        (Wind(Q, (0, 1.0, 0), shape="canopy up"), upright(), "no picked face looks upwards"),
+        (Wind(Q, (1.0, 0, 0), shape="vault"), plate(edge=1.0), "rise / depth is 0.00 along the wind"),
+        (Wind(Q, (1.0, 0, 0), shape="canopy up"), pitched(40, 40), "its slope is 40 degrees"),
+        (Snow(Q, shape="drifted", drift=(0, 0, 1.0)), arch(5.0, 60.0), "its direction is vertical"),
+    ],
+)
+def test_a_roof_that_the_standard_does_not_cover_is_refused_with_a_way_out(load, roof, words):
+    with pytest.raises(SurfaceError, match=words):
+        load.traction(roof)
