@@ -46,6 +46,10 @@ if TYPE_CHECKING:
 
 Place = tuple[float, float, float]
 NO_STRENGTH = "the preset has no material and no strength; set statics.material to judge the structure"
+NO_FACTORS = (
+    "utilisation is for loads without partial factors; to add them, give each load its own case, and set "
+    'surface.combinations = "EN 1990 6.10"'
+)
 BUCKLED_CASES = 3
 """Number of cases and combinations for which buckling is computed: those with the largest compression. The number is
 limited because each buckling analysis takes as long as a solve."""
@@ -254,7 +258,7 @@ def _most_used(statics: CutStatics) -> tuple[MemberUse, tuple[str, ...]]:
     preset = statics.preset
     if preset.statics.material in STEEL or preset.statics.material in TIMBER:
         try:
-            return _most_used_by_code(statics), ()
+            return _most_used_by_code(statics), () if preset.surface.sums else (NO_FACTORS,)
         except StaticsError as error:
             use = _most_stressed(statics)
             return use, (f"members are not checked by their standard: {error}",)
