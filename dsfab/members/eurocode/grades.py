@@ -49,6 +49,7 @@ Product = Literal["solid timber", "glulam", "LVL"]
 @dataclass(frozen=True)
 class TimberGrade:
     """Characteristic values along the grain, Pa: bending `fm`, tension `ft`, compression `fc`, shear `fv`.
+    ft90     : tension across the grain; 0 if the standard of the product has none.
     E05, G05 : 5 % quantiles of the moduli.    fm_flat, fv_flat : values for flatwise bending.
     size     : exponent s of the size effect of LVL."""
 
@@ -64,18 +65,21 @@ class TimberGrade:
     fv_flat: float
     size: float
     source: str
+    ft90: float = 0.0
 
 
 def _solid(name: str, fm: float, ft: float, fc: float, fv: float, E05: float, G05: float) -> TimberGrade:
     source = "EN 338:2016, table 1; G05 = E05 / 16"
     strengths = fm * MPA, ft * MPA, fc * MPA, fv * MPA
-    return TimberGrade(name, "solid timber", *strengths, E05 * MPA, G05 * MPA, fm * MPA, fv * MPA, 0.0, source)
+    return TimberGrade(
+        name, "solid timber", *strengths, E05 * MPA, G05 * MPA, fm * MPA, fv * MPA, 0.0, source, 0.4 * MPA
+    )
 
 
 def _glulam(name: str, fm: float, ft: float, fc: float, E05: float) -> TimberGrade:
     strengths = fm * MPA, ft * MPA, fc * MPA, 3.5 * MPA
     source = "EN 14080:2013, table 5"
-    return TimberGrade(name, "glulam", *strengths, E05 * MPA, 540 * MPA, fm * MPA, 3.5 * MPA, 0.0, source)
+    return TimberGrade(name, "glulam", *strengths, E05 * MPA, 540 * MPA, fm * MPA, 3.5 * MPA, 0.0, source, 0.5 * MPA)
 
 
 TIMBER = {

@@ -119,7 +119,9 @@ def _timber_words(grade: TimberGrade, rules: Rules) -> Iterator[str]:
     listed = ", ".join(f"{value:g} ({name})" for value, name in times)
     yield f"k_mod in service class {factors.service_class} for the shortest load in each case: {listed} (table 3.1)."
     yield f"Buckling about both axes: length = {factors.buckling_length:g} times the distance of nodes (6.3.2, 6.3.3)."
-    yield "The grain follows the axis. Tension across the grain of curved members (6.4.3) is not checked."
+    yield "The grain follows the axis; members whose grain has an angle to it (6.2.2) are not checked."
+    if not grade.ft90:
+        yield "Tension across the grain of curved members (6.4.3) is not checked: the product has no such strength."
     yield "Size factors above 1 (3.2, 3.3) are not used. Shear includes k_cr (6.1.7). Torsion: own check (6.1.8)."
     if factors.layer:
         yield (

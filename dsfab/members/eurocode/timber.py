@@ -19,6 +19,10 @@ K_M = 0.7  # Factor for biaxial bending of rectangles [EN 1995-1-1, 6.1.6 (2)].
 STRAIGHT = 0.3  # Largest relative slenderness without buckling [EN 1995-1-1, 6.3.2 (2)].
 LVL_HEIGHT, LVL_LENGTH = 0.3, 3.0  # Height and length (m) above which the strength of LVL decreases [EN 1995-1-1, 3.4].
 
+K_DIS = 1.4  # Factor for the distribution of stress in curved beams [EN 1995-1-1, (6.52)].
+K_P = 1.5  # Stress across the grain of a curved beam is K_P M / (b h R): (6.54) and (6.56), with k_p = 0.25 h / R.
+VOLUME = 0.01  # m3; in a larger volume, the strength across the grain decreases [EN 1995-1-1, (6.51)].
+
 TENSION = CodeCheck("tension", f"{STANDARD} 6.1.2 (6.1)")
 COMPRESSION = CodeCheck("compression", f"{STANDARD} 6.1.4 (6.2)")
 BENDING = CodeCheck("bending", f"{STANDARD} 6.1.6 (6.11), (6.12)")
@@ -28,6 +32,7 @@ TORSION = CodeCheck("torsion", f"{STANDARD} 6.1.8 (6.14)")
 WITH_TENSION = CodeCheck("bending and tension", f"{STANDARD} 6.2.3 (6.17), (6.18)")
 WITH_COMPRESSION = CodeCheck("bending and compression", f"{STANDARD} 6.2.4 (6.19), (6.20)")
 COLUMN = CodeCheck("stability as a column", f"{STANDARD} 6.3.2 (6.23), (6.24)")
+ACROSS = CodeCheck("shear with tension across the grain", f"{STANDARD} 6.4.3 (6.53)")
 BEAM = CodeCheck("stability as a beam", f"{STANDARD} 6.3.3 (6.33), (6.35)")
 
 
@@ -57,10 +62,27 @@ def timber_checks(
     lengthy = np.maximum(bays.length[:, None] / LVL_LENGTH, 1.0) ** (grade.size / 2)
     ratios = section_checks(section, stress, over, lengthy, grade)
     ratios |= stability_checks(section.slimmest(), stress, over, bays.length[:, None] * factors.buckling_length, grade)
+    if grade.ft90:
+        across = across_grain(bays, forces[..., 4], over, grade)
+        ratios[ACROSS] = np.where(across > 0, across + ratios[SHEAR], 0.0)
     if factors.layer:
         always = (factors.gamma_m or GAMMA[grade.product]) / k_mod("permanent", factors.service_class)
         ratios[BENT_IN] = bent * always / grade.fm_flat
     return ratios
+
+
+def across_grain(bays: MemberBays, moment: Floats, over: float, grade: TimberGrade) -> Floats:
+    """Return stress / strength across the grain at five stations of each bay (b, 5): 0 where the moment closes the arc.
+    moment : (b, 5) My, Nm. It opens the arc where it stretches the side of the centre of curvature: My kn > 0.
+    The volume of a bay counts as the curved volume. over : gamma_M / k_mod.
+    Source: EN 1995-1-1, 6.4.3, for beams of constant height."""
+    area = bays.width * bays.thickness
+    stress = K_P * np.maximum(moment * bays.curvature, 0.0) / area
+    if grade.product == "solid timber":
+        k_vol: Floats | float = 1.0
+    else:
+        k_vol = np.minimum((VOLUME / (area.mean(axis=1) * bays.length)) ** 0.2, 1.0)[:, None]
+    return np.asarray(over * stress / (K_DIS * k_vol * grade.ft90))
 
 
 @dataclass(frozen=True, eq=False)
