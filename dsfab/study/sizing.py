@@ -174,7 +174,7 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
         except (PatternError, StaticsError):
             # a thicker sheet has wider members and larger round corners, so it cannot be cut either
             candidates = [
-                (other, keys) for other, keys in candidates if keys != changes or other.thickness < row.thickness
+                (draft, keys) for draft, keys in candidates if keys != changes or draft.thickness < row.thickness
             ]
             if not candidates:
                 raise

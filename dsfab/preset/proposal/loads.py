@@ -129,8 +129,8 @@ def load_tables(
 def _wind_shapes(surface: Surface, stands: Sequence[SupportPlace]) -> tuple[WindShape, ...]:
     """Return the shapes of wind loads on a roof: two for an open roof, one for a vault, none if no shape fits.
     A roof is open if it stands on less than half of its edges."""
-    held = sum(place.length for place in stands)
-    is_open = held < 0.5 * float(surface.edge_lengths[surface.edges.boundary].sum())
+    supported = sum(place.length for place in stands)
+    is_open = supported < 0.5 * float(surface.edge_lengths[surface.edges.boundary].sum())
     if one_sided_pieces(surface.F, surface.edges).any() or faces_without_upper_side(surface).any():
         return ()
     for shapes in (OPEN_ROOF, VAULT) if is_open else (VAULT,):

@@ -62,7 +62,7 @@ class Snow:
         if self.shape == "mu1":
             plan = plan * snow_shape_factor(slope)
         elif self.shape:
-            profile = RoofProfile.along(surface, picked, outward_normals(surface), self.drift, self.kind)
+            profile = RoofProfile.from_faces(surface, picked, outward_normals(surface), self.drift, self.kind)
             plan = plan * (half_cleared if self.shape == "half" else drifted_on_arch)(profile, slope)
         if plan.max() <= EDGE_ON:
             raise SurfaceError(
@@ -129,7 +129,7 @@ class Wind:
         return np.asarray(-self.pressure * c[:, None] * n)
 
     def _on_roof(self, surface: Surface, picked: Bools, normals: Floats) -> Floats:
-        profile = RoofProfile.along(surface, picked, normals, self.direction, "wind")
+        profile = RoofProfile.from_faces(surface, picked, normals, self.direction, "wind")
         if self.shape == "vault":
             return vault_pressure(profile, self.eaves)
         down, up = canopy_coefficients(profile, surface.areas)

@@ -31,7 +31,7 @@ class RoofProfile:
     rise: float
 
     @classmethod
-    def along(cls, surface: Surface, faces: Bools, normals: Floats, direction: Vector, kind: str) -> "RoofProfile":
+    def from_faces(cls, surface: Surface, faces: Bools, normals: Floats, direction: Vector, kind: str) -> "RoofProfile":
         """Return the profile of the picked `faces` (m,) that look upwards.
         normals : (m, 3) to the outside.    kind : kind of the load, for messages.
         Raises SurfaceError for a vertical direction, and if no face looks upwards."""
@@ -48,10 +48,10 @@ class RoofProfile:
         place[roof] = (surface.centroids[roof] @ d - ends[0]) / (ends[1] - ends[0])
         slope[roof] = -(normals[roof] @ d) / normals[roof, 2]
         arc = _along_arc(place[roof], slope[roof], surface.areas[roof])
-        return cls(roof, place, _filled(roof, arc), slope, float(ends[1] - ends[0]), float(high[2] - low[2]))
+        return cls(roof, place, _on_all_faces(roof, arc), slope, float(ends[1] - ends[0]), float(high[2] - low[2]))
 
 
-def _filled(mask: Bools, values: Floats) -> Floats:
+def _on_all_faces(mask: Bools, values: Floats) -> Floats:
     filled = np.zeros(len(mask))
     filled[mask] = values
     return filled
@@ -87,8 +87,8 @@ def drifted_on_arch(profile: RoofProfile, slope: Floats) -> Floats:
     lies = (slope <= STEEP) & profile.roof
     if not lies.any():
         return np.zeros(len(slope))
-    first, last = profile.place[lies].min(), profile.place[lies].max()
-    along = (profile.place - first) / max(last - first, 1e-12)
+    low, high = profile.place[lies].min(), profile.place[lies].max()
+    along = (profile.place - low) / max(high - low, 1e-12)
     peak = min(0.2 + 10 * profile.rise / profile.depth, LARGEST_MU3)
     triangle = np.interp(along, [0.0, 0.25, 0.5, 0.75, 1.0], [0.0, peak / 2, 0.0, peak, 0.0])
     return np.where(lies, triangle, 0.0)
@@ -139,13 +139,14 @@ def canopy_coefficients(profile: RoofProfile, areas: Floats) -> tuple[float, flo
     in_plan = np.where(profile.roof, areas, 0.0) / np.sqrt(1 + profile.slope**2)
     halves = [in_plan * (profile.place < 0.5), in_plan * (profile.place >= 0.5)]
     rising, falling = (float(profile.slope @ half / max(half.sum(), 1e-300)) for half in halves)
-    one = abs(float(np.degrees(np.arctan((rising + falling) / 2))))
-    two = float(np.degrees(np.arctan((rising - falling) / 2)))
-    if one > 30.5 or not -20.5 <= two <= 30.5:
+    whole = abs(float(np.degrees(np.arctan((rising + falling) / 2))))
+    ridge = float(np.degrees(np.arctan((rising - falling) / 2)))
+    if whole > 30.5 or not -20.5 <= ridge <= 30.5:
+        steepest = max(whole, abs(ridge))
         raise SurfaceError(
-            f"a load of kind 'wind' on an open canopy: its slope is {max(one, abs(two)):.0f} degrees; EN 1991-1-4, 7.3 "
-            "covers -20 to 30 degrees; use shape 'vault', or give coefficients without a shape"
+            f"a load of kind 'wind' on an open canopy: its slope is {steepest:.0f} degrees; EN 1991-1-4, 7.3 covers "
+            "-20 to 30 degrees; use shape 'vault', or give coefficients without a shape"
         )
-    pairs = ((one, MONOPITCH), (two, DUOPITCH))
+    pairs = ((whole, MONOPITCH), (ridge, DUOPITCH))
     down, up = ([float(np.interp(angle, table[0], table[k])) for angle, table in pairs] for k in (1, 2))
     return max(down), min(up)
