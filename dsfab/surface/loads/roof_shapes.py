@@ -139,14 +139,14 @@ def canopy_coefficients(profile: RoofProfile, areas: Floats) -> tuple[float, flo
     in_plan = np.where(profile.roof, areas, 0.0) / np.sqrt(1 + profile.slope**2)
     halves = [in_plan * (profile.place < 0.5), in_plan * (profile.place >= 0.5)]
     rising, falling = (float(profile.slope @ half / max(half.sum(), 1e-300)) for half in halves)
-    whole = abs(float(np.degrees(np.arctan((rising + falling) / 2))))
-    ridge = float(np.degrees(np.arctan((rising - falling) / 2)))
-    if whole > 30.5 or not -20.5 <= ridge <= 30.5:
-        steepest = max(whole, abs(ridge))
+    plane_slope = abs(float(np.degrees(np.arctan((rising + falling) / 2))))
+    ridge_slope = float(np.degrees(np.arctan((rising - falling) / 2)))
+    if plane_slope > 30.5 or not -20.5 <= ridge_slope <= 30.5:
+        steepest = max(plane_slope, abs(ridge_slope))
         raise SurfaceError(
             f"a load of kind 'wind' on an open canopy: its slope is {steepest:.0f} degrees; EN 1991-1-4, 7.3 covers "
             "-20 to 30 degrees; use shape 'vault', or give coefficients without a shape"
         )
-    pairs = ((whole, MONOPITCH), (ridge, DUOPITCH))
+    pairs = ((plane_slope, MONOPITCH), (ridge_slope, DUOPITCH))
     down, up = ([float(np.interp(angle, table[0], table[k])) for angle, table in pairs] for k in (1, 2))
     return max(down), min(up)
