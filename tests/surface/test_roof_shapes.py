@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from dsfab.core.errors import SurfaceError
 from dsfab.surface import LoadCase, Snow, Support, Surface, Vertices, Wind
 from dsfab.surface.shapes import plate, sphere
-from tests.shapes import grid
+from tests.shapes import grid, joined
 
 HELD = [Support(Vertices((0,)))]
 Q, LENGTH = 600.0, 8.0
@@ -114,6 +114,17 @@ def test_snow_that_drifts_over_an_arch_lies_in_two_triangles():
     assert total(high, load)[2] == pytest.approx(-900 * LENGTH * 10 * np.sin(np.pi / 3) * 2.0 * 3 / 8, rel=0.01)
     slope = np.degrees(np.arccos(np.abs(high.normals[:, 2])))
     assert not load.traction(high)[slope > 60].any()
+
+
+@pytest.mark.parametrize(
+    "load",
+    [Wind(Q, (1.0, 0, 0), shape="vault"), Wind(Q, (1.0, 0, 0), shape="canopy up"), Snow(Q, shape="drifted")],
+    ids=["vault", "canopy", "snow"],
+)
+def test_each_connected_roof_has_its_own_zones(load):
+    roof = arch(20.0, 25.0)
+    beside = Surface(roof.V + [30.0, 0, 3.0], roof.F)
+    assert_allclose(total(joined(roof, beside), load), 2 * total(roof, load), rtol=1e-9, atol=1e-6)
 
 
 def test_half_of_the_snow_is_cleared_from_the_slope_that_rises_along_the_drift():

@@ -62,8 +62,9 @@ class Snow:
         if self.shape == "mu1":
             plan = plan * snow_shape_factor(slope)
         elif self.shape:
-            profile = RoofProfile.from_faces(surface, picked, outward_normals(surface), self.drift, self.kind)
-            plan = plan * (half_cleared if self.shape == "half" else drifted_on_arch)(profile, slope)
+            profiles = RoofProfile.of_pieces(surface, picked, outward_normals(surface), self.drift, self.kind)
+            factor = half_cleared if self.shape == "half" else drifted_on_arch
+            plan = plan * np.sum([factor(profile, slope) for profile in profiles], axis=0)
         if plan.max() <= EDGE_ON:
             raise SurfaceError(
                 f"a load of kind '{self.kind}' misses every picked face; pick faces that are not vertical"
@@ -129,11 +130,14 @@ class Wind:
         return np.asarray(-self.pressure * c[:, None] * n)
 
     def _on_roof(self, surface: Surface, picked: Bools, normals: Floats) -> Floats:
-        profile = RoofProfile.from_faces(surface, picked, normals, self.direction, "wind")
-        if self.shape == "vault":
-            return vault_pressure(profile, self.eaves)
-        down, up = canopy_coefficients(profile, surface.areas)
-        return np.where(profile.roof, down if self.shape == "canopy down" else up, 0.0)
+        c = np.zeros(surface.m)
+        for profile in RoofProfile.of_pieces(surface, picked, normals, self.direction, "wind"):
+            if self.shape == "vault":
+                c += vault_pressure(profile, self.eaves)
+            else:
+                down, up = canopy_coefficients(profile, surface.areas)
+                c += np.where(profile.roof, down if self.shape == "canopy down" else up, 0.0)
+        return c
 
     def forces(self, surface: Surface, weight: float) -> Floats:
         """Return the forces (n, 3), newtons."""

@@ -31,8 +31,10 @@ class RoofProfile:
     rise: float
 
     @classmethod
-    def from_faces(cls, surface: Surface, faces: Bools, normals: Floats, direction: Vector, kind: str) -> "RoofProfile":
-        """Return the profile of the picked `faces` (m,) that look upwards.
+    def of_pieces(
+        cls, surface: Surface, faces: Bools, normals: Floats, direction: Vector, kind: str
+    ) -> list["RoofProfile"]:
+        """Return the profile of each connected piece with picked `faces` (m,) that look upwards.
         normals : (m, 3) to the outside.    kind : kind of the load, for messages.
         Raises SurfaceError for a vertical direction, and if no face looks upwards."""
         d = np.array(unit_vector(direction, f"a load of kind '{kind}'")) * (1.0, 1.0, 0.0)
@@ -41,6 +43,12 @@ class RoofProfile:
             what = "its direction is vertical" if roof.any() else "no picked face looks upwards"
             raise SurfaceError(f"a load of kind '{kind}' with a shape of roofs: {what}; pick a roof, and give x and y")
         d /= np.linalg.norm(d)
+        count, piece = surface.pieces
+        parts = (roof & (piece == k) for k in range(count))
+        return [cls._from_roof(surface, part, normals, d) for part in parts if part.any()]
+
+    @classmethod
+    def _from_roof(cls, surface: Surface, roof: Bools, normals: Floats, d: Floats) -> "RoofProfile":
         corners = surface.V[surface.F[roof]]
         low, high = corners.reshape(-1, 3).min(axis=0), corners.reshape(-1, 3).max(axis=0)
         ends = (corners @ d).min(), (corners @ d).max()
@@ -75,7 +83,7 @@ def snow_shape_factor(slope: Floats) -> Floats:
 def half_cleared(profile: RoofProfile, slope: Floats) -> Floats:
     """Return mu_1 (m,) on parts that fall along the direction, and half of it elsewhere [EN 1991-1-3:2003, 5.3.3 (4)].
     slope : (m,) degrees of each face."""
-    return np.where(profile.slope <= 0, 1.0, 0.5) * snow_shape_factor(slope)
+    return np.where(profile.roof, np.where(profile.slope <= 0, 1.0, 0.5) * snow_shape_factor(slope), 0.0)
 
 
 def drifted_on_arch(profile: RoofProfile, slope: Floats) -> Floats:
