@@ -19,7 +19,8 @@ import tomllib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
-from importlib import metadata
+from importlib import import_module, metadata
+from pkgutil import walk_packages
 
 import numpy as np
 import pytest
@@ -376,7 +377,12 @@ def test_a_build_begins_without_half_of_scipy():
 def test_all_public_names_exist():
     import dsfab
 
-    assert [name for name in dsfab.__all__ if not hasattr(dsfab, name)] == []
+    packages = [
+        dsfab,
+        *(import_module(module.name) for module in walk_packages(dsfab.__path__, "dsfab.") if module.ispkg),
+    ]
+    promised = [(package, name) for package in packages for name in getattr(package, "__all__", ())]
+    assert [f"{package.__name__}.{name}" for package, name in promised if not hasattr(package, name)] == []
     with pytest.raises(AttributeError, match="no_such_thing"):
         _ = dsfab.no_such_thing
 

@@ -147,8 +147,12 @@ def test_loads_of_roofs_leave_walls_and_undersides_alone():
     [
         (Wind(Q, (0, 0, -1.0), shape="vault"), arch(5.0, 60.0), "its direction is vertical"),
         (Wind(Q, (0, 1.0, 0), shape="canopy up"), upright(), "no picked face looks upwards"),
-        (Wind(Q, (1.0, 0, 0), shape="vault"), plate(edge=1.0), "rise / depth is 0.00 along the wind"),
+        (Wind(Q, (1.0, 0, 0), shape="vault"), plate(edge=1.0), "no arch along|rise / depth is 0.00 along the wind"),
         (Wind(Q, (1.0, 0, 0), shape="canopy up"), pitched(40, 40), "its slope is 40 degrees"),
+        (Wind(Q, (1.0, 0, 0), shape="canopy up"), pitched(-35, 35), "its slope is -35 degrees"),
+        (Wind(Q, (1.0, 0, 0), shape="vault"), pitched(-15, 15), "shape 'vault': the roof is no arch"),
+        (Snow(Q, shape="drifted"), pitched(-15, 15), "shape 'drifted': the roof is no arch"),
+        (Wind(Q, (0, 1.0, 0), shape="vault"), arch(5.0, 60.0), "turn the direction across the roof"),
         (Snow(Q, shape="drifted", drift=(0, 0, 1.0)), arch(5.0, 60.0), "its direction is vertical"),
     ],
 )

@@ -135,7 +135,7 @@ class Wind:
             if self.shape == "vault":
                 c += vault_pressure(profile, self.eaves)
             else:
-                down, up = canopy_coefficients(profile, surface.areas)
+                down, up = canopy_coefficients(profile)
                 c += np.where(profile.roof, down if self.shape == "canopy down" else up, 0.0)
         return c
 

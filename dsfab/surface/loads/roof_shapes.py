@@ -21,7 +21,8 @@ class RoofProfile:
     place : (m,) position of each face along the direction, 0 at the first face and 1 at the last.
     arc   : (m,) the same position, measured along the arc of the roof.
     slope : (m,) slope of each face along the direction as rise / run, positive if the roof rises.
-    depth : length of the roof in plan.    rise : height of the roof."""
+    depth : length of the roof in plan.    rise : height of the roof.
+    halves : mean slopes before and behind the middle; an arch has a positive and a negative slope."""
 
     roof: Bools
     place: Floats
@@ -29,6 +30,20 @@ class RoofProfile:
     slope: Floats
     depth: float
     rise: float
+    halves: tuple[float, float]
+
+    @property
+    def ridge_slope(self) -> float:
+        """Slope of the equivalent roof with two slopes, degrees; negative for a trough."""
+        return float(np.degrees(np.arctan((self.halves[0] - self.halves[1]) / 2)))
+
+    def require_arch(self, kind: str, shape: str) -> None:
+        """Raise SurfaceError if the roof rises and falls along the direction by less than half of its height."""
+        if (self.halves[0] - self.halves[1]) * self.depth < 2 * self.rise:
+            raise SurfaceError(
+                f"a load of kind '{kind}' with shape '{shape}': the roof is no arch along the load's direction, as the "
+                "standard assumes; turn the direction across the roof, or use another shape"
+            )
 
     @classmethod
     def of_pieces(
@@ -56,7 +71,11 @@ class RoofProfile:
         place[roof] = (surface.centroids[roof] @ d - ends[0]) / (ends[1] - ends[0])
         slope[roof] = -(normals[roof] @ d) / normals[roof, 2]
         arc = _along_arc(place[roof], slope[roof], surface.areas[roof])
-        return cls(roof, place, _on_all_faces(roof, arc), slope, float(ends[1] - ends[0]), float(high[2] - low[2]))
+        in_plan = np.where(roof, surface.areas, 0.0) / np.sqrt(1 + slope**2)
+        halves = [in_plan * (place < 0.5), in_plan * (place >= 0.5)]
+        before, behind = (float(slope @ half / max(half.sum(), 1e-300)) for half in halves)
+        arc = _on_all_faces(roof, arc)
+        return cls(roof, place, arc, slope, float(ends[1] - ends[0]), float(high[2] - low[2]), (before, behind))
 
 
 def _on_all_faces(mask: Bools, values: Floats) -> Floats:
@@ -92,6 +111,7 @@ def drifted_on_arch(profile: RoofProfile, slope: Floats) -> Floats:
     Snow lies where the slope (m,) is at most 60 degrees. On each half of this part the factor rises from 0 to its peak
     in the middle of the half, and falls to 0. The peak is mu_3 = 0.2 + 10 rise / depth, at most 2, on the half towards
     the direction, and mu_3 / 2 on the other half."""
+    profile.require_arch("snow", "drifted")
     lies = (slope <= STEEP) & profile.roof
     if not lies.any():
         return np.zeros(len(slope))
@@ -110,6 +130,7 @@ def vault_pressure(profile: RoofProfile, eaves: float) -> Floats:
     0.2; B is -0.7 - f; C is -0.4. Between these heights A is linear [EN 1991-1-4:2005, 7.2.8, figure 7.11].
     eaves : height of the eaves above the ground, metres. Raises SurfaceError for f outside of the figure, 0.05 to 0.5;
     up to 0.55 counts as 0.5, because the edge of a mesh of half a circle is ragged."""
+    profile.require_arch("wind", "vault")
     f, high = profile.rise / profile.depth, min(2 * eaves / profile.depth, 1.0)
     if not 0.05 <= f <= 0.55:
         raise SurfaceError(
@@ -138,22 +159,19 @@ DUOPITCH = np.array(
 [EN 1991-1-4:2005, table 7.7, phi = 0]."""
 
 
-def canopy_coefficients(profile: RoofProfile, areas: Floats) -> tuple[float, float]:
+def canopy_coefficients(profile: RoofProfile) -> tuple[float, float]:
     """Return the largest (downward) and smallest (upward) force coefficient of an open canopy.
 
-    The halves before and behind the middle have mean slopes along the wind. Half of their sum is the slope of a roof
-    with one slope, half of their difference that of a roof with two slopes; the larger coefficient of both counts.
-    areas : (m,) of the faces. Raises SurfaceError for slopes outside of the tables."""
-    in_plan = np.where(profile.roof, areas, 0.0) / np.sqrt(1 + profile.slope**2)
-    halves = [in_plan * (profile.place < 0.5), in_plan * (profile.place >= 0.5)]
-    rising, falling = (float(profile.slope @ half / max(half.sum(), 1e-300)) for half in halves)
-    plane_slope = abs(float(np.degrees(np.arctan((rising + falling) / 2))))
-    ridge_slope = float(np.degrees(np.arctan((rising - falling) / 2)))
+    Half of the sum of the mean slopes before and behind the middle is the slope of a roof with one slope, half of their
+    difference that of a roof with two slopes. The larger coefficient of both counts.
+    Raises SurfaceError for slopes outside of the tables."""
+    plane_slope = abs(float(np.degrees(np.arctan(sum(profile.halves) / 2))))
+    ridge_slope = profile.ridge_slope
     if plane_slope > 30.5 or not -20.5 <= ridge_slope <= 30.5:
-        steepest = max(plane_slope, abs(ridge_slope))
+        steep = plane_slope if plane_slope > 30.5 else ridge_slope
         raise SurfaceError(
-            f"a load of kind 'wind' on an open canopy: its slope is {steepest:.0f} degrees; EN 1991-1-4, 7.3 covers "
-            "-20 to 30 degrees; use shape 'vault', or give coefficients without a shape"
+            f"a load of kind 'wind' on an open canopy: its slope is {steep:.0f} degrees; EN 1991-1-4, 7.3 covers "
+            "-20 (a trough) to 30; use shape 'vault', or give coefficients without a shape"
         )
     pairs = ((plane_slope, MONOPITCH), (ridge_slope, DUOPITCH))
     down, up = ([float(np.interp(angle, table[0], table[k])) for angle, table in pairs] for k in (1, 2))
