@@ -278,7 +278,7 @@ ROWS = {
     "thickening": ("thickening",),
 }
 """Rows of the timing table, by stage; each row is a key of `Log.seconds`."""
-PARTS = {"statics": ("factor",)}  # Timing rows whose seconds are part of another row, by stage.
+PARTS = {"statics": ("factor",)}  # For each stage, timing rows that other rows include.
 Progress = Callable[[str, str], None]  # Receives the name of a stage and a message about its step.
 
 

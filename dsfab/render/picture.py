@@ -104,7 +104,7 @@ class StructurePicture:
         colours = np.array(palette.members, dtype=np.uint8) if self.colours is None else self.colours
         body = Body(self.V, self.F, colours, casts=True)
         stage = set_stage(body, self.side, self.up, self.half, self.annotations, palette, size)
-        if self.side.towards @ self.up < 0:  # views from below have no ground
+        if self.side.towards @ self.up < 0:  # views from below show no ground
             stage = replace(stage, level=None)
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             image = render_stage(scene, stage, palette, size, quality, self.clear)
@@ -113,7 +113,7 @@ class StructurePicture:
 
 
 def _member_colours(F: Ints, family: ArrayLike | None, palette: Palette) -> Bytes:
-    table = np.array([*palette.families, palette.members], dtype=np.uint8)  # family -1 takes the last row
+    table = np.array([*palette.families, palette.members], dtype=np.uint8)  # family -1 means the last row
     index = np.full(len(F), -1) if family is None else np.asarray(family)
     if index.shape != (len(F),) or index.min() < -1 or index.max() >= len(palette.families):
         raise ValueError(f"expected {len(F)} families between -1 and {len(palette.families) - 1}")

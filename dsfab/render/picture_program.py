@@ -13,7 +13,7 @@ from pathlib import Path
 
 def main() -> None:
     """Draw the pictures that standard input requests."""
-    sys.path.append(str(Path(__file__).parents[2]))  # the folder of dsfab, which may not be installed
+    sys.path.append(str(Path(__file__).parents[2]))  # finds dsfab even if dsfab is not installed
     import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
 
     import dsfab.render.build_pictures  # noqa: F401  (loads while there is no design yet)

@@ -90,7 +90,7 @@ class Previewer:
         self._stage = drawing.set_stage(body, self._side, up, half, annotations, mark_palette, DEFAULT_SIZE)
         if show == "directions":
             self._stage = replace(self._stage, bodies=[*self._stage.bodies, crosses(design, palette)])
-        if self._side.towards @ up < 0:  # views from below have no ground
+        if self._side.towards @ up < 0:  # views from below show no ground
             self._stage = replace(self._stage, level=None)
         self._scene = Scene(self._stage.bodies, self._stage.centre, self._stage.radius)
         try:
@@ -188,8 +188,8 @@ class Previewer:
             raise DsfabError("a Previewer draws only in the thread that made it; make a Previewer in each thread")
         stage = replace(self._stage, view=self._view(size, words))
         image = drawing.render_stage(self._scene, stage, self._palette, size, quality, self._clear)
-        release_freed_memory(16.0 * size[0] * size[1] * quality.finer**2)  # memory of intermediate pictures
-        alone = len(stage.bodies) == 1  # the picture shows only the sheet; it is empty if no material is left
+        release_freed_memory(16.0 * size[0] * size[1] * quality.finer**2)  # bytes of intermediate pictures
+        alone = len(stage.bodies) == 1  # a picture of only the sheet is empty if no material is left
         if self._scene.empty if alone else not self._scene.casting:
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         if words:
@@ -232,7 +232,7 @@ class Previewer:
         design, mesh = self._made, self._mesh
         self._shader = StripeShader(vertex_fields(design, mesh, self._distances(design)), self._tints)
         V, normals = self._V, None
-        if mesh.even:  # this mesh is cut along lines; equal normals on both sides hide these lines
+        if mesh.even:  # equal normals on both sides hide the lines along which this mesh is cut
             normals = mesh.at_corners(shading(design.surface.V if V is None else V, design.surface.F))
         return Body(
             mesh.surface.V if V is None else mesh.carry(V),
@@ -250,7 +250,7 @@ class Previewer:
 
     def _try_shader(self) -> None:
         view = self._view(TRIAL_SIZE, True)
-        seen = []  # drivers that refuse the shader draw the whole mesh or nothing, without an error
+        seen = []  # if a driver refuses the shader, all faces or none appear, without an error
         for settings in (ALL_MATERIAL, NO_MATERIAL):
             self._shader.set(settings)
             seen.append(int(self._scene.mask(view, *TRIAL_SIZE).sum()))

@@ -273,7 +273,7 @@ class Scene:
             self.window.draw()
         hit = z < 1
         self.empty = not hit.any()
-        z *= near - far  # no new array: a picture for print has 24 million pixels
+        z *= near - far  # in place: a picture for print has 24 million pixels
         z += far
         depth = np.divide(near * far, z, out=z)
         depth[~hit] = np.inf
@@ -317,7 +317,7 @@ class Scene:
         self.casting = False
         for actor, body, casts in zip(self.actors, self.bodies, self.casts, strict=True):
             actor.SetVisibility(casts)
-            actor.GetMapper().SetScalarVisibility(body.shader is not None)  # drawing with colours is 10 times as slow
+            actor.GetMapper().SetScalarVisibility(body.shader is not None)  # colours would take 10 times as long
             if casts and body.shader is None:  # drawing hidden back faces would triple the time
                 actor.GetProperty().SetBackfaceCulling(body.encloses)
         yield

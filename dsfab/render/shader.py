@@ -12,7 +12,7 @@ from dsfab.pattern.stripes import GLSL
 from dsfab.render.scene import Bytes, Colour, Floats32, set_array
 
 INFINITE_DISTANCE = 1e30  # distance (m) in place of infinity, because infinity times 0 is not a number
-NO_REACH = -INFINITE_DISTANCE  # width of kept material if there is none; not 0, as rounded distances can be negative
+NO_REACH = -INFINITE_DISTANCE  # width without kept material; 0 would fail, because rounded distances can be negative
 BY_VERTEX = -1.0  # half-width that tells the shader to read half-widths at the vertices
 
 _DECLARED, _VERTEX_CODE = "//VTK::CustomUniforms::Dec", "//VTK::CustomBegin::Impl"
@@ -22,7 +22,7 @@ FIELDS = ("modes", "widths", "kept")  # names of the three pairs of columns of `
 TIE = 2e-6  # margin (periods) for rounding: half-width 0 gives no material, 1/2 no opening
 
 # (wave(t) + 1) / 4 is the distance from t to the nearest half-integer. With phase t and half-width d, a pixel is
-# material if this distance exceeds 1/2 - d. The vertex shader computes the linear part, to save time for each pixel.
+# material if this distance exceeds 1/2 - d. The vertex shader computes t - 1/2 and 1/2 - d, to save time per pixel.
 _STRIPES = f"""
   vec2 dsWide = HALF;
   vec2 dsTie = vec2(dsWide.x > 0.0 ? -{TIE} : {TIE}, dsWide.y > 0.0 ? -{TIE} : {TIE});
@@ -48,7 +48,7 @@ vec3 dsDepth(vec4 stripes, vec2 kept) {
 float dsMost(vec3 depth) { return max(depth.x, max(depth.y, depth.z)); }
 """
 
-# a ray from the eye enters a flat slab of the sheet's thickness, and ends at its face or at the wall of a stripe.
+# a ray from the eye enters a flat slab of the sheet's thickness, and ends at the slab's face or a stripe's wall.
 # walls have their own variant of the shader, because software rendering runs both branches of every `if`
 _WALLS = """
   vec3 dsWall = vec3(0.0);

@@ -35,7 +35,7 @@ def main(sketches: bool) -> None:
     while True:
         _draw(*pickle.loads(requests.get()))
         _print_line("drawn")
-        gc.enable()  # more pictures may follow, as with `--watch`
+        gc.enable()  # with `--watch`, more pictures follow
 
 
 def _draw(what: Any, path: Any, size: tuple[int, int] = (0, 0), options: Any = None) -> None:

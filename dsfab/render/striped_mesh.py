@@ -18,7 +18,7 @@ from dsfab.results import EvenStripes, PatternResult
 from dsfab.surface import DividedField, Surface
 
 EXACT_REACH_SHARE = 1 / 8  # distances up to this fraction of the surface's size are exact, in all presets
-REGION_FACTOR = 1e33  # factor on distances from drawn regions, so that `keep` adds no material outside the regions
+REGION_FACTOR = 1e33  # factor on distances from drawn regions, so large that `keep` adds no material around them
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +120,7 @@ def _distances_outside(design: Design, to_held: Floats) -> Floats:
         x = field.at_vertices if isinstance(field, DividedField) else field
         assert isinstance(x, np.ndarray)
         if x.ndim == 1:
-            # the outline of a solid region (x = 0) gets a small positive distance, as if outside the region
+            # vertices on the outline of a solid region (x = 0) count as outside, at a small distance
             region = np.where(x > 0, -surface.mean_edge, 1e-3 * surface.mean_edge)
             outside = np.where(x >= 0, np.minimum(outside, region), outside)
         else:
@@ -157,7 +157,7 @@ def needs_only_settings(drawn_preset: Preset, preset: Preset) -> bool:
         return False
     if new_pattern.method != "modes":
         return new_pattern.method == "stripes" and _without_reaches(old_pattern) == _without_reaches(new_pattern)
-    if new_pattern.width.widths(1.0).vary or new_pattern.auto:  # widths depend on the whole pattern
+    if new_pattern.width.widths(1.0).vary or new_pattern.auto:  # all settings can change the widths
         return False
     if new_pattern.major.spacing or new_pattern.minor.spacing:  # new frequencies must be computed from the spacing
         return False
@@ -172,7 +172,7 @@ def shader_settings(preset: Preset, result: PatternResult, show: str) -> StripeS
     """Return the shader settings of a preset."""
     pattern = preset.pattern
     pair, width = (pattern.major, pattern.minor), pattern.width
-    nothing = 0.0 if pattern.drawn_regions else NO_REACH  # with `NO_REACH` the shader ignores the user's regions
+    nothing = 0.0 if pattern.drawn_regions else NO_REACH  # `NO_REACH` would make the shader ignore drawn regions
     reach, shown = (pattern.keep or nothing, pattern.rim or NO_REACH), _SHOWN_FAMILIES.get(show, (1.0, 1.0))
     shown_families = (shown[0] * ("major" in pattern.family_names), shown[1] * ("minor" in pattern.family_names))
     if result.even:

@@ -75,9 +75,9 @@ class SheetDrawer:
             half = design.preset.statics.thickness / 2
             stage = set_stage(uncut_body, side, up, half, Annotations(surface, load, layers=()), PAPER, self.size)
             stage = replace(stage, view=page_view([uncut_body], side, self.size, words=False))
-            if side.towards @ up < 0:  # seen from below, the ground is transparent
+            if side.towards @ up < 0:  # the ground is transparent from below
                 stage = replace(stage, level=None)
-            # while a surface is stored, no other surface gets its id
+            # `id` is unique only while the surface is stored
             _stages.of, _stages.surface, _stages.stage = (id(design.surface), self), surface, stage
         cached: Stage = _stages.stage
         return cached

@@ -103,7 +103,7 @@ def _disc_around(surface: Surface, z: Floats, level: int, load: Bools, supported
     same_side = above[a] == above[b]
     label = _labels(a[same_side], b[same_side], surface.n)
     inside = np.unique(label[load])
-    if len(inside) != 1:  # the line crosses the loaded patch
+    if len(inside) != 1:  # the contour crosses the load
         return None
     region = label == inside[0]
     return region if not region[supported].any() and _is_disc(surface, region) else None

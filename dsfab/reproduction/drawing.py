@@ -11,7 +11,7 @@ from dsfab.render.previewer import Previewer
 from dsfab.render.scene import Bytes
 
 SMALL, LARGE = (560, 420), (1120, 840)  # Sizes of the pictures of steps, and of the structure, pixels.
-LIGHT = LightQuality(8, 24, 5, 896, 512, (0.006, 0.035))  # Light of better quality than in a sweep.
+LIGHT = LightQuality(8, 24, 5, 896, 512, (0.006, 0.035))  # Better light than in pictures of sweeps.
 
 VIEWS = {
     "pavilion": "25,35",
@@ -26,7 +26,7 @@ VIEWS = {
 """Views of figures whose default view hides their subject; see `dsfab.render.view`."""
 
 MARKS = ("loads", "supports", "person", "gradients")  # Marks in the pictures; "gradients" appear only with modes.
-SCALE = {"pavilion": "tree"}  # These figures show a tree instead of a person for scale, as in the published figure.
+SCALE = {"pavilion": "tree"}  # Figures that show a tree for scale instead of a person, as the published figures do.
 
 
 @dataclass(frozen=True, eq=False)

@@ -169,7 +169,7 @@ class _Walk:
             runs.append(runs[-1] + float(np.linalg.norm(p - points[-1])))
             points.append(p)
             faces.append(face)
-            # points within the last 3 x `apart` do not count, because they are near p on every line
+            # points within the last 3 x `apart` of the line do not count: they are always near p
             passed = int(np.searchsorted(runs, runs[-1] - 3 * self.apart))
             if (back := self._return_index(points[:passed], p)) is not None:
                 came = back * 2 < passed

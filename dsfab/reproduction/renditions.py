@@ -128,7 +128,7 @@ def _carried_share(design: Design) -> float:
         return np.nan
     try:
         loads = design.cut_loads.values()
-    except DsfabError:  # no material near the load, or no support is left
+    except DsfabError:  # no material is left at the load or at supports
         return 0.0
     sheet = design.sheet.surface
     _, label = pieces(sheet.F, sheet.edges)

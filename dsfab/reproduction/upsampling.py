@@ -143,7 +143,7 @@ def _write_chart(comparison: CutComparison, path: Path) -> None:
     from PIL import Image
 
     wide, tall = drawing.LARGE
-    inches = 8.6  # at this width the chart's text is as large as the page's
+    inches = 8.6  # makes the chart's text as large as the page's text
     figure = Figure((inches, inches * tall / wide), dpi=wide / inches, layout="constrained")
     _draw_chart(figure.subplots(), comparison)
     buffer = io.BytesIO()

@@ -30,7 +30,7 @@ ROW = {
     "pattern.minor": {"mode": 1, "frequency": 10.0, "phase": 0.0},
 }
 """Settings of the sphere in Table 1, Madan et al., without kept regions; families by stress sign, not magnitude."""
-LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # `ROW` with labels and law of Madan et al.
+LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # labelling and elastic law of Madan et al.
 SHARES = (0.3, 0.5, 0.7)  # Shares of material; each takes a few minutes.
 
 RIVALS = {

@@ -86,7 +86,7 @@ def edge_frames(surface: Surface) -> Floats:
     edges = surface.edges
     t = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
     t = t / np.linalg.norm(t, axis=1, keepdims=True)
-    # this product does not depend on the orientation of the face; its values in an edge's two faces are opposite
+    # `area_normal` x half-edge sign does not depend on a face's orientation, and is opposite in adjacent faces
     area_normal = surface.normals * surface.areas[:, None]
     signed = (half_edge_signs(surface)[:, :, None] * area_normal[:, None, :]).reshape(-1, 3)
     n = signed[edges.order[edges.start[:-1]]]
@@ -120,7 +120,7 @@ def tensor_matrices(planar: Floats) -> Floats:
 def assemble_blocks(blocks: Floats, columns: Ints, size: int) -> csr_array:
     """Return the sparse matrix (size, size) that sums the blocks (m, c, c) of all faces.
     columns : (m, c) number of the unknown for each row and column of a block."""
-    # sparse product S^T Z, which needs no sorting: Z has the rows of all blocks, S selects the unknowns
+    # the product S^T Z needs no sorting: Z has the rows of all blocks, S selects the unknowns
     m, c = columns.shape
     columns = columns.astype(np.int32 if max(m * c * c, size) < 2**31 else np.int64)
     count = np.arange(m * c + 1, dtype=columns.dtype)

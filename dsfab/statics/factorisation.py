@@ -92,7 +92,7 @@ def stiffness_factor(surface: Surface, K: csr_array, is_held: Bools) -> Factor:
     if K.shape[0] == 3 * surface.n:
         rigid = rigid_motions(surface.V).reshape(-1, 6)[free] / scale[:, None]
     try:
-        # `factorise` calls `_restriction` and frees its matrix before the factor takes memory
+        # `factorise` makes the restricted matrix, and frees it before the factor takes memory
         return Factor(K, free, scale, factorise(partial(_restriction, K, free, scale), points, node, rigid=rigid))
     except NotPositiveDefinite as error:
         raise StaticsError(

@@ -62,7 +62,7 @@ class ShearRecovery:
         twist   : (m, 3 corners, 3) moments averaged at vertices, N."""
         nodes = self.columns.shape[1]
         work = np.einsum("mai,maij->mj", -moments, moment_loads(self.surface)[..., :6]) + self._at_rims(twist)
-        if nodes == 6:  # change from bubbles to quadratic functions that are 1 at one of the six nodes
+        if nodes == 6:  # changes the basis from bubbles to quadratic functions with value 1 at a node
             work[:, :3] -= (work[:, 3:] + np.roll(work[:, 3:], 1, axis=1)) / 2
         load = np.bincount(self.columns.ravel(), (self.sign * work[:, :nodes]).ravel(), self.spread.shape[0])
         M = self.sign * self.factor(self.spread @ load)[self.columns]

@@ -342,7 +342,7 @@ def refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> t
         forces = np.concatenate([Kx, moves[:, inexact] / energies[inexact]], axis=1)
         energy = basis.T @ forces
         weight, axes = eigh((energy + energy.T) / 2)
-        axes = axes[:, weight > INDEPENDENT] / np.sqrt(weight[weight > INDEPENDENT])  # leaves out parallel steps
+        axes = axes[:, weight > INDEPENDENT] / np.sqrt(weight[weight > INDEPENDENT])  # drops dependent vectors
         c = axes @ eigh(axes.T @ (basis.T @ (A @ basis)) @ axes)[1][:, -len(mu) :]
         x, Kx = basis @ c, forces @ c
         earlier, mu = mu, np.einsum("nk,nk->k", x, A @ x) / np.einsum("nk,nk->k", x, Kx)

@@ -34,7 +34,7 @@ sheets: 1 % in displacements, 5 % in buckling factors. `SheetModel.rigidity` gro
 narrower than three thicknesses can be off by a third."""
 DERIVATIVES, MODE_DERIVATIVES = 3, 2  # Number of derivatives of solutions and modes by the thickness.
 MODES = 3  # Number of buckling modes for each load case; with another thickness, another mode may be the lowest.
-CASES = 3  # Number of load cases with buckling modes in the basis: the cases with the largest compression.
+CASES = 3  # The basis has buckling modes of the 3 load cases with the largest compression.
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from dsfab.surface.fields import tangents
 APART = np.radians(60)
 """Smallest angle, seen from the centre of a disc in a rib, between border points on different sides of the rib.
 Points at a smaller angle lie on the same side [Ma, Bae and Choi 2012]."""
-LEAN = 0.5  # Least cosine of the angle between a face and its nearest border, if this border belongs to its rib.
+LEAN = 0.5  # A border belongs to a face's rib only if the cosine of the angle between them is at least this.
 
 
 def torsion_share(ratio: Floats) -> Floats:
@@ -51,7 +51,7 @@ def rib_shape(surface: Surface) -> RibShape:
     along = d[h[nearest]]
     along -= np.einsum("mx,mx->m", along, surface.normals)[:, None] * surface.normals
     length = np.linalg.norm(along, axis=1)
-    leans = length < LEAN  # at a fold the nearest border may belong to the other plate
+    leans = length < LEAN  # at a fold, the nearest border may be on another plate
     along = np.where(leans[:, None], tangents(surface)[:, 0], along / np.maximum(length, LEAN)[:, None])
     return RibShape(np.where(leans, np.inf, 2 * radius[nearest]), along)
 

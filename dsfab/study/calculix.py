@@ -19,7 +19,7 @@ from dsfab.surface import LoadCase, Surface
 
 CCX = "ccx"  # CalculiX's solver program
 ENERGY = re.compile(r"total internal energy.*?\n\s*\n\s*(\S+)")
-Projection = Callable[[Floats], tuple[Floats, Floats]]  # points -> their nearest points on the surface, unit normals
+Projection = Callable[[Floats], tuple[Floats, Floats]]  # points -> nearest surface points and unit normals
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,7 +228,7 @@ def _files(folder: Path, ended: bool) -> CcxFiles:
 
 FACTOR = re.compile(r"^ +\d+ +(\S+) *$", re.MULTILINE)
 FACTORS = (6, 24, 96)  # Numbers of buckling factors to request in turn, because many can be negative.
-SETTLED = 0.01  # Largest relative change of the lowest positive factor at which the search for this factor ends.
+SETTLED = 0.01  # The search ends if the lowest positive factor changes by a smaller fraction.
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,7 +304,7 @@ def load_path(
         return path, stop_point(path) if len(path.load) > 1 else None
 
     files = run_ccx(text, seconds, lambda files: until(files)[1] is not None)
-    path, end = until(files)  # points that CalculiX computed after the needed point `end` are left out
+    path, end = until(files)  # leaves out points that CalculiX computed after `end`
     if end is not None:
         return path.until(end)
     if len(path.load) == 1 and not files.ended:

@@ -231,7 +231,7 @@ def _smallest_member(structure: Structure) -> float | None:
     return None if member is None else member.size
 
 
-SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # of a full check; True for a flat sheet with loads in its plane
+SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # full check; True for a flat sheet with loads in its plane
 Level = Literal["quick", "full"]
 
 

@@ -151,6 +151,6 @@ def painted_faces(
     tints = np.concatenate([np.tile(colours.get(face.id, face.colour), (len(face.quads), 1)) for face in faces])
     n = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])
     facing = np.abs(n @ view.eye) / np.maximum(np.linalg.norm(n, axis=1), 1e-30)
-    tints = tints * (0.7 + 0.3 * facing)[:, None]  # faces are darker if seen edge-on
+    tints = tints * (0.7 + 0.3 * facing)[:, None]  # faces seen edge-on are darker
     order = (quads.mean(axis=1) @ view.eye).argsort(kind="stable")
     return FaceList(view.projected(quads[order]), tints[order])

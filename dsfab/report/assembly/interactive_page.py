@@ -59,7 +59,7 @@ def key_figures(design: Design, judged: bool) -> list[tuple[str, str]]:
     """Return names and values of the key figures of a structure."""
     statics, box = design.preset.statics, np.ptp(design.surface.V, axis=0)
     sheet = design.sheet.surface
-    mass = sheet.area * statics.thickness * statics.density  # approximate, because making the solid takes longer
+    mass = sheet.area * statics.thickness * statics.density  # approximate, because the exact solid takes longer
     figures = [
         ("size", " x ".join(length(float(side)) for side in box)),
         ("mass", f"{mass:,.0f} kg" if mass >= 100 else f"{mass:.3g} kg"),

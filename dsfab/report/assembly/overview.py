@@ -273,7 +273,7 @@ def _draw_step(
     cell: PaperBox,
     view_and_extent: tuple[Axonometry, Floats],
 ) -> None:
-    (view, extent), count = view_and_extent, 3  # lines of names below a picture
+    (view, extent), count = view_and_extent, 3  # count of lines below a picture
     added = set(steps[k].members)
     standing = {name for step in steps[:k] for name in step.members} - added
     visible = [face for face in faces if face.id in added or face.id in standing]

@@ -95,7 +95,7 @@ class Paper:
     def upright_text(self, place: tuple[float, float], words: str, size: float, colour: Colour = INK) -> None:
         """Write a line of text upwards from a place."""
         self.canvas.saveState()
-        self.canvas.translate(place[0] * MM + size * 0.35, place[1] * MM)  # half of a capital's height
+        self.canvas.translate(place[0] * MM + size * 0.35, place[1] * MM)  # half of a letter's height
         self.canvas.rotate(90)
         self.canvas.setFont(self.fonts[0], size)
         self.canvas.setFillColorRGB(*colour)

@@ -235,14 +235,14 @@ class FindingsPictures:
     def stress(self, answered: AnsweredLoad, caption: str) -> ReportFigure:
         """Draw the largest von Mises stress in each face of the cut sheet."""
         sheet, value = self.findings.structure.sheet.surface, answered.stress.largest
-        limit = quantile(value, sheet.areas, 0.98) or 1.0  # leaves out the peaks at corners: 2 % of the area
+        limit = quantile(value, sheet.areas, 0.98) or 1.0  # peaks at corners (2 % of the area) do not count
         return self.band_figure(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
 
     def displacement(self, answered: AnsweredLoad, limit: float, caption: str) -> ReportFigure:
         """Draw the deformed sheet, coloured by displacement, 0 to `limit` (m).
         caption : text in which `{factor}` is replaced by the enlargement."""
         sheet, u = self.findings.structure.sheet.surface, answered.equilibrium.u
-        # the largest displacement is magnified to 7 % of the surface's size, or less
+        # magnifies the largest displacement to at most 7 % of the surface's size
         factor = round_number_above(0.07 * self.findings.task.surface.size / float(np.linalg.norm(u, axis=1).max())) / 2
         moved = np.linalg.norm(u, axis=1)[sheet.F].mean(axis=1)
         words = caption.format(factor=significant_digits(factor, 2))

@@ -93,7 +93,7 @@ def round_number_above(value: float) -> float:
     return float(next(power * step for step in (1.0, 2.0, 2.5, 5.0, 10.0) if power * step >= value * (1 - 1e-9)))
 
 
-SAFE_BUCKLING_FACTOR = 5.0  # smallest factor that is safe; real shells buckle at 1/5 to 1/2 of the linear factor
+SAFE_BUCKLING_FACTOR = 5.0  # smallest safe factor; real shells buckle at 1/5 to 1/2 of the linear factor
 
 LABELS = {
     "full": "Whole sheet, uncut",

@@ -25,7 +25,7 @@ class Cells:
     sides_on: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     def __post_init__(self) -> None:
-        if len(self.sides_on) != len(self.corner):  # `sides_on` was left out: no side lies on a line of `CutLines`
+        if len(self.sides_on) != len(self.corner):  # without `sides_on`, no side lies on a line of `CutLines`
             object.__setattr__(self, "sides_on", np.zeros(len(self.corner), dtype=np.int64))
 
     @classmethod
@@ -258,7 +258,7 @@ def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) 
     steps, limit = level - x, fraction * reach + _rounding(x)
     gap = np.abs(steps)
     share = gap * limit[:, ::-1]
-    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # equally near to levels: take the larger step
+    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # equal distances: take the larger step
     upper_nearer = (share[:, 0] < share[:, 1]) | tie
     chosen = np.stack([upper_nearer, ~upper_nearer], axis=1)
     step = np.where(chosen, steps, 0).sum(axis=1)

@@ -179,7 +179,7 @@ def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
     owner, corner, ahead = mesh.cells.owner, mesh.cells.corner, mesh.cells.next_values(mesh.cells.corner)
     touched = np.zeros(len(mesh.X), dtype=bool)
     touched[corner[inner[owner]]] = True
-    candidates = np.flatnonzero(touched[corner] & touched[ahead])  # all sides of polygons in `inner`, and a few more
+    candidates = np.flatnonzero(touched[corner] & touched[ahead])  # includes all sides of polygons in `inner`
     p, q, polygon = corner[candidates], ahead[candidates], owner[candidates]
     length = np.linalg.norm(mesh.X[p] - mesh.X[q], axis=1)
     order, begins, edge = equal_key_groups(np.minimum(p, q) * len(touched) + np.maximum(p, q))

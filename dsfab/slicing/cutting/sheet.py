@@ -64,7 +64,7 @@ class LineKind(IntEnum):
 
     NONE = 0  # no line: the side lies inside the material or inside the void
     RIM = 1  # the boundary of the uncut surface
-    END = 2  # edges of the uncut mesh at which stripes end, because the stripes have no field in the next face
+    END = 2  # edges of the uncut mesh where stripes end, because the next face has no field for stripes
     LEVEL = 3  # an edge of a stripe, or the outline of a kept region
     FILLET = 4  # the arc of a round corner, replaced by straight chords
     STRIP = 5  # the outline of added material: a bridge, a straight bar, or a strip that widens a member

@@ -185,7 +185,7 @@ class Stretches:
         if not len(self.low):
             return np.zeros(len(place), dtype=bool)
         order = np.argsort(self.low)
-        x = self.before[chain] + np.maximum(place, 0.0)  # a place may be slightly negative by a rounding error
+        x = self.before[chain] + np.maximum(place, 0.0)  # rounding can make a place slightly negative
         index = np.searchsorted(self.low[order], x, side="right") - 1
         return np.asarray((index >= 0) & (x <= self.high[order][np.maximum(index, 0)]))
 

@@ -142,8 +142,8 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
     touched = np.flatnonzero((move != 0).any(axis=1)[surface.F].any(axis=1))
     F, normals = surface.F[touched], surface.normals[touched]
     before = least_angles(surface.V[F], normals)
-    slimmest, halvings = 0.5, 7  # smallest angle of a cell, degrees; how often a step may be halved
-    for attempt in itertools.count():  # repeat: a vertex that moves less may make another cell beside it slim
+    slimmest, halvings = 0.5, 7  # smallest angle of a cell, degrees; largest number of halvings
+    for attempt in itertools.count():  # repeat, because a shorter move may make a neighbouring cell slim
         V = surface.V + share[:, None] * move
         bad = least_angles(V[F], normals) < np.minimum(before, slimmest)
         if not bad.any():

@@ -164,7 +164,7 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
     half = np.array([1.04 * least / 2, least / 2])
     wall, ends = cells.walls.nearest(narrow.reshape(-1, 3))
     wall, ends = wall.reshape(-1, 2), ends.reshape(-1, 2, 3)
-    goes_on = _way_around(cells.walls, wall) > 6.0 * least  # False at the end of a member: the wall around it is short
+    goes_on = _way_around(cells.walls, wall) > 6.0 * least  # False at a member's end: the wall around the end is short
     strips = []
     for place, sides in zip(ends[goes_on], wall[goes_on].tolist(), strict=True):
         strips += _strips_at(cells, sides, place, half)
@@ -180,8 +180,8 @@ def _way_around(walls: Walls, wall: Ints) -> Floats:
 
 
 MOST_ROUNDS = 40  # Maximum number of rounds. Bridges or strips that one round adds do not touch each other.
-TURNS = 6  # Maximum number of repetitions of both steps: bridges in openings, then strips beside members.
-SNAP = 0.05  # Vertices at most this far from a strip's side move onto the side; in half widths of the strip.
+TURNS = 6  # Maximum number of repetitions of two steps: bridges in openings, then strips beside members.
+SNAP = 0.05  # Vertices move onto a strip's side if they are nearer than this fraction of its half width.
 
 
 class LeastWidths(NamedTuple):

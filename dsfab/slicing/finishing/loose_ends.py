@@ -197,7 +197,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
         slots = slice(cells.start[node], cells.start[node + 1])
         parts = _without_free_corners(mesh.X[cells.corner[slots]], has_neighbour[slots])
         polygons += [cells.corner[slots][part] for part in parts]
-        ends = [(part, (part + 1) % cells.sizes[node]) for part in parts]  # sides along a cut get 0 (no line)
+        ends = [(part, (part + 1) % cells.sizes[node]) for part in parts]  # new sides get 0 (no line)
         sides_on += [cells.sides_on[slots][part] * (np.roll(part, -1) == end) for part, end in ends]
         source += [node] * len(parts)
         void += [k > 0 for k in range(len(parts))]
@@ -214,7 +214,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
 
 def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:
     count, every = len(X), np.arange(len(X))
-    least = 1e-3 * _area(X)  # smaller corners are not cut off
+    least = 1e-3 * _area(X)  # corners of a smaller area stay
     marked = has_neighbour | np.roll(has_neighbour, 1)
     if not marked.any():
         return [every]

@@ -205,7 +205,7 @@ def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
 
 
 SIDES = np.array([-1.0, 1.0])
-SNAP = 2e-3  # A vertex this near to a cut moves onto the cut; in radii of the fillet or half widths of the strip.
+SNAP = 2e-3  # A vertex nearer to a cut moves onto the cut; unit: the fillet's radius or the strip's half width.
 
 
 @dataclass(frozen=True, eq=False)

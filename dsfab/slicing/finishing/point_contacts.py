@@ -21,7 +21,7 @@ from dsfab.surface.topology import edge_table
 Rule = Literal["join", "split"]
 
 DISC_ROUNDS = 3  # Maximum number of rounds that put discs around point contacts. A disc can create a new contact.
-CORNER_ROUNDS = 2  # Maximum number of rounds that change only corners of cells. They create no new point contact.
+CORNER_ROUNDS = 2  # Maximum number of rounds that change only corners of cells, and create no point contact.
 
 
 class PinchResult(NamedTuple):

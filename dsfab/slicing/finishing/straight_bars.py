@@ -55,7 +55,7 @@ class FairBar:
         start, end = _walls(mesh, self.cells)
         t, y = self._places((start + end) / 2)
         ahead = (end - start) @ np.cross(self.across, self.normal)
-        side = np.where(ahead > 0, -1, 1)  # -1: right of the axis; there, the old bar's walls run in the axis direction
+        side = np.where(ahead > 0, -1, 1)  # -1: on the right, where walls of the old bar run in the axis direction
         between_ends, weight = (t > 0) & (t < 1), np.sqrt(np.abs(ahead))
         basis = np.stack([t * (1 - t), t**2 * (1 - t), side * (1 - t), side * t], axis=1)
         equations = (basis * weight[:, None])[between_ends], (y * weight)[between_ends]

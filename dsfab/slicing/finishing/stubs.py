@@ -25,8 +25,8 @@ LARGE = 1.6
 EYELET, LARGER = 0.5, 2.5
 """An eyelet is an opening under EYELET times the size of a neighbouring opening. Where a stub beside an eyelet is
 removed, the remaining opening may have a size up to LARGER times the median."""
-GOOD = 1.1  # Stubs (ends of stripes) stay if all openings beside them have a larger size.
-SMALL = 0.6  # Stubs (ends of stripes) stay if the opening without them would have a smaller size.
+GOOD = 1.1  # A stub (a stripe's end) stays if all openings beside it exceed this size.
+SMALL = 0.6  # A stub (a stripe's end) stays if the opening without it would be smaller.
 TURN = float(np.radians(110))
 """Maximum change of direction of the outline, radians, where a stub (end of a stripe) was removed."""
 

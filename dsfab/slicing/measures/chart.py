@@ -63,7 +63,7 @@ def equal_row_groups(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
     """Return the first row (g,) of each group of rows with equal keys (k,) and numbers (k, r), and each row's group."""
     order, begins, group_of = equal_key_groups(key)
     lead = order[begins][group_of]
-    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # rows that differ from the first row with their key
+    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # rows unequal to the first row with the same key
     lead = lead.copy()
     if len(different):
         table = np.column_stack([key[different], rows[different]])

@@ -52,7 +52,7 @@ def outline_corners(sheet: Sheet) -> Floats:
     return np.asarray(sheet.surface.V[low < high])
 
 
-LEAST = 1e-7  # Shorter parts of a segment are dropped, shorter gaps are closed. A fraction of the segment's length.
+LEAST = 1e-7  # Parts shorter than this fraction of a segment are dropped; shorter gaps are closed.
 
 
 class Spans(NamedTuple):
@@ -169,7 +169,7 @@ class Chords:
     @classmethod
     def _from_zeros(cls, chart: Chart, face: Ints, number: Ints, d: Floats) -> "Chords":
         ahead = np.roll(d, -1, axis=1)
-        meets = np.concatenate([d == 0, d * ahead < 0], axis=1)  # three corners, then three sides
+        meets = np.concatenate([d == 0, d * ahead < 0], axis=1)  # columns: 3 corners, 3 sides
         crossed_slot = np.nonzero(meets)[1].reshape(-1, 2)
         t = np.where(d * ahead < 0, d / np.where(d == ahead, 1.0, d - ahead), 0.0)
         corner, share = crossed_slot % 3, np.take_along_axis(t, crossed_slot % 3, axis=1)

@@ -137,7 +137,7 @@ def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confiden
     deviation  : (m,) angle between members and this direction, degrees.    confidence : (m,) from 0 to 1."""
     met = middles.at_nodes(middles.ends_in_material)
     loose = (middles.degree == 1) & ~middles.edge & ~met
-    clear = confidence[middles.face] > 0.25  # means: principal stresses differ by over 10 % of their RMS
+    clear = confidence[middles.face] > 0.25  # where principal stresses differ by over 10 % of their RMS
     turns_back = _turning_nodes(middles, along[middles.face], clear)
     deviates = clear & (deviation[middles.face] > OFF)
     count, label = link_components(len(turns_back), middles.node[deviates, 0], middles.node[deviates, 1])

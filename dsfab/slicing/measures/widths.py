@@ -48,7 +48,7 @@ def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf
     count = len(start)
     result = FarEnds(np.full(count, -1), np.zeros(count), np.ones(count), np.full(count, np.inf))
     lines = _Lines(np.arange(count), start, place, np.zeros(count), np.ones(count), np.zeros(count))
-    for _ in range(2000):  # a line through more triangles runs along a member
+    for _ in range(2000):  # longer lines run along a member
         if not len(lines.number):
             break
         lines = _at_exit(lines, frames[lines.edge])
@@ -199,7 +199,7 @@ def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
 def _loop_chains(ends: Ints) -> tuple[Ints, Ints, int]:
     slot = sorted_order(ends.ravel())  # ends of edges, sorted by vertex; end s of edge i has the number 2 i + s
     onward = np.empty_like(slot)
-    onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # the far end of the other edge at this vertex
+    onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # far end of the second edge at the vertex
     after, leaving = onward.tolist(), (2 * np.arange(len(ends)) + (ends[:, 0] > ends[:, 1])).tolist()
     label, chain, loops = [-1] * len(ends), list[int](), 0
     for start, state in enumerate(leaving):

@@ -127,7 +127,7 @@ def solid_check(
         return NonlinearCheck(case, None, 0.0, False, 0.0, 0.0, np.zeros(0), np.zeros(0), len(model.solid.elements))
     linear, mode = lowest
     shape = mode / np.linalg.norm(mode, axis=1).max()
-    shape *= np.sign((shape * model.force).sum()) or 1.0  # so that the imperfection has the direction of the loads
+    shape *= np.sign((shape * model.force).sum()) or 1.0  # the imperfection gets the direction of the loads
     middle = model.solid.columns[:, 2]
     watched = middle[:: -(-len(middle) // 1000)]  # watch at most 1000 vertices
     largest_factor = 1.2 * linear
