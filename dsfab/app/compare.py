@@ -3,8 +3,9 @@
 import csv
 import json
 import shlex
+import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -211,7 +212,8 @@ def compare_one(preset: "Preset", task: CompareTask, folder: Path, name: str, qu
     files = ["results.csv", "results.json", *(("chart.svg", "chart.png") if len(questions.area_shares) > 1 else ())]
     with reporter:
         design = built_design(name, preset) or draft(preset, reporter)
-        comparisons = _comparisons(design, questions, reporter)
+        checks_folder = folder.with_name(f"{folder.name}.checks")
+        comparisons = _comparisons(design, questions, reporter, checks_folder)
         findings = _report_findings(comparisons, command) if task.report else None
         with atomic_folder(folder) as partial_folder:
             reporter("write", str(folder))
@@ -219,6 +221,7 @@ def compare_one(preset: "Preset", task: CompareTask, folder: Path, name: str, qu
             if findings:
                 reporter("report", "drawing and writing report.html and report.pdf")
                 files = [*_write_report(findings, comparisons, partial_folder, reporter), *files]
+        shutil.rmtree(checks_folder, ignore_errors=True)
     if as_json:
         print_result(document)
     elif not quiet:
@@ -227,30 +230,35 @@ def compare_one(preset: "Preset", task: CompareTask, folder: Path, name: str, qu
     return ExitCode.DOES_NOT_CARRY if lost else ExitCode.DONE
 
 
-def _comparisons(design: "Design", questions: Questions, reporter: Reporter) -> list[ComparisonAtShare]:
+def _comparisons(
+    design: "Design", questions: Questions, reporter: Reporter, checks_folder: Path
+) -> list[ComparisonAtShare]:
     from dsfab.statics import ResultRequest
     from dsfab.study import compare_at
     from dsfab.study.comparison import Checks, comparison, judges
+    from dsfab.study.kept_checks import KeptChecks
 
     mode_questions = ResultRequest(frequencies=int(questions.frequency), buckling=int(questions.buckling))
     checks, shares = Checks(questions.level, mode_questions, 1e9 * questions.memory, reporter), questions.area_shares
     results: list[ComparisonAtShare] = []
+    reused = partial(reporter, "compare", "using a finished check of the interrupted comparison again")
+    kept = KeptChecks(checks_folder, shlex.join(replace(questions, against=None, volumes=None).words()), reused)
     reporter("compare", "solving the design")
     try:
         design_judge, rival_judge, level_note = judges(design, questions.competitor_names, checks)
         if level_note:
             reporter.print_line(f"compare     {level_note} (--level full makes full checks of all structures)")
         report_progress = partial(reporter, "compare")
-        compared = comparison(
-            design, questions.competitor_names, design_judge, report_progress, rival_judge, bool(shares)
-        )
+        own = kept.keeping(design_judge, every=True)
+        rival = replace(kept, options=kept.options + level_note).keeping(rival_judge)
+        compared = comparison(design, questions.competitor_names, own, report_progress, rival, bool(shares))
         results.append((None, compared.with_alternatives()))
     except DsfabError as error:
         if not shares:
             raise
         reporter.print_line(f"compare     the design's own share of material cannot be compared: {error}")
     # `whole` solves uncut sheets on several meshes: on a coarse mesh alone, they would be a quarter too soft
-    judge = checks.judge(questions.level or "whole")
+    judge = kept.keeping(checks.judge(questions.level or "whole"), every=False)
     for share in shares:
 
         def progress(name: str, share: float = share) -> None:

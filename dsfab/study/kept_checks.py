@@ -1,0 +1,85 @@
+"""`KeptChecks`: finished checks of a comparison on disk, so that an interrupted comparison does not repeat them."""
+
+import hashlib
+import json
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from dsfab.preset.file import preset_toml
+from dsfab.study.baselines import ComparisonTask, Structure
+from dsfab.study.judges import CaseResponse, Judge, Judgement, quick, solved_loads
+from dsfab.study.verdict import Verdict
+
+
+@dataclass(frozen=True)
+class KeptChecks:
+    """Judgements in the files of a folder, one for each structure.
+    options : text of all options that change a judgement.
+    reused  : function that is called for each judgement that comes from a file."""
+
+    folder: Path
+    options: str
+    reused: Callable[[], None]
+
+    def keeping(self, judge: Judge, every: bool | None = None) -> Judge:
+        """Return a function that judges like `judge`, and keeps each judgement in a file.
+        every : for judgements with solutions: True for solutions of all cases. None: judgements without solutions.
+        The solutions themselves are not kept, because one solve gives them again. The judge `quick` stays as it is."""
+        if judge is quick:
+            return judge
+
+        def kept(task: ComparisonTask, structure: Structure) -> Judgement:
+            file = self.folder / f"{self._key(task, structure, every)}.json"
+            judgement = _read(file)
+            if judgement is None:
+                judgement = judge(task, structure)
+                with suppress(OSError):  # without space on the disk, the comparison goes on without this file
+                    _write(file, judgement)
+                return judgement
+            self.reused()
+            if every is None or structure.cells is structure.sheet:
+                return judgement
+            return replace(judgement, solved=solved_loads(task, structure, every))
+
+        return kept
+
+    def _key(self, task: ComparisonTask, structure: Structure, every: bool | None) -> str:
+        """Return a hash of all data on which the judgement depends."""
+        digest = hashlib.sha256()
+        texts = version("dsfab"), preset_toml(task.preset), self.options, repr(every), repr(structure.thickness)
+        for text in texts:
+            digest.update(text.encode() + b"\0")
+        for surface in (task.surface, structure.sheet.surface):
+            digest.update(surface.V.tobytes() + surface.F.tobytes())
+        return digest.hexdigest()[:32]
+
+
+def _write(file: Path, judgement: Judgement) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    partial = file.with_suffix(f".{os.getpid()}")
+    partial.write_text(json.dumps(asdict(replace(judgement, solved={}))), encoding="utf-8")
+    partial.replace(file)
+
+
+@cache
+def _readers() -> tuple[TypeAdapter[dict[str, CaseResponse]], TypeAdapter[Verdict | None]]:
+    return TypeAdapter(dict[str, CaseResponse]), TypeAdapter(Verdict | None)
+
+
+def _read(file: Path) -> Judgement | None:
+    """Return the judgement in a file, or None if the file is missing or not readable."""
+    try:
+        values: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        cases, check = _readers()
+        read = {"cases": cases.validate_python(values["cases"]), "check": check.validate_python(values["check"])}
+        return Judgement(**{**values, **read})
+    except (OSError, ValueError, TypeError, KeyError, ValidationError):
+        return None
