@@ -24,6 +24,7 @@ REACH, REACH_UP = 3.0, 6.0
 OWN_CUTS = 3  # Largest number of thicknesses for which the whole design is made, after a quick draft.
 SERIES = 1.15  # Ratio of successive thicknesses for a material without a stock.
 MORE, MOST = 1.3, 0.75  # Factor that raises the share of the surface with material, and largest share.
+MUCH_THINNER = 0.75  # A sheet is thinner than this fraction of a sheet that cannot be cut.
 CLOSER = 0.75  # Factor on the spacing of members if a pattern with more material still misses the targets.
 
 
@@ -148,7 +149,7 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     stock, source = _possible_thicknesses(design, *stock_thicknesses(preset, guess.statics.thickness))
     design = _standing_design(design, stock[-1], progress)
     thickness = design.preset.statics.thickness
-    candidates, ladder = list[tuple[SizingTrial, dict[str, Any]]](), further_changes(design)
+    candidates, ladder = list[tuple[SizingTrial, dict[str, Any]]](), list[dict[str, Any]]([{}])
     for changes in ladder:
         changed = with_overrides(preset, changes)
         design = Design.from_preset(changed.with_thickness(thickness), design, progress)
@@ -156,12 +157,14 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
             rows = _nearest_trials(design, stock, progress)
             cuts, chosen = _own_cuts(design, changed, rows, progress)
         except (PatternError, StaticsError):
-            if changes == ladder[-1] and not trials:
+            if changes and changes == ladder[-1] and not trials:
                 raise
+            ladder += [] if changes else further_changes(design, thickness)
             continue
         if chosen:
             return _with_result(chosen, SizingResult((*trials, *rows.trials, *cuts), source, changes))
-        thickness = rows.design.preset.statics.thickness
+        thickness = rows.trials[min(rows.thinnest_sufficient(), len(rows.trials) - 1)].thickness
+        ladder += [] if changes else further_changes(design, thickness)
         judged = [rows.full_trial(k) for k in range(len(rows.trials))]
         trials += [*judged, *cuts]
         cut = {trial.thickness for trial in cuts}
@@ -172,10 +175,8 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
         try:
             trial = _trial(design, carrying(design), row)
         except (PatternError, StaticsError):
-            # a thicker sheet has wider members and larger round corners, so it cannot be cut either
-            candidates = [
-                (draft, keys) for draft, keys in candidates if keys != changes or draft.thickness < row.thickness
-            ]
+            # members and round corners that are wider by the thickness fill the openings: try much thinner sheets
+            candidates = [(draft, keys) for draft, keys in candidates if draft.thickness < MUCH_THINNER * row.thickness]
             if not candidates:
                 raise
             continue
@@ -290,14 +291,30 @@ def stock_thicknesses(preset: Preset, guess: float) -> tuple[Sequence[float], st
     return within_reach or [min(stock.metres, key=lambda t: abs(t - guess))], source
 
 
-def further_changes(design: Design) -> list[dict[str, Any]]:
-    """Return the changes of the pattern to try in turn: none, more material, then also a smaller spacing."""
+def further_changes(design: Design, thickness: float) -> list[dict[str, Any]]:
+    """Return the changes of the pattern to try in turn: more material, then also a smaller spacing.
+    If members as wide as `thickness` (m) leave too small openings, both changes have a larger spacing instead."""
     width, wider = design.preset.pattern.width, dict[str, Any]()
     if width.solid_fraction:
         wider["pattern.width.solid_fraction"] = two_digits(min(MORE * width.solid_fraction, MOST))
     elif width.member:
         wider["pattern.width.member"] = two_digits(MORE * width.member)
-    return [{}, *([wider] if wider else []), wider | spacing_changes(design, CLOSER)]
+    room = spacing_for_width(design, thickness)
+    if room > 1:
+        return [roomy := spacing_changes(design, room), *([wider | roomy] if wider else [])]
+    return [*([wider] if wider else []), wider | spacing_changes(design, CLOSER)]
+
+
+def spacing_for_width(design: Design, width: float) -> float:
+    """Return the factor on the spacing with which members of a width (m) cover the requested share of the surface.
+    In a grid of spacing s they cover 1 - (1 - width / s)^2, in one family width / s."""
+    pattern, surface = design.preset.pattern, design.surface
+    if not pattern.width.solid_fraction:
+        return width / pattern.width.member if pattern.width.member else 0.0
+    covered = pattern.width.solid_fraction
+    share = covered if len(pattern.drawn_families) == 1 else 1 - np.sqrt(1 - covered)
+    spacing = min(family.distance(surface.area, surface.mean_edge) for family in pattern.drawn_families)
+    return float(width / share / spacing)
 
 
 @dataclass

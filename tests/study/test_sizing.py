@@ -20,7 +20,7 @@ from dsfab.study import guessed_preset, run_sized, sized_preset, sizing, sizing_
 from dsfab.study.calculix import load_path, lowest_buckling, solid_model
 from dsfab.study.carrying import carrying, cut_carrying, cut_statics
 from dsfab.study.check_model import cut_model
-from dsfab.study.sizing import further_changes, stock_thicknesses
+from dsfab.study.sizing import further_changes, spacing_for_width, stock_thicknesses
 from dsfab.surface import SelfWeight, Side, Snow, Support, Surface
 from tests.calculix import ccx, needs_ccx
 from tests.shapes import grid
@@ -191,10 +191,22 @@ def test_a_preset_with_an_open_thickness_is_sized_where_it_is_run_and_not_again_
 
 
 def test_closer_members_have_three_quarters_of_the_spacing(counted):
-    *_, closer = further_changes(counted[0])
+    *_, closer = further_changes(counted[0], 0.1)
     assert (closer["pattern.major.spacing"] / 3.1, closer["pattern.minor.spacing"] / 2.0) == pytest.approx(
         (0.75, 0.75), abs=0.02
     )
+
+
+def test_members_as_wide_as_a_thick_sheet_get_a_larger_spacing(counted):
+    """Members of 600 mm would be 900 mm wide in a sheet of 900 mm: the spacing grows by the same factor. A footbridge
+    was refused, because its members of 600 mm stood 610 mm apart."""
+    roomy, wider = further_changes(counted[0], 0.9)
+    assert (roomy["pattern.major.spacing"], roomy["pattern.minor.spacing"]) == pytest.approx((4.65, 3.0))
+    assert wider == roomy | {"pattern.width.member": 0.78}
+    shared = Design.from_preset(vault(pattern__width={"rule": "constant", "solid_fraction": 0.36}).with_thickness(0.1))
+    assert spacing_for_width(shared, 0.4) == pytest.approx(0.4 / 0.2 / 2.0)  # 1 - (1 - 0.2)^2 = 0.36
+    single = Design.from_preset(shared.preset.with_pattern(families="minor"))
+    assert spacing_for_width(single, 0.4) == pytest.approx(0.4 / 0.36 / 2.0)
 
 
 def rippled(thicknesses) -> Preset:
