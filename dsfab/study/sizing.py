@@ -155,6 +155,7 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
         design = Design.from_preset(changed.with_thickness(thickness), design, progress)
         try:
             rows = _nearest_trials(design, stock, progress)
+            thickness = rows.trials[min(rows.thinnest_sufficient(), len(rows.trials) - 1)].thickness
             cuts, chosen = _own_cuts(design, changed, rows, progress)
         except (PatternError, StaticsError):
             if changes and changes == ladder[-1] and not trials:
@@ -163,7 +164,6 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
             continue
         if chosen:
             return _with_result(chosen, SizingResult((*trials, *rows.trials, *cuts), source, changes))
-        thickness = rows.trials[min(rows.thinnest_sufficient(), len(rows.trials) - 1)].thickness
         ladder += [] if changes else further_changes(design, thickness)
         judged = [rows.full_trial(k) for k in range(len(rows.trials))]
         trials += [*judged, *cuts]
