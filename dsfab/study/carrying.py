@@ -386,9 +386,11 @@ def _reactions(statics: CutStatics) -> tuple[SupportForce, ...]:
 
 def hold_down_remarks(section: SurfaceSection, rows: Sequence[SupportForce]) -> Iterator[str]:
     """Yield a sentence if supports must pull the structure down, with the largest force (N) of each support.
-    The forces are those of static equilibrium [EN 1990, table A1.2(A)], or of the cases if these mix kinds of loads."""
+    The forces are those of static equilibrium [EN 1990, table A1.2(A)]. If dsfab cannot tell the kinds of the loads,
+    the forces are those of the preset's combinations, or of its cases without combinations."""
     lifting = lifting_combinations(section.load, section.actions, section.factors or DesignFactors())
-    sums = {row.case: {row.case: 1.0} for row in rows}
+    combined = {item.name for item in section.sums}
+    sums = {row.case: {row.case: 1.0} for row in rows if row.case in combined or not combined}
     if lifting:
         sums = {item.formula: item.factors for item in lifting}
     forces: dict[str, dict[str, float]] = {}
@@ -397,7 +399,9 @@ def hold_down_remarks(section: SurfaceSection, rows: Sequence[SupportForce]) -> 
     largest = max((abs(row.vertical) for row in rows), default=0.0)
     pulls = dict[str, tuple[float, str]]()
     for support, by_case in forces.items():
-        pull, words = max((-sum(f * by_case[case] for case, f in sums[words].items()), words) for words in sums)
+        pull, words = max(
+            (-sum(f * by_case.get(case, 0.0) for case, f in sums[words].items()), words) for words in sums
+        )
         if pull > NO_PULL * largest:
             pulls[support] = pull, words
     if pulls:

@@ -8,10 +8,19 @@ import pytest
 from dsfab.design import Design, sheet_loads
 from dsfab.preset.file import load_preset, with_overrides
 from dsfab.preset.model import Preset
+from dsfab.preset.surface_section import SurfaceSection
 from dsfab.results import SlicingResult
-from dsfab.study.carrying import carrying, cut_carrying, cut_statics, judged_span, use_and_movement
+from dsfab.study.carrying import (
+    SupportForce,
+    carrying,
+    cut_carrying,
+    cut_statics,
+    hold_down_remarks,
+    judged_span,
+    use_and_movement,
+)
 from dsfab.study.verdict import whole_sheet
-from dsfab.surface import All, Force, LoadCase, Pressure, SelfWeight, Side, Support, Vertices
+from dsfab.surface import All, Combination, Force, LoadCase, Pressure, SelfWeight, Side, Support, Vertices
 from tests.benchmarks.solid_verdicts import solid_verdict
 from tests.calculix import needs_ccx
 from tests.shapes import annulus, grid
@@ -173,6 +182,20 @@ def test_members_of_a_graded_material_have_the_utilisation_of_the_members_report
         load = sheet_loads(design.surface, design.slicing.cells.subset(), design.sheet, {name: case.load})[name]
         rows = [row.vertical for row in judged.reactions if row.case == name]
         assert sum(rows) == pytest.approx(-load.force[:, 2].sum(), rel=1e-6)
+
+
+def test_a_load_of_unknown_kind_is_combined_as_the_preset_says():
+    """A suction of 800 N alone lifts a support under 490 N of weight; with twice the weight it does not."""
+    rows = [SupportForce("post", case, v, 0.0, 0.0, 0.0) for case, v in (("dead", 490.0), ("suction", -800.0))]
+    loads = [SelfWeight(case="dead"), Pressure(-800.0, case="suction")]
+    alone = SurfaceSection.model_construct(load=loads, actions={}, factors=None, combination=[], combinations=None)
+    (remark,) = hold_down_remarks(alone, rows)
+    assert "post 800 N (suction)" in remark
+    for weight, lifts in ((1.0, True), (2.0, False)):
+        sums = [Combination("both", {"dead": weight, "suction": 1.0})]
+        both = SupportForce("post", "both", 490.0 * weight - 800.0, 0.0, 0.0, 0.0)
+        section = alone.model_copy(update={"combination": sums})
+        assert len(list(hold_down_remarks(section, [*rows, both]))) == lifts
 
 
 LIFTED = {"kind": "wind", "direction": [1, 0, 0], "shape": "canopy up", "case": "lift"}
