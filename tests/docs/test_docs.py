@@ -174,13 +174,15 @@ def test_the_table_of_materials_is_that_of_dsfab():
 
 @pytest.mark.slow
 def test_the_preset_of_the_readme_builds(tmp_path):
-    text, sizing, combined = blocks("toml", "docs/supports-and-loads.md")
+    text, wind, sizing, combined = blocks("toml", "docs/supports-and-loads.md")
     optimal, steered, drawn = blocks("toml", "docs/patterns.md")
     (workshop,) = blocks("toml", "docs/workshop.md")
     (tmp_path / "canopy.toml").write_text(text, encoding="utf-8")
     design = dsfab.run(dsfab.load_preset(tmp_path / "canopy.toml"))
     assert len(design.slicing.pieces) == 1
     assert design.preset.name == "canopy"
+    lifted = dsfab.load_preset(tmp_path / "canopy.toml", {"surface.load": tomllib.loads(wind)["surface"]["load"]})
+    assert [(load.shape, load.case) for load in lifted.surface.load] == [("canopy up", "wind_up")]
     people = {"kind": "force", "at": {"pick": "all"}, "force": [0, 0, -1000.0], "case": "people"}
     given = {f"surface.{key}": value for key, value in tomllib.loads(combined)["surface"].items()}
     loads = [*tomllib.loads(text)["surface"]["load"], people]
