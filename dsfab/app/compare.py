@@ -242,23 +242,23 @@ def _comparisons(
     checks, shares = Checks(questions.level, mode_questions, 1e9 * questions.memory, reporter), questions.area_shares
     results: list[ComparisonAtShare] = []
     reused = partial(reporter, "compare", "using a finished check of the interrupted comparison again")
-    kept = KeptChecks(checks_folder, shlex.join(replace(questions, against=None, volumes=None).words()), reused)
+    store = KeptChecks(checks_folder, shlex.join(replace(questions, against=None, volumes=None).words()), reused)
     reporter("compare", "solving the design")
     try:
         design_judge, rival_judge, level_note = judges(design, questions.competitor_names, checks)
         if level_note:
             reporter.print_line(f"compare     {level_note} (--level full makes full checks of all structures)")
         report_progress = partial(reporter, "compare")
-        own = kept.keeping(design_judge, every=True)
-        rival = replace(kept, options=kept.options + level_note).keeping(rival_judge)
-        compared = comparison(design, questions.competitor_names, own, report_progress, rival, bool(shares))
+        design_check = store.keeping(design_judge, every=True)
+        rival = replace(store, options=store.options + level_note).keeping(rival_judge)
+        compared = comparison(design, questions.competitor_names, design_check, report_progress, rival, bool(shares))
         results.append((None, compared.with_alternatives()))
     except DsfabError as error:
         if not shares:
             raise
         reporter.print_line(f"compare     the design's own share of material cannot be compared: {error}")
     # `whole` solves uncut sheets on several meshes: on a coarse mesh alone, they would be a quarter too soft
-    judge = kept.keeping(checks.judge(questions.level or "whole"), every=False)
+    judge = store.keeping(checks.judge(questions.level or "whole"), every=False)
     for share in shares:
 
         def progress(name: str, share: float = share) -> None:

@@ -36,7 +36,7 @@ class KeptChecks:
         if judge is quick:
             return judge
 
-        def kept(task: ComparisonTask, structure: Structure) -> Judgement:
+        def lookup(task: ComparisonTask, structure: Structure) -> Judgement:
             file = self.folder / f"{self._key(task, structure, every)}.json"
             judgement = _read(file)
             if judgement is None:
@@ -49,7 +49,7 @@ class KeptChecks:
                 return judgement
             return replace(judgement, solved=solved_loads(task, structure, every))
 
-        return kept
+        return lookup
 
     def _key(self, task: ComparisonTask, structure: Structure, every: bool | None) -> str:
         """Return a hash of all data on which the judgement depends."""
