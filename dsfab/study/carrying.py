@@ -406,7 +406,9 @@ def hold_down_remarks(section: SurfaceSection, rows: Sequence[SupportForce]) -> 
             pulls[support] = pull, words
     if pulls:
         listed = [f"{support} {force(pull)} ({words})" for support, (pull, words) in pulls.items()]
-        rule = "by EN 1990, table A1.2(A)" if lifting else "in its worst case, without factors"
+        rule = "in the worst of the preset's combinations" if combined else "in its worst case, without factors"
+        if lifting:
+            rule = "by EN 1990, table A1.2(A)"
         yield f"supports must hold the structure down, {rule}: {', '.join(listed)}"
 
 
