@@ -145,6 +145,13 @@ def annulus(around: int, across: int, inner: float = 1.0, outer: float = 2.0) ->
     return wrapped(around, across, place)
 
 
+def arch(radius: float, half_angle: float, length: float = 8.0, along: int = 128, across: int = 4) -> Surface:
+    """A cylindrical roof along y; its arc reaches from -half_angle to half_angle (degrees) about the vertical."""
+    flat = grid(along, across, 1.0, length)
+    angle = np.radians(half_angle) * (2 * flat.V[:, 0] - 1)
+    return Surface(np.stack([radius * np.sin(angle), flat.V[:, 1], radius * np.cos(angle)], axis=1), flat.F)
+
+
 def torus(around: int, about: int, radius: float, tube_radius: float) -> Surface:
     """A closed ring about z whose tube has its middle at `radius`."""
 

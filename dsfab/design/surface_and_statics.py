@@ -343,9 +343,8 @@ def _statics_result(
     together = results.pop("", next(iter(results.values())))
     note_statics(surface, results, log)
     winds = [load for load in acting_on(preset, surface).load if isinstance(load, Wind)]
-    winds = [
-        load for load in winds if load.windward != load.leeward and not load.shape
-    ]  # else the side does not matter
+    # with equal coefficients or a shape of roofs, the side of the faces does not matter
+    winds = [load for load in winds if load.windward != load.leeward and not load.shape]
     on_wall = any((picked_faces(surface, load.at, "wind") & faces_without_upper_side(surface)).any() for load in winds)
     if on_wall and min(float(np.dot(a.direction, b.direction)) for a in winds for b in winds) >= 0:
         log.note(

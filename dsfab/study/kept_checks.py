@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
@@ -13,6 +12,8 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
+from dsfab.core.errors import ExportError
+from dsfab.export import atomic_file
 from dsfab.preset.file import preset_toml
 from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.judges import CaseResponse, Judge, Judgement, quick, solved_loads
@@ -41,7 +42,9 @@ class KeptChecks:
             judgement = _read(file)
             if judgement is None:
                 judgement = judge(task, structure)
-                with suppress(OSError):  # without space on the disk, the comparison goes on without this file
+                with suppress(
+                    OSError, ExportError
+                ):  # without space on the disk, the comparison goes on without this file
                     _write(file, judgement)
                 return judgement
             self.reused()
@@ -64,9 +67,8 @@ class KeptChecks:
 
 def _write(file: Path, judgement: Judgement) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
-    partial = file.with_suffix(f".{os.getpid()}")
-    partial.write_text(json.dumps(asdict(replace(judgement, solved={}))), encoding="utf-8")
-    partial.replace(file)
+    with atomic_file(file) as partial:
+        partial.write_text(json.dumps(asdict(replace(judgement, solved={}))), encoding="utf-8")
 
 
 @cache

@@ -30,7 +30,7 @@ from dsfab.surface import (
 )
 from dsfab.surface.loads.load_case import outward_normals
 from dsfab.surface.shapes import cylinder, dome, plate, sphere
-from tests.shapes import box, grid, jittered, joined, tube
+from tests.shapes import arch, box, grid, jittered, joined, tube
 
 BEST = elements_of("displacement")
 
@@ -98,9 +98,7 @@ def test_wind_presses_the_windward_wall_and_sucks_at_the_leeward_wall(turn):
 
 def test_the_outside_of_a_roof_is_its_upper_side_whichever_way_its_faces_turn():
     """Vertical force of wind across a half cylinder: -q (0.8 - 0.5) R L / 2, from the integral of sin cos."""
-    flat = grid(32, 8, np.pi, 8.0)
-    angle = flat.V[:, 0]
-    roof = Surface(np.stack([3 * np.cos(angle), flat.V[:, 1], 3 * np.sin(angle)], axis=1), flat.F)
+    roof = arch(3.0, 90.0, along=32, across=8)
     wind = Wind(600.0, (1.0, 0, 0))
     expected = total(roof, wind)
     assert_allclose(total(inside_out(roof), wind), expected, atol=1e-9)

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from dsfab.core.errors import SurfaceError
 from dsfab.surface import LoadCase, Snow, Support, Surface, Vertices, Wind
 from dsfab.surface.shapes import plate, sphere
-from tests.shapes import grid, joined
+from tests.shapes import arch, grid, joined
 
 HELD = [Support(Vertices((0,)))]
 Q, LENGTH = 600.0, 8.0
@@ -15,15 +15,6 @@ Q, LENGTH = 600.0, 8.0
 
 def total(surface, load):
     return LoadCase.build(surface, HELD, [load]).force.sum(axis=0)
-
-
-def arch(radius, half_angle, turned=0.0, faces_down=False, along=128):
-    """A cylindrical roof of 8 m whose arc reaches from -half_angle to half_angle (degrees) about the vertical."""
-    flat = grid(along, 4, 1.0, LENGTH)
-    angle = np.radians(half_angle) * (2 * flat.V[:, 0] - 1)
-    V = np.stack([radius * np.sin(angle), flat.V[:, 1], radius * np.cos(angle)], axis=1)
-    c, s = np.cos(np.radians(turned)), np.sin(np.radians(turned))
-    return Surface(V @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]), flat.F[:, ::-1] if faces_down else flat.F)
 
 
 def pitched(left, right, length=10.0):
@@ -46,7 +37,8 @@ def test_a_vault_across_the_wind_has_four_equal_parts_of_its_arc(half_angle, eav
     turned by a right angle."""
     radius, depth = 5.0, 10.0 * np.sin(np.radians(half_angle))
     f = 5.0 * (1 - np.cos(np.radians(half_angle))) / depth
-    roof = arch(radius, half_angle, faces_down=faces_down)
+    roof = arch(radius, half_angle)
+    roof = Surface(roof.V, roof.F[:, ::-1]) if faces_down else roof
     ends = np.radians(half_angle) * np.linspace(-1, 1, 5)
     x, z = radius * np.sin(ends), radius * np.cos(ends)
     expected = sum(
@@ -64,8 +56,9 @@ def test_a_vault_on_walls_has_the_coefficients_of_a_published_example():
     """d = 9.6 m, f = 2.51 m, h = 3.2 m: A +0.25 (0.42 on the ground, 0.16 high up), B -0.96, C -0.40; read from figure
     7.11 by civil-engineering-design.com, 'Wind action evaluation on vaulted roofs', 2021."""
     radius = (4.8**2 + 2.51**2) / (2 * 2.51)
-    roof = arch(radius, np.degrees(np.arcsin(4.8 / radius)), turned=30.0)
-    d = (np.cos(np.radians(30)), np.sin(np.radians(30)), 0.0)
+    c, s = np.cos(np.radians(30)), np.sin(np.radians(30))
+    unturned = arch(radius, np.degrees(np.arcsin(4.8 / radius)))
+    roof, d = Surface(unturned.V @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]), unturned.F), (c, s, 0.0)
     for eaves, a in ((0.0, 0.42), (3.2, 0.25), (4.8, 0.16), (9.0, 0.16)):
         traction = Wind(1.0, d, shape="vault", eaves=eaves).traction(roof)
         c = -np.einsum("mi,mi->m", traction, np.where(roof.normals[:, 2:] > 0, roof.normals, -roof.normals))
@@ -105,7 +98,7 @@ def test_snow_that_drifts_over_an_arch_lies_in_two_triangles():
     for drift, side in (((1.0, 0, 0), 1), ((-2.0, 0, 0), -1)):
         load = Snow(900.0, shape="drifted", drift=drift)
         assert total(roof, load)[2] == pytest.approx(-900 * LENGTH * b * mu3 * 3 / 8, rel=0.01)
-        on_face = -load.traction(roof)[:, 2] / roof.normals[:, 2].__abs__() / 900
+        on_face = -load.traction(roof)[:, 2] / np.abs(roof.normals[:, 2]) / 900
         towards = side * roof.centroids[:, 0] > 0
         assert on_face[towards].max() == pytest.approx(mu3, rel=0.03)
         assert on_face[~towards].max() == pytest.approx(mu3 / 2, rel=0.03)

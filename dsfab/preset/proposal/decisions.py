@@ -15,7 +15,7 @@ from dsfab.core.messages import length
 from dsfab.preset.file import preset_from
 from dsfab.preset.model import Preset
 from dsfab.preset.proposal.judgement import DOUBT
-from dsfab.preset.proposal.loads import NO_WISHES, MeshWishes, load_words, takes_snow
+from dsfab.preset.proposal.loads import NO_WISHES, MeshWishes, load_words, takes_snow, wind_roof
 from dsfab.preset.proposal.marks import drawn_feet, drawn_marks, mark_decisions
 from dsfab.preset.proposal.reading import Decision, UserMesh, mesh_in_file, mesh_in_memory, vertical_axis
 from dsfab.preset.proposal.readings import SupportPlace
@@ -133,7 +133,8 @@ def propose(
     loads = wishes.pressures(kind, is_model)
     size = size.with_feet(surface, [place.points for place in stands], roof=kind == "roof")
     built_in = wishes.built_in or (winner.built_in and not marked)
-    return Proposal(user_mesh, ProposedValues(size, stands, built_in, loads, marks), wishes)
+    roof = wind_roof(surface, stands) if "wind" in loads else ""
+    return Proposal(user_mesh, ProposedValues(size, stands, built_in, loads, roof, marks), wishes)
 
 
 def _decisions(proposal: Proposal) -> Iterator[Decision]:
@@ -144,7 +145,7 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     yield from _unsupported_pieces(surface, plan.stands)
     figure = is_figure(surface)
     model = "; a printed model has no snow" if not plan.loads and surface.size < MODEL and not figure else ""
-    loads = load_words(surface, plan.loads, plan.stands) + model
+    loads = load_words(surface, plan.loads, plan.roof) + model
     yield Decision("carries", loads, "surface.load, or --load snow, wind, people, none")
     over = "" if figure else f", 1/{size.ratio} of the span of {length(size.bridged or size.span)}"
     material = f"{size.material}; sizing chooses the thickness; first guess {length(size.thickness)}{over}"

@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -22,12 +23,11 @@ LINE_OF_COMMENT = {
     "services": "Pa on the plan area: a placeholder for lights and pipes that hang from the surface",
     "wind": "Pa, velocity pressure: a placeholder for your site [EN 1991-1-4, 4.5]",
 }
+WindRoof = Literal["", "vault", "canopy"]  # kind of roof for wind loads; "" for surfaces without such a shape
 LINE_OF_SHAPE = {
     "vault": "suction and pressure on a curved roof; also for domes [EN 1991-1-4, 7.2.8, figure 7.11]",
     "canopy": "net pressure on a roof without walls [EN 1991-1-4, 7.3, tables 7.6 and 7.7]",
 }
-OPEN_ROOF: tuple[WindShape, ...] = ("canopy down", "canopy up")
-VAULT: tuple[WindShape, ...] = ("vault",)
 PRESSURE = {"snow": 1000.0, "people": 5000.0, "services": 300.0, "wind": 500.0}  # Pa; placeholders for values of codes.
 AROUND = 0.3  # A surface is a tower if the horizontal part of sum(normal x area) is below this share of its area.
 
@@ -80,17 +80,18 @@ def _positive(text: str) -> float:
     return value if 0 < value < np.inf else 0.0
 
 
-def load_words(surface: Surface, pressures: Mapping[str, float], stands: Sequence[SupportPlace]) -> str:
+def load_words(surface: Surface, pressures: Mapping[str, float], roof: WindRoof) -> str:
     """Return the loads as text for a preset."""
-    shapes = _wind_shapes(surface, stands) if "wind" in pressures else ()
     places = {
         "snow": "on the ground, less on slopes [EN 1991-1-3, 5.3]",
         "people": "on the plan area [EN 1991-1-1, table 6.2]",
         "services": "on the plan",
-        "wind": f"from both sides [EN 1991-1-4, {'7.2.8' if shapes else '7.4'}]",
+        "wind": {
+            "": "from both sides [EN 1991-1-4, 7.4]",
+            "vault": "from both sides [EN 1991-1-4, 7.2.8]",
+            "canopy": "that presses the open roof down or lifts it [EN 1991-1-4, 7.3]",
+        }[roof],
     }
-    if len(shapes) == 2:
-        places["wind"] = "that presses the open roof down or lifts it [EN 1991-1-4, 7.3]"
     if snow_picker(surface):
         places["snow"] = "on the ground, here on top only, less on slopes [EN 1991-1-3, 5.3]"
     parts = [f"{name} of {pressure / 1000:g} kPa {places[name]}" for name, pressure in pressures.items()]
@@ -98,47 +99,48 @@ def load_words(surface: Surface, pressures: Mapping[str, float], stands: Sequenc
     return f"{words}; replace these loads by those of your local code" if parts else words
 
 
-def load_tables(
-    surface: Surface, pressures: Mapping[str, float], stands: Sequence[SupportPlace]
-) -> Iterator[list[str]]:
+def load_tables(surface: Surface, pressures: Mapping[str, float], roof: WindRoof) -> Iterator[list[str]]:
     """Yield the tables of loads for a preset, each as lines."""
-    cases = ["wind", "wind_back"] if "wind" in pressures else []
-    shapes = _wind_shapes(surface, stands) if cases else ()
-    if len(shapes) == 2:
-        cases = ["wind_down", "wind_up"]
-    if len(pressures) > 1 or not cases:
+    if len(pressures) > 1 or "wind" not in pressures:
         yield ["[[surface.load]]", 'kind = "self_weight"']
         for name in pressures:
             if name != "wind":
                 yield list(_vertical(surface, name, pressures[name]))
-    for k, case in enumerate(cases):
-        sign = -1.0 if case == "wind_back" else 1.0
-        direction = [float(x) for x in np.round(sign * broadside(surface), 3) + 0.0]
+    if "wind" in pressures:
+        yield from _wind(surface, pressures["wind"], roof)
+
+
+def _wind(surface: Surface, pressure: float, roof: WindRoof) -> Iterator[list[str]]:
+    side = broadside(surface)
+    cases: list[tuple[str, float, str]] = [("wind", 1.0, roof), ("wind_back", -1.0, roof)]
+    if roof == "canopy":
+        cases = [("wind_down", 1.0, "canopy down"), ("wind_up", 1.0, "canopy up")]
+    for case, sign, shape in cases:
+        direction = [float(x) for x in np.round(sign * side, 3) + 0.0]
         yield ["[[surface.load]]", 'kind = "self_weight"', f'case = "{case}"']
-        lines = ["[[surface.load]]", 'kind = "wind"', toml_line("pressure", pressures["wind"], LINE_OF_COMMENT["wind"])]
+        lines = ["[[surface.load]]", 'kind = "wind"', toml_line("pressure", pressure, LINE_OF_COMMENT["wind"])]
         lines += [f"direction = {direction}", f'case = "{case}"']
-        if shapes:
-            shape = shapes[k % len(shapes)]
-            lines.append(toml_line("shape", shape, LINE_OF_SHAPE[shape.split()[0]]))
+        if roof:
+            lines.append(toml_line("shape", shape, LINE_OF_SHAPE[roof]))
         elif not _goes_around(surface):
             note = "net coefficient of a free-standing wall [EN 1991-1-4, table 7.9, zone D]"
             lines += [toml_line("windward", 1.2, note), "leeward = 1.2"]
         yield lines
 
 
-def _wind_shapes(surface: Surface, stands: Sequence[SupportPlace]) -> tuple[WindShape, ...]:
-    """Return the shapes of wind loads on a roof: two for an open roof, one for a vault, none if no shape fits.
-    A roof is open if it stands on less than half of its edges."""
+def wind_roof(surface: Surface, stands: Sequence[SupportPlace]) -> WindRoof:
+    """Return the kind of roof for wind loads; "" if the surface is no roof, or if no shape fits.
+    A roof is a canopy, open at its sides, if it stands on less than half of its edges."""
+    if one_sided_pieces(surface.F, surface.edges).any() or faces_without_upper_side(surface).any():
+        return ""
     supported = sum(place.length for place in stands)
     is_open = supported < 0.5 * float(surface.edge_lengths[surface.edges.boundary].sum())
-    if one_sided_pieces(surface.F, surface.edges).any() or faces_without_upper_side(surface).any():
-        return ()
-    for shapes in (OPEN_ROOF, VAULT) if is_open else (VAULT,):
+    kinds: list[tuple[WindRoof, WindShape]] = [("canopy", "canopy up"), ("vault", "vault")]
+    for roof, shape in kinds if is_open else kinds[1:]:
         with suppress(SurfaceError):
-            for shape in shapes:
-                Wind(1.0, point_tuple(broadside(surface)), shape=shape).traction(surface)
-            return shapes
-    return ()
+            Wind(1.0, point_tuple(broadside(surface)), shape=shape).traction(surface)
+            return roof
+    return ""
 
 
 def _vertical(surface: Surface, name: str, pressure: float) -> Iterator[str]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dsfab.core.messages import length
-from dsfab.preset.proposal.loads import load_tables, toml_line
+from dsfab.preset.proposal.loads import WindRoof, load_tables, toml_line
 from dsfab.preset.proposal.marks import TABLES, mark_tables
 from dsfab.preset.proposal.reading import UserMesh
 from dsfab.preset.proposal.readings import SupportPlace
@@ -22,12 +22,14 @@ SHARE = 0.45  # Share of the surface that stays material.
 @dataclass(frozen=True, eq=False)
 class ProposedValues:
     """Values of a proposed preset.
-    built_in : True if the supports are clamped.    loads : pressures (Pa) by name, without the weight."""
+    built_in : True if the supports are clamped.    loads : pressures (Pa) by name, without the weight.
+    roof     : kind of roof for wind loads."""
 
     size: Sizes
     stands: tuple[SupportPlace, ...]
     built_in: bool
     loads: Mapping[str, float]
+    roof: WindRoof = ""
     marks: Mapping[str, Marks] = field(default_factory=dict)
 
 
@@ -48,7 +50,7 @@ def proposal_text(user_mesh: UserMesh, plan: ProposedValues, keys: Mapping[str, 
         _surface(keys, notes, size),
         *(_support(surface, plan, place) for place in stand),
         *(table for table in tables if table[0] == TABLES["support"]),
-        *load_tables(surface, plan.loads, stands),
+        *load_tables(surface, plan.loads, plan.roof),
         *(table for table in tables if table[0] == TABLES["load"]),
         _statics(plan),
         *_diffusion(plan),

@@ -141,10 +141,10 @@ def action_mistakes(
     if rule is None:
         return
     for case in cases:
-        kinds = {load.kind for load in loads if load.case == case}
-        action_kinds = {ACTION_OF_LOAD.get(kind) for kind in kinds}
-        if case not in actions and (None in action_kinds or len(action_kinds) > 1):
+        action_kinds = _action_kinds(loads, actions, case)
+        if None in action_kinds or len(action_kinds) > 1:
             why = "do not show their kind of action" if None in action_kinds else "are of several kinds"
+            kinds = {load.kind for load in loads if load.case == case}
             yield (
                 f"surface.combinations = {rule!r}: the loads of case {case} ({', '.join(sorted(kinds))}) {why}; give "
                 f'each its own case, or write [surface.actions] {case} = "..." ({", ".join(["permanent", *PSI])})'
@@ -184,13 +184,12 @@ def lifting_combinations(
 ) -> list[Combination]:
     """Return the combinations for static equilibrium in which wind leads or acts, and 0.9 of the permanent loads
     [EN 1990:2002, table A1.2(A)]. The list is empty if a case has loads of several or of unknown kinds of action."""
-    for case in case_names(loads):
-        kinds = {actions.get(case) or ACTION_OF_LOAD.get(load.kind) for load in loads if load.case == case}
-        if None in kinds or len(kinds) > 1:
-            return []
+    action_kinds = [_action_kinds(loads, actions, case) for case in case_names(loads)]
+    if any(None in kinds or len(kinds) > 1 for kinds in action_kinds):
+        return []
     light = replace(factors, favourable=HOLDING_WEIGHT)
     combinations = en1990_combinations(loads, actions, "EN 1990 6.10", light)
-    return [sum_ for sum_ in combinations if sum_.name.startswith("ULS-light")]
+    return [combination for combination in combinations if combination.name.startswith("ULS-light")]
 
 
 def _ordered_combinations(
@@ -234,6 +233,11 @@ def _permanent_and_groups(
         group = kind.removesuffix(" high") if kind in ONE_AT_A_TIME else f"{kind} {case}"
         groups.setdefault(group, [None]).append(_Variable(case, kind, psi.get(kind, PSI[kind])))
     return permanent, list(groups.values())
+
+
+def _action_kinds(loads: Sequence[Load], actions: Mapping[str, ActionKind], case: str) -> set[ActionKind | None]:
+    """Return the kinds of action of a case; None for a load that does not show its kind."""
+    return {actions.get(case) or ACTION_OF_LOAD.get(load.kind) for load in loads if load.case == case}
 
 
 def _kind(loads: Sequence[Load], case: str) -> str:

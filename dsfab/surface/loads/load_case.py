@@ -52,25 +52,28 @@ class Snow:
     def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
         """Return the traction (m, 3) of the snow, Pa: force per area of each face. `weight` is not used."""
         _require_pressure(self.kind, self.pressure)
-        d = unit_vector(self.direction, f"a load of kind '{self.kind}'")
-        towards = -(outward_normals(surface) @ d)
+        d, normals = unit_vector(self.direction, f"a load of kind '{self.kind}'"), outward_normals(surface)
+        towards = -(normals @ d)
         two_sided = ~one_sided_pieces(surface.F, surface.edges)
         lying = np.where(two_sided & surface.is_closed, towards, np.abs(towards))
         picked = picked_faces(surface, self.at, self.kind)
         plan = np.where(picked, lying, 0.0)
-        slope = np.degrees(np.arccos(np.clip(np.abs(towards), 0.0, 1.0)))
-        if self.shape == "mu1":
-            plan = plan * snow_shape_factor(slope)
-        elif self.shape:
-            profiles = RoofProfile.of_pieces(surface, picked, outward_normals(surface), self.drift, self.kind)
-            factor = half_cleared if self.shape == "half" else drifted_on_arch
-            plan = plan * np.sum([factor(profile, slope) for profile in profiles], axis=0)
+        if self.shape:
+            slope = np.degrees(np.arccos(np.clip(np.abs(towards), 0.0, 1.0)))
+            plan = plan * self._shape_factor(surface, picked, normals, slope)
         if plan.max() <= EDGE_ON:
             raise SurfaceError(
                 f"a load of kind '{self.kind}' misses every picked face; pick faces that are not vertical"
                 + (" or steeper than 60 degrees" if self.shape else "")
             )
         return np.asarray(self.pressure * np.maximum(plan, 0.0)[:, None] * d)
+
+    def _shape_factor(self, surface: Surface, picked: Bools, normals: Floats, slope: Floats) -> Floats:
+        if self.shape == "mu1":
+            return snow_shape_factor(slope)
+        factor = half_cleared if self.shape == "half" else drifted_on_arch
+        profiles = RoofProfile.of_pieces(surface, picked, normals, self.drift, self.kind)
+        return np.asarray(np.sum([factor(profile, slope) for profile in profiles], axis=0))
 
     def forces(self, surface: Surface, weight: float) -> Floats:
         """Return the forces (n, 3) of the snow at the vertices, newtons; `weight` is not used."""

@@ -32,11 +32,6 @@ class RoofProfile:
     rise: float
     halves: tuple[float, float]
 
-    @property
-    def ridge_slope(self) -> float:
-        """Slope of the equivalent roof with two slopes, degrees; negative for a trough."""
-        return float(np.degrees(np.arctan((self.halves[0] - self.halves[1]) / 2)))
-
     def require_arch(self, kind: str, shape: str) -> None:
         """Raise SurfaceError if the roof rises and falls along the direction by less than half of its height."""
         if (self.halves[0] - self.halves[1]) * self.depth < 2 * self.rise:
@@ -65,30 +60,24 @@ class RoofProfile:
     @classmethod
     def _from_roof(cls, surface: Surface, roof: Bools, normals: Floats, d: Floats) -> "RoofProfile":
         corners = surface.V[surface.F[roof]]
-        low, high = corners.reshape(-1, 3).min(axis=0), corners.reshape(-1, 3).max(axis=0)
-        ends = (corners @ d).min(), (corners @ d).max()
-        place, slope = np.zeros(surface.m), np.zeros(surface.m)
-        place[roof] = (surface.centroids[roof] @ d - ends[0]) / (ends[1] - ends[0])
-        slope[roof] = -(normals[roof] @ d) / normals[roof, 2]
-        arc = _along_arc(place[roof], slope[roof], surface.areas[roof])
-        in_plan = np.where(roof, surface.areas, 0.0) / np.sqrt(1 + slope**2)
-        halves = [in_plan * (place < 0.5), in_plan * (place >= 0.5)]
+        start, end = (corners @ d).min(), (corners @ d).max()
+        place = (surface.centroids[roof] @ d - start) / (end - start)
+        slope = -(normals[roof] @ d) / normals[roof, 2]
+        areas = surface.areas[roof]
+        in_plan = areas / np.sqrt(1 + slope**2)
+        halves = (in_plan * (place < 0.5), in_plan * (place >= 0.5))
         before, behind = (float(slope @ half / max(half.sum(), 1e-300)) for half in halves)
-        arc = _on_all_faces(roof, arc)
-        return cls(roof, place, arc, slope, float(ends[1] - ends[0]), float(high[2] - low[2]), (before, behind))
+        on_faces = np.zeros((3, surface.m))
+        on_faces[:, roof] = place, _along_arc(place, areas, in_plan), slope
+        depth, rise = float(end - start), float(np.ptp(corners[..., 2]))
+        return cls(roof, on_faces[0], on_faces[1], on_faces[2], depth, rise, (before, behind))
 
 
-def _on_all_faces(mask: Bools, values: Floats) -> Floats:
-    filled = np.zeros(len(mask))
-    filled[mask] = values
-    return filled
-
-
-def _along_arc(place: Floats, slope: Floats, areas: Floats) -> Floats:
+def _along_arc(place: Floats, areas: Floats, in_plan: Floats) -> Floats:
     """Return positions along the arc, 0 to 1. In each strip the arc is as much longer as its faces are larger."""
     strip = np.minimum((place * STRIPS).astype(int), STRIPS - 1)
-    in_plan = np.bincount(strip, areas / np.sqrt(1 + slope**2), STRIPS)
-    longer = np.where(in_plan > 0, np.bincount(strip, areas, STRIPS) / np.maximum(in_plan, 1e-300), 1.0)
+    flat = np.bincount(strip, in_plan, STRIPS)
+    longer = np.where(flat > 0, np.bincount(strip, areas, STRIPS) / np.maximum(flat, 1e-300), 1.0)
     length = np.concatenate([[0.0], np.cumsum(longer)])
     return np.asarray(np.interp(place * STRIPS, np.arange(STRIPS + 1), length) / length[-1])
 
@@ -165,8 +154,9 @@ def canopy_coefficients(profile: RoofProfile) -> tuple[float, float]:
     Half of the sum of the mean slopes before and behind the middle is the slope of a roof with one slope, half of their
     difference that of a roof with two slopes. The larger coefficient of both counts.
     Raises SurfaceError for slopes outside of the tables."""
-    plane_slope = abs(float(np.degrees(np.arctan(sum(profile.halves) / 2))))
-    ridge_slope = profile.ridge_slope
+    before, behind = profile.halves
+    plane_slope = abs(float(np.degrees(np.arctan((before + behind) / 2))))
+    ridge_slope = float(np.degrees(np.arctan((before - behind) / 2)))  # negative for a trough
     if plane_slope > 30.5 or not -20.5 <= ridge_slope <= 30.5:
         steep = plane_slope if plane_slope > 30.5 else ridge_slope
         raise SurfaceError(
