@@ -236,15 +236,17 @@ def cut_carrying(statics: CutStatics) -> Carrying:
     outcome, rows = use_and_movement(statics), _reactions(statics)
     use, faults = outcome.use, []
     case = use.case if use else statics.preset.judged_in("ULS", statics.answers)[0]
-    outcome = replace(outcome, reactions=rows, stress=statics.stress(case).largest)
+    # supports that pull come first: a short list of notes must not hide them
+    remarks = (*hold_down_remarks(statics.preset.surface, rows), *outcome.remarks)
+    outcome = replace(outcome, reactions=rows, stress=statics.stress(case).largest, remarks=remarks)
     if use is None:
-        return replace(outcome, remarks=(*outcome.remarks, *hold_down_remarks(statics.preset.surface, rows)))
+        return outcome
     factor, buckling_case, aside = _buckling(statics)
     if use.value > 1:
         faults.append(f"the load on {use.member} is {use.value:.0%} of its resistance ({use.check})")
     if factor is not None and factor <= 1:
         faults.append(f"the sheet buckles at {factor:.2g} times its load")
-    remarks = (*outcome.remarks, *aside, *hold_down_remarks(statics.preset.surface, rows))
+    remarks = (*outcome.remarks, *aside)
     return replace(outcome, buckling=factor, buckling_case=buckling_case, faults=tuple(faults), remarks=remarks)
 
 
