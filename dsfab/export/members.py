@@ -12,7 +12,7 @@ from dsfab.export.part import Part
 if TYPE_CHECKING:
     from dsfab.members import Member, MemberAxis, MemberGraph, Node
 
-LENGTH_DIGITS, CURVATURE_DIGITS = 4, 9  # decimals of millimetres, and of directions and curvatures per metre
+LENGTH_DIGITS, CURVATURE_DIGITS = 4, 9  # decimals of lengths (mm), and of directions and curvatures (1/m)
 
 
 @dataclass(frozen=True)

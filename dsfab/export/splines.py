@@ -239,7 +239,7 @@ class RowSpans:
         return RowSpans(low, high, row, first_half[span] + (two[span] & (x >= middle[span])))
 
 
-SAMPLES_PER_SPAN = 6  # smallest number of samples per span; with fewer samples, a curve oscillates between them
+SAMPLES_PER_SPAN = 6  # smallest number of samples per span; with fewer samples, a curve oscillates
 AT_ONCE = 20_000  # number of samples in one batch of curves, for the processor's cache
 Fitted = tuple[Spline, float]  # a curve, and its largest distance from its samples
 

@@ -15,7 +15,7 @@ from dsfab.results import PatternResult
 from dsfab.slicing import Overlay, Sheet, stripe_overlay
 from dsfab.surface import Surface
 
-TIE = 1e-3  # Positions along the structure count as equal up to this difference, as a fraction of its size.
+TIE = 1e-3  # Largest difference of equal positions along a structure, divided by the structure's size.
 ROUND, HOLLOW = 0.5, 0.4
 """Members form a ring if two ratios of their centroids exceed these values.
 ROUND  : spread in the second principal direction, divided by the spread in the first.

@@ -177,7 +177,7 @@ def _bend(turn: Floats) -> tuple[int, int]:
     return begin, end
 
 
-KNOTS, COARSE = 4.0, 2.0  # Knot distance in the first fit of an axis: KNOTS widths or COARSE mesh edges, the larger.
+KNOTS, COARSE = 4.0, 2.0  # First knot distance of an axis: the larger of KNOTS widths and COARSE mesh edges.
 
 
 @dataclass(frozen=True, eq=False)

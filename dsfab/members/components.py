@@ -59,7 +59,7 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
     """Return kind and stripes of kept material: "reach" (within a distance), "plate" (region) or "band" (outline)."""
     zero = np.zeros(1)
-    if x.ndim == 2:  # a band; column 0 is positive inside its outline, column 1 is distance from outline minus width
+    if x.ndim == 2:  # band: column 0: positive inside the outline; column 1: distance from the outline - width
         width = -float(x[:, 1].min())
         inward = np.where(x[:, 0] >= 0, -x[:, 1], x[:, 1] + 2 * width)
         return "band", DrawnBand(name, np.stack([inward, inward - width], axis=1), zero, hides=True)

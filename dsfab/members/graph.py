@@ -91,7 +91,7 @@ def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
     begin, end, t = _places_on_sides(offset_a, F, side)
     every = np.arange(len(row))[:, None]
     values = offset_b[every, begin] + t * (offset_b[every, end] - offset_b[every, begin])
-    # values near 0 are moved away from 0: a crossing on an edge then lies in exactly one of the edge's two cells
+    # values keep away from 0, so that a crossing on an edge lies in exactly one of the edge's two cells
     values = np.where(np.abs(values) < SAME_PHASE, np.copysign(SAME_PHASE, offset_b[every, begin]), values)
     meets = np.sign(values[:, 0]) * np.sign(values[:, 1]) < 0
     a, b = surface.V[F[every, begin]], surface.V[F[every, end]]

@@ -151,7 +151,7 @@ def _path_products(link: csr_array, order: Ints, predecessor: Ints) -> Floats:
     return sign
 
 
-FLOOR = 1e-6  # Smallest weight of the stress; the largest is 1. Above 0, so that the field is unique without stress.
+FLOOR = 1e-6  # Smallest weight of the stress; the largest is 1. At 0, the field would not be unique without stress.
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,7 +233,7 @@ def cross_field(
     weight[weight == 0] = FLOOR * surface.mean_edge**2  # for vertices without a face
     x = frames.twisted_factors.factor(length**2 * frames.coupling(2 * frames.turning), weight)(right)
     size = np.abs(x)
-    # smaller numbers are rounding errors; there the direction of an edge replaces the field
+    # where the field is only a rounding error, the direction of an edge replaces it
     angle = np.where(size > 1e-6 * size.max(), np.angle(x) / 2, _first_edge_angles(frames))
     return frames.direction(angle)
 

@@ -20,7 +20,7 @@ SHORT = 1 / 16
 """Smallest edge that is halved, divided by `reach`. A region ends at the distance `reach` from its origins."""
 FINEST = 1 / 16  # Edges shorter than this fraction of the longest side of their uncut face are not halved.
 NEAR = 0.3  # Largest move of an outline onto a vertex, as a fraction of a mesh edge; also at most `EVEN` x `reach`.
-ASIDE = 0.1  # An edge is divided at an outline nearer to its middle than this fraction of the edge, else at its middle.
+ASIDE = 0.1  # An edge is divided at an outline within this fraction of the edge from the middle, else at the middle.
 
 
 def curve_fields(
@@ -110,7 +110,7 @@ def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools
     sides, ends = surface.edges.of[faces], surface.edges.ends
     deviation = np.abs(vertex[ends[sides]].mean(axis=2) - middle[sides])
     farthest = np.maximum(vertex[surface.F[faces]], middle[sides]).max(axis=1)
-    deviation[farthest == 0] = reach  # all sides of the face have distance 0; divide it, to see distances inside
+    deviation[farthest == 0] = reach  # divide faces with distance 0 on all sides to see distances inside
     is_uneven = np.zeros(len(ends), dtype=bool)
     is_uneven[sides[(deviation > EVEN * reach) & (farthest + deviation.max(axis=1) >= reach)[:, None]]] = True
     finite = _finite_distances(vertex, reach)

@@ -250,7 +250,7 @@ def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -
         below = [np.searchsorted(layer.levels, x) for x in _point_values(surface, layer.field, points)]
         if isinstance(layer.field, CornerField):
             is_material |= (below[0] > below[1]) & _is_drawn(layer.field)[:, None]
-            if layer.closed is not None:  # an estimate at points, because the cut fills or keeps whole openings
+            if layer.closed is not None:  # only an estimate: the cut fills or keeps each opening as a whole
                 is_material |= (layer.closed[surface.F] @ points.T > 0) & ~layer.field.blank[:, None]
             continue
         is_material |= below[0] % 2 == 1 if len(below) == 1 else below[0] > below[1]

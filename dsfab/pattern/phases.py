@@ -198,7 +198,7 @@ def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
     step = flow.turn + miss - np.rint(miss)
     edge, F = surface.edges.of, surface.F
     forward = i[edge] == F  # half-edges that run in their edge's direction
-    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # along half-edges; positive along g at the start
+    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # positive along g where the half-edge starts
     edge_sign = sign[edge]
     s1 = edge_sign[:, 0]
     s2 = s1 * edge_sign[:, 1]

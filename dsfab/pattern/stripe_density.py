@@ -42,7 +42,7 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
     coupling = np.bincount(surface.edges.of.ravel(), along_edges.ravel(), len(surface.edges.ends))
     diagonal = corner_sums(surface, blocks[:, (0, 1, 2), (0, 1, 2)]) + EVEN / surface.area * mass
     right = corner_sums(surface, p * (weight * curl / np.maximum(length, 1e-9))[:, None])
-    # in complex numbers, because the complex matrix for phases has the same sparse pattern, already analysed
+    # complex numbers reuse the analysed sparse pattern of the complex matrix for phases
     u = frames.twisted_factors.hermitian(coupling.astype(complex), diagonal)(right.astype(complex)).real
     return np.asarray(u - weighted_quantile(u, surface.vertex_areas, 0.5))
 

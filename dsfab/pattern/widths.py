@@ -13,7 +13,7 @@ from dsfab.core.errors import PatternError
 from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
-_End = tuple[float, float]  # End of an interval: a factor, and share(factor) - target (see `solved_factor`).
+_End = tuple[float, float]  # (factor, share(factor) - target) at an end of the interval in `solved_factor`
 Rule = Literal["plain", "constant", "graded", "stressed"]
 SOLID = 0.5  # Half width, in periods, at which neighbouring stripes touch.
 ROUNDS = (2, 60)  # Smallest and largest number of rounds of averaging in `spread_means`.
@@ -105,7 +105,7 @@ def spread_means(surface: Surface, x: Floats, radius: float) -> Floats:
     """Return means (n, ...) of values x (m, ...) within about `radius` metres of each vertex."""
     average = _averaging(surface)
     means = average @ x
-    # each round adds a variance h^2 / 3 (mesh width h), until the sum is the variance R^2 / 4 of a disc of radius R
+    # a round adds variance h^2 / 3 (mesh width h); the sum must reach R^2 / 4, the variance of a disc of radius R
     for _ in range(int(np.clip(0.75 * (radius / surface.mean_edge) ** 2, *ROUNDS))):
         means = average @ means[surface.F].mean(axis=1)
     return np.asarray(means)

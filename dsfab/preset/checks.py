@@ -195,7 +195,7 @@ def with_material(values: Any) -> Any:
         return values
     try:
         return {**material_named(name).values, **values}
-    except PresetError:  # `known_name` reports it later, with all other mistakes
+    except PresetError:  # `known_name` reports the name with all other mistakes
         return values
 
 

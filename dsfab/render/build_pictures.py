@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 CLIENT_LOOK = Look((1600, 1600))  # default style of preview.png
 ANALYSIS_LOOK = Look((800, 760))  # default style of each half of analysis.png
-SMALLEST_BUILDING = 2.5  # size (m) below which a pencil shows the scale, otherwise a person
+SMALLEST_BUILDING = 2.5  # below this size (m), a pencil shows the scale instead of a person
 MAIN_SHARE, WORDS_SHARE = 0.66, 0.06  # heights of main view and caption, divided by the picture's height
 MAIN_LIGHT, PANEL_LIGHT = LightQuality(8, 24, 6), LightQuality(2, 4, 1, 320, 192, (0.012, 0.05))
 """Light of the main view, and of smaller views."""

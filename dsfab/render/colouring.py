@@ -274,7 +274,7 @@ def _shape_colouring(design: "Design", show: str) -> Colouring:
     answers = design.statics.answers
     if show == "buckling" and answers.buckling is not None and len(answers.buckling.factor):
         shape = answers.buckling.shapes[0]
-        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # it moves along the load
+        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # shape follows the load
         words = f"buckles at {answers.buckling.factor[0]:.3g} x the load"
     elif show == "frequency" and answers.vibration is not None:
         shape, words = answers.vibration.shapes[0], f"swings at {answers.vibration.hertz[0]:.3g} Hz"

@@ -19,7 +19,7 @@ from dsfab.surface import LoadCase, Surface
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-EVERY_LAYER = ("loads", "supports", "reactions", "person", "tree", "gradients")  # all marks beside a structure
+EVERY_LAYER = ("loads", "supports", "reactions", "person", "tree", "gradients")  # all kinds of marks
 LAYERS = ("loads", "supports", "person")  # marks that a picture shows by default
 PERSON_RANGE = (2.0, 60.0)  # least and largest height (m) of a structure with a person beside it
 PERSON_HEIGHT, TREE_HEIGHT = 1.75, 6.0  # heights of the person and of the tree (m)

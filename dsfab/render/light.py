@@ -10,7 +10,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 from dsfab.render.scene import LAMP_AWAY, LAMP_DEPTHS, Floats32, Pixels, Scene
 from dsfab.render.view import View
 
-GRAIN = 1.2  # largest random offset (map pixels) in a shadow map; hides its steps
+GRAIN = 1.2  # largest random offset (map pixels); hides the steps of shadow maps
 SURFACE_LIFT = 2.5  # height above a surface (map pixels) where its light is computed; prevents false shadows
 LARGEST_DEPTH = np.float32(0.9999)  # Largest depth of points in shadow maps: below 1, the depth of empty pixels.
 _DEPTH_RANGE = LAMP_DEPTHS[1] - LAMP_DEPTHS[0]
@@ -265,7 +265,7 @@ def _floor_points(
     fall = ray @ floor
     distance = np.divide(level - eye @ floor, fall, out=np.full(fall.shape, np.inf), where=fall < 0)
     points = eye + np.where(np.isfinite(distance), distance, 0.0)[:, :, None] * ray
-    is_near = np.isfinite(distance) & (np.linalg.norm(points, axis=2) < 4.0)  # scene units; the farther floor is lit
+    is_near = np.isfinite(distance) & (np.linalg.norm(points, axis=2) < 4.0)  # in scene units; farther floor is lit
     return points[is_near].T.astype(np.float32), is_near
 
 

@@ -240,7 +240,7 @@ def _placed_copies(template: MarkMesh, start: Floats, along: Floats, long: Float
     return copies.reshape(-1, 3), shifted.reshape(-1, 3)
 
 
-CROSS_SPACING = Spacing(0.034, 500)  # for `crosses`; few, because many crosses take long to draw
+CROSS_SPACING = Spacing(0.034, 500)  # for `crosses`; many crosses would take long to draw
 BAR_LENGTH, BAR_WIDTH = 0.8, 0.09  # length and width of each bar of a cross, divided by the distance between crosses
 
 
@@ -259,7 +259,7 @@ def crosses(design: "Design", palette: Palette) -> Body:
     normal = surface.normals[places]
     directions = np.concatenate([along, np.cross(normal, along)])
     vertices, faces = _bars(np.tile(surface.centroids[places], (2, 1)), directions, np.tile(normal, (2, 1)), apart)
-    if design.preset.combines:  # tension and compression may differ between cases, so colours do not show them
+    if design.preset.combines:  # the sign of stress may differ between cases, so colours show no sign
         red = (np.arange(2 * len(places)) < len(places))[:, None]
         colour = np.where(red, *(np.array(tint, dtype=np.uint8) for tint in palette.tints[:2]))
     else:

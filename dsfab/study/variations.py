@@ -10,7 +10,7 @@ from dsfab.core.errors import DsfabError
 from dsfab.preset.file import parse_override
 from dsfab.preset.model import STAGES
 
-Values = Mapping[str, Sequence[Any]]  # values by dotted key
+Values = Mapping[str, Sequence[Any]]
 
 
 def parse_variations(texts: Sequence[str]) -> Values:
@@ -103,7 +103,7 @@ def expected_seconds(values: Values, stages: Mapping[str, float], picture: float
     stages : time of each stage, s.    picture : time to draw a picture, s."""
     total = picture * count(values)
     for stage, seconds in stages.items():
-        # a stage runs once for each combination of values of its own keys and of the keys of earlier stages
+        # a stage runs once for each combination of the values of all keys up to this stage
         total += seconds * prod(len(v) for key, v in values.items() if stage_of(key) <= STAGES.index(stage))
     return total
 

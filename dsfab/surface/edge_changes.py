@@ -63,7 +63,7 @@ def _loop_subdivision(V: Floats, F: Ints, edges: EdgeTable, fixed_edges: Ints) -
     positions = np.searchsorted(edges.ends @ (len(V), 1), fixed_edges @ (len(V), 1))
     moved, finer = igl.loop(V, F, 1)
     middle = np.empty(len(edges.ends), dtype=np.int64)
-    quarters = finer.reshape(-1, 4, 3)  # quarters 0 and 1 of a face are at its corners 0 and 1
+    quarters = finer.reshape(-1, 4, 3)  # libigl puts quarters 0 and 1 at corners 0 and 1
     middle[edges.of] = np.stack([quarters[:, 0, 1], quarters[:, 1, 1], quarters[:, 0, 2]], axis=1)
     moved[fixed_edges] = V[fixed_edges]
     moved[middle[positions]] = V[fixed_edges].mean(axis=1)

@@ -225,7 +225,7 @@ def _from_segment(points: Floats, a: Floats, b: Floats) -> Floats:
     along = b - a
     squared = float(along @ along)
     away = points - a
-    if squared:  # without np.clip and np.linalg.norm, which would take most of the time
+    if squared:  # np.clip and np.linalg.norm would take most of the time
         away -= np.minimum(np.maximum(away @ along / squared, 0.0), 1.0)[:, None] * along
     return np.asarray(np.sqrt((away * away).sum(axis=1)))
 
@@ -317,7 +317,7 @@ class DividedSurface:
         edges[uncut] = origins.edges[np.searchsorted(whole_edges.ends @ (n, 1), part_edges.ends[uncut] @ (n, 1))]
         parts = self.cut_parts()
         corners = self.corners(parts)
-        # is_on_side[part, k, j]: True if side k of the part lies on the side of its face that is opposite corner j
+        # is_on_side[part, k, j]: True if side k of the part lies on the face's side opposite to corner j
         is_on_side = (corners == 0) & (corners[:, [1, 2, 0]] == 0)
         marked = origins.edges[whole_edges.of[self.parent[parts]][:, [1, 2, 0]]]
         part, side, _ = np.nonzero(is_on_side & marked[:, None, :])

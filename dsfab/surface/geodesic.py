@@ -300,7 +300,7 @@ class _Front:
         vertex = bends.vertex
         i, half = _range_values(self.first_corner[vertex], self.first_corner[vertex + 1], self.corners)
         edge_of, face = self.edges.of.ravel(), half // 3
-        p, q = edge_of[half], edge_of[next_half_edge(half, 2)]  # p and q are the two edges at the vertex
+        p, q = edge_of[half], edge_of[next_half_edge(half, 2)]  # the two edges of the face at the vertex
         ahead, back = self.F.ravel()[next_half_edge(half, 1)], self.F.ravel()[next_half_edge(half, 2)]
         turn = self.turn[half]
         bearing_p, bearing_q = self._bearings(bends, i, p, q, turn)

@@ -51,7 +51,7 @@ def flatten_contacts(
     pairs, backslash : pairs (k, 2) of skin faces that intersect; wall diagonals as in `Skin`.
     Returns vertices (n, 3) of the sheet, offsets (n, 3), metres, and the pairs (q, 2) that still intersect."""
     V, faces, averages = surface.V, skin.faces(backslash), _averages(surface)
-    least = 0.002 * np.linalg.norm(D, axis=1)  # shortest offset; with half of it, rounding errors would be visible
+    least = 0.002 * np.linalg.norm(D, axis=1)  # shortest offset; at 0.001, rounding errors would be visible
     result = V, D, pairs
     for _ in range(60):
         if not len(pairs):
@@ -152,7 +152,7 @@ def _flip_diagonals(
         return backslash, pairs
     P = skin.vertices(V, D)
     for round_ in range(3):
-        walls = skin.walls(pairs)[round_ % 2 :: 1 + (round_ > 0)]  # rounds 1, 2: every second wall; neighbours interact
+        walls = skin.walls(pairs)[round_ % 2 :: 1 + (round_ > 0)]  # neighbours interact, so later rounds skip walls
         if not len(walls):
             break
         trial = _toggle(backslash, walls)

@@ -38,7 +38,7 @@ class Rays:
 
     def first_hits(self, start: Floats, direction: Floats) -> Ints:
         """Return the first face (k,) hit by each ray, or -1. start, direction : (k, 3) points and unit vectors."""
-        start = (start - self._middle) * self._scale + 1e-9 * LARGE * direction  # the line starts inside the face
+        start = (start - self._middle) * self._scale + 1e-9 * LARGE * direction  # so the ray misses its own face
         return np.asarray(self._tree.intersect_ray_first(self._V, self._F, start, direction)[0], dtype=np.int64)
 
 

@@ -74,7 +74,7 @@ def kirsch(cells: int, mesh: Mesh) -> Problem:
     """Return a quarter of a sheet in unit tension along x around a hole of radius 1.
     Value: largest stress at the hole, 3 in an infinite sheet."""
     uv, F = square(cells, cells, mesh)
-    radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # this makes cells as long as wide
+    radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # cells are about as long as wide
     V = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn], axis=1)
     return quarter(uv, F[:, ::-1], V, Material(1.0, 0.3), 1.0, kirsch_stress, (1.0, "xx"))
 

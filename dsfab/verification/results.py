@@ -181,7 +181,7 @@ Ratios = dict[str, tuple[float, ...]]
 SHAPES = ("", "_parallelograms", "_trapezoids")
 
 STRAIGHT_BEAMS: tuple[tuple[Publication, str, tuple[float, ...], tuple[float, ...]], ...] = (
-    # displacement / reference on rectangles, parallelograms and trapezoids: loads in the plane, then normal loads
+    # displacement / reference for rectangles, parallelograms, trapezoids; in-plane loads first, then normal loads
     (STRAIGHT, "OptiStruct TRI3", (0.032, 0.012, 0.019), (0.973, 0.955, 0.965)),
     (STRAIGHT, "OptiStruct QUAD4", (0.992, 0.712, 0.173), (0.981, 0.981, 0.964)),
     (STRAIGHT, "OptiStruct TRI6", (0.994, 0.962, 0.972), (1.001, 0.995, 0.999)),
@@ -219,7 +219,7 @@ REFINED: tuple[tuple[str, Publication, tuple[int, ...], Ratios], ...] = (
 )
 
 TWISTED_BEAMS: tuple[tuple[Publication, Ratios, str], ...] = (
-    # value / reference: first for a load along the width of the beam's end, then for a load normal to the width
+    # value / reference for a load along the beam's width, then for a load normal to the width
     (TWISTED, {"OptiStruct TRI3": (0.984, 0.839), "OptiStruct QUAD4": (0.992, 0.988)}, "12 x 2, assumed"),
     (HARDER, {"NASTRAN QUAD4": (0.993, 0.985)}, "12 x 2"),
 )

@@ -88,7 +88,7 @@ def pressurised_sphere(cells: int, mesh: Mesh) -> Problem:
 def pressurised_cylinder(cells: int, mesh: Mesh) -> Problem:
     """Return a tube with free ends under inner pressure. Value: mean radial displacement."""
     uv, F = square(cells, cells // 2, mesh)
-    # the last line of vertices is the first line of the closed tube
+    # the first and last lines of vertices coincide in the tube
     F = np.where(cells * (cells // 2 + 1) <= F, F - cells * (cells // 2 + 1), F)
     uv = uv[uv[:, 0] < 1 - 1e-9]
     turn = 2 * np.pi * uv[:, 0]

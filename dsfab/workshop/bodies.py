@@ -115,7 +115,7 @@ def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
     left_start = int((y > y.max() / 2).argmax())
     right_edge, left_edge = (places[:left_start], y[:left_start]), (places[left_start:][::-1], y[left_start:][::-1])
     chains = [_with_ends(right_edge, left_edge), _with_ends(left_edge, right_edge)]
-    # at a slot's upright side, one position has two depths; move the positions apart for the interpolation
+    # interpolation needs different positions for the two depths at a slot's upright side
     steps = [np.maximum.accumulate(x) + 1e-7 * np.arange(len(x)) for x, _ in chains]
     every = np.unique(np.concatenate([*steps, along]))
     sides = [np.interp(every, x, side) for x, (_, side) in zip(steps, chains, strict=True)]

@@ -16,7 +16,7 @@ from dsfab.core.arrays import Bools, Floats, cross, lock
 from dsfab.members import Member, MemberAxis, MemberGraph
 
 PARALLEL_SHARE = 0.05  # relative change of width up to which edges count as parallel
-OBLIQUE_WIDTHS = 1.5  # length of the part at a member's end that an oblique cut may shape, in member widths
+OBLIQUE_WIDTHS = 1.5  # an oblique cut may reach this far from a member's end, in member widths
 EXTENSION_STATIONS = 16  # number of stations beyond each end of an axis
 
 

@@ -80,7 +80,7 @@ def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
         tall = min(TITLE, SMALL_TITLE * sheet.size[1])
         lines += [FlatLine("STOCK", mark + frame[3] + [0.0, tall / 2]) for mark in strokes(title, tall)]
         for nested in sheet.parts:
-            _ = nested.part.contours  # computes the contours once; moved copies of the part reuse them
+            _ = nested.part.contours  # compute contours once; moved copies reuse the contours
             part = nested.placed_part.moved_by(0.0, origin)
             lines += part_lines(part)
             circles += part_circles(part)

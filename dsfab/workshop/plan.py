@@ -417,7 +417,7 @@ def _panel_design_parts(
     return parts, notes
 
 
-NEARLY_EQUAL = 5e-3  # distance of outlines of near-equal parts, if workshop.alike is 0 (m)
+NEARLY_EQUAL = 5e-3  # largest distance of near-equal outlines if workshop.alike is 0 (m)
 
 
 def _alike_notes(parts: list[FlatPart], alike: list[FlatPart], distance: float) -> list[str]:
@@ -451,7 +451,7 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
         notes.append(f"{splices} are too close to a node: the cover plate or lap may overlap the crossing strip")
     if strips.missing_holes:
         holes = _quantity(len(strips.missing_holes), "hole")
-        places = list(dict.fromkeys(strips.missing_holes))  # the bolts of a splice have a common name
+        places = list(dict.fromkeys(strips.missing_holes))  # bolts of one splice share a name
         notes.append(f"{holes} not drilled, too near to an edge: {names_and_count(places)}")
     families = {member.id: member.family for member in graph.members}
     nodes = [node for node in graph.nodes if node.kind != "grazing"]

@@ -63,7 +63,7 @@ def money(amount: float) -> str:
 
 
 NARROWING_SHARES = (0.95, 0.9)  # trial widths of strips, as fractions of their true width, widest first
-LEAST_SAVING = 0.04  # smallest saving for a hint, as a fraction of the sheets or of their area
+LEAST_SAVING = 0.04  # least saving for a hint: fraction of the number or area of sheets
 StockSizes = Sequence[tuple[float, float]]
 
 

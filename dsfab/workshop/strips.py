@@ -247,11 +247,11 @@ def bending_strain(course: StripCourse, span: tuple[float, float], thickness: fl
     return float(thickness * bend / 2)
 
 
-UNCERTAIN_WIDTHS = 1.5  # length of the part at a member's end where its curvature is uncertain, in member widths
+UNCERTAIN_WIDTHS = 1.5  # curvature is uncertain up to this distance from a member's end, in member widths
 HOLE_FIT = 5e-4
 """Largest error (m) of a length between holes. A hole may be a millimetre larger than its bolt [EN 1995-1-1, 10.4.3].
 Each of the two parts at a bolt may use half of this millimetre."""
-LEAST_STRAIN = 5e-6  # smallest strain that a sentence reports
+LEAST_STRAIN = 5e-6  # smallest strain that messages mention
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,7 @@ def new_document(part: Part) -> Any:
 def dxf_bytes(document: Any) -> bytes:
     """Return the bytes of an ezdxf document as a file."""
     document.classes.add_required_classes(document.dxfversion)
-    document.classes.classes = dict(sorted(document.classes.classes.items()))  # ezdxf adds them in no fixed order
+    document.classes.classes = dict(sorted(document.classes.classes.items()))  # ezdxf adds classes in any order
     text = io.StringIO()
     document.write(text)
     return text.getvalue().encode(document.output_encoding, errors="dxfreplace")

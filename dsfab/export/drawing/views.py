@@ -124,7 +124,7 @@ def _stretches(points: Floats, seen: Bools) -> list[Floats]:
 PAPER = (420.0, 297.0)  # width and height of A3 paper, millimetres
 PAPER_MARGIN = 10.0  # distance from the edge of the paper to the frame, millimetres
 VIEW_MARGINS = (24.0, 10.0, 12.0, 24.0)  # paper (mm) around a view for dimensions and title: left, top, right, bottom
-STEPS = (1.0, 2.0, 2.5, 5.0)  # usual scales are one of these numbers times a power of ten
+STEPS = (1.0, 2.0, 2.5, 5.0)  # usual scales are these numbers times powers of ten
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def _arrays(V: Floats, F: Ints) -> list[np.ndarray[Any, Any]]:
-    points = (V / MM_PER_M)[:, [0, 2, 1]] * [1, 1, -1]  # y upwards
+    points = (V / MM_PER_M)[:, [0, 2, 1]] * [1, 1, -1]  # y is up
     return [points.astype("<f4"), F.astype("<u4")]
 
 

@@ -101,7 +101,7 @@ def encode_3mf(part: Part) -> Iterator[bytes]:
         for name, text in contents.items():
             entry = zipfile.ZipInfo(name, _BEGINNING_OF_ZIP)
             entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.create_system = 0  # otherwise the zip names the operating system
+            entry.create_system = 0  # gives equal files on all operating systems
             archive.writestr(entry, text.encode("utf-8"))
     yield package.getvalue()
 

@@ -56,7 +56,7 @@ def section_checks(section: Rectangle, forces: Floats, fd: float) -> CheckRatios
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     V, torsion = np.hypot(Vy, Vz) / section.area, np.abs(Mt) / section.Wt
     tau = fd / np.sqrt(3)
-    nearly = 0.95  # largest V / shear resistance for `plastic` and `rho`; above it, the check of shear governs
+    nearly = 0.95  # limit of V / shear resistance in `plastic` and `rho`; at larger V, the shear check governs
     plastic = V / tau / np.maximum(1 - torsion / tau, V / tau / nearly + 1e-12)
     rho = np.where(plastic > 0.5, (2 * np.minimum(plastic, nearly) - 1) ** 2, 0.0)
     n, strength_share = N / (section.area * fd), 1 - rho

@@ -129,7 +129,7 @@ def _divide_bay(
     """Return the ends (k + 1,) of k beams in a bay, and added widths (k,), m."""
     (s, t), axis = span, member.curve
     half = fitting(np.array(joint_widths) / 2, t - s)
-    half[half < 0.05 * member.mean_width] = 0.0  # joints whose half length is smaller are left out
+    half[half < 0.05 * member.mean_width] = 0.0  # leave out joints with a smaller half length
     fine, clear = np.linspace(s, t, 17), np.linspace(s + half[0], t - half[1], 17)
     if axis.closed:
         fine, clear = fine % member.length, clear % member.length
@@ -140,7 +140,7 @@ def _divide_bay(
     count = max(least, min(int(np.ceil(parts)), int((t - s) / (0.5 * member.mean_width))))
     cuts = np.linspace(s + half[0], t - half[1], count + 1)
     spread = np.zeros(count)
-    into = 0.5  # extra width / width of the crossing member, because forces spread into this member at 45 degrees
+    into = 0.5  # width added to a beam / width of the crossing member, because forces spread at 45 degrees
     if half[0]:
         cuts, spread = np.concatenate([[s], cuts]), np.concatenate([[into * joint_widths[0]], spread])
     if half[1]:
@@ -162,7 +162,7 @@ def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
     """Return the beam nearest to each place (q, 3).
     points : (n, 3) nodes."""
     a, b = points[beams.ends[:, 0]], points[beams.ends[:, 1]]
-    count = 9  # samples along each beam; candidates for the nearest beam contain one of the place's six nearest samples
+    count = 9  # samples along each beam; beams with a place's six nearest samples are candidates for the nearest beam
     samples = (a[:, None] + np.linspace(0, 1, count)[:, None] * (b - a)[:, None]).reshape(-1, 3)
     candidates = cKDTree(samples).query(places, k=min(6, len(samples)))[1].reshape(len(places), -1) // count
     direction = b - a

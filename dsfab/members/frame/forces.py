@@ -213,7 +213,7 @@ def with_balanced_shear(forces: Floats, cut: MemberCuts) -> Floats:
     steps = np.maximum(np.diff(s, axis=1), np.finfo(float).tiny)
     slope = np.einsum("bki,bki->bk", np.cross(N, T), np.diff(moments, axis=1)) / steps  # N . (T x dM/ds)
     is_long = np.ptp(s, axis=1) > 2 * width.mean(axis=1)
-    mean = slope @ np.array([0.2, 0.3, 0.3, 0.2])  # the least squares of five stations at equal distances
+    mean = slope @ np.array([0.2, 0.3, 0.3, 0.2])  # least-squares slope of five evenly spaced stations
     error = np.abs((shear[:, 1:] + shear[:, :-1]) / 2 - slope)
     constant = ~is_long & (((mean[:, None] - slope) ** 2).sum(axis=1) < (error**2).sum(axis=1))
     balanced = np.where(constant[:, None], mean[:, None], shear)

@@ -36,12 +36,12 @@ LOAD = {"roof": 750.0, "hung": 300.0, "floor": 5000.0, "wall": 800.0}  # Usual l
 TIMBER, STRENGTH = Material(11e9, 0.3, 420.0), 15e6  # GL24h: strength 24 MPa x 0.8 / 1.25.
 LIMIT = 1 / 300  # Largest usual movement, divided by the span.
 EDGE = 0.5  # Fraction by which a score is reduced if all edges of the sheet are supported.
-UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}  # Share of each unit in files that do not name it.
+UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}  # Share of each unit among files without a unit.
 BUILDING, SPREAD = 18.0, 1.1  # Median length of buildings, metres, and standard deviation of its logarithm.
-LEAST, DOUBT = 0.02, 0.25  # Smallest score of a plausible way of support, and smallest score without doubt.
-CLOSE = 0.75  # dsfab asks about another way of support if its score is at least this share of the best score.
+LEAST, DOUBT = 0.02, 0.25  # Smallest scores of plausible supports, and of supports without doubt.
+CLOSE = 0.75  # dsfab asks about supports whose score is at least this share of the best score.
 OPEN = 0.13  # dsfab asks about the unit if the second most probable unit has at least this probability.
-UNDER = 0.7  # Factor on the score of a vertical axis with which the surface would reach below the ground (z = 0).
+UNDER = 0.7  # Factor on the score of a vertical axis if the surface would then reach below the ground (z = 0).
 
 
 @dataclass(frozen=True, eq=False)

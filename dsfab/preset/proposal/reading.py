@@ -37,7 +37,7 @@ from dsfab.surface import (
 
 Z_UP = (".3mf", ".3dm", ".dxf", ".glb", ".gltf", ".ifc")
 """Suffixes of files in which z is vertical, by the format or its usual program. glTF files are rotated when read."""
-MOSTLY_Z = (".stl", ".step", ".stp", ".brep")  # Suffixes of files in which z mostly is the vertical axis.
+MOSTLY_Z = (".stl", ".step", ".stp", ".brep")  # Suffixes of files in which z is mostly the vertical axis.
 Y_UP = 0.7  # Factor on the scores of supports if y is the vertical axis; few programs use a vertical y axis.
 GROUND = 1e-3  # Largest depth below y = 0 that counts as zero, divided by the size of the surface.
 

@@ -11,7 +11,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, lock, point_tuple
 from dsfab.preset.proposal.shape import DEPTH, NECK, RISE, STRIP, Edge, Shape, is_scalloped
 from dsfab.surface import Ball, Boundary, Box, Surface, link_components
 
-DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25  # `SupportReading.form` if the shape shows supports; if usual; if possible.
+DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25  # `SupportReading.form` of supports: shown by the shape, usual, possible.
 RARER = 0.8  # Factor on `SupportReading.form` for hanging surfaces and for walls, because roofs are more frequent.
 LEFT = 0.7  # Factor on the score `SupportReading.form` if necks or hollows (see `Shape`) stay without support.
 SAG = 0.15  # Smallest sag of a hanging roof, divided by its height.

@@ -11,7 +11,7 @@ from dsfab.preset.proposal.shape import is_figure
 from dsfab.surface import Surface
 
 MEMBERS = 16  # Number of members across the shorter side of the plan.
-COARSEST, FINEST = 2.5, 3.5  # Smallest and largest number of mesh edges per spacing; fewer give uneven stripes.
+COARSEST, FINEST = 2.5, 3.5  # Fewest and most mesh edges per spacing; too few edges give uneven stripes.
 TRIANGLES = 6500  # Usual number of triangles, so that CAD programs can open the solid.
 SLENDER = {"steel": 200, "timber": 100}  # Ratio of span to thickness, by material.
 STEEL = ("S235", "S275", "S355", "S460", "aluminium 6082")

@@ -149,7 +149,7 @@ def _widths() -> Iterator[str]:
 
 
 def _thickening(surface: Surface) -> Iterator[list[str]]:
-    if is_figure(surface):  # sculptures bend sharply, where the solid gets thin
+    if is_figure(surface):  # the solid is thin at the sharp bends of sculptures
         yield ["[thickening]", toml_line("thinnest", 0.05, "smallest accepted share of the thickness at sharp bends")]
 
 

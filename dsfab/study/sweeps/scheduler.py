@@ -13,7 +13,7 @@ from dsfab.study.variations import stage_order
 
 TRIES = 2  # number of dead workers after which a run is recorded as killed
 PATIENCE = 600.0  # seconds without workers after which the scheduler stops
-Deliver = Callable[[Outcome, Changes], list[str]]  # writes the files of a run and returns their names
+Deliver = Callable[[Outcome, Changes], list[str]]  # writes a run's files and returns the file names
 
 
 @dataclass

@@ -61,7 +61,7 @@ class Outcome:
 
 
 _run_lock = threading.Lock()  # only one run at a time: solver and graphics are not thread-safe
-_thread_state = threading.local()  # for each worker thread: the job, its base preset, and the last design
+_thread_state = threading.local()  # stores the job and the last design of each worker thread
 
 
 def execute(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
@@ -206,7 +206,7 @@ class LocalWorkers:
             return self._asked
         if not self._peak:
             return 1
-        # workers use up to 80 % of the initially free memory
+        # the workers share 80 % of the initially free memory
         return max(1, min(cores(), int(0.8 * self._free / self._peak) if self._free else cores()))
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":

@@ -10,10 +10,10 @@ from dsfab.core.arrays import Bools, Floats, Ints, weighted_quantile
 from dsfab.statics import LAYERS, SheetStress
 from dsfab.surface import Surface
 
-EXTRAPOLATION_DIVISOR = 2.0  # d in c1 + (c1 - c0) / d, the limit of compliances c0 (coarse mesh), c1 (finer mesh)
+EXTRAPOLATION_DIVISOR = 2.0  # d in extrapolated compliance c1 + (c1 - c0) / d; c0: coarse mesh, c1: finer mesh
 LEAST_BOUND = 0.003  # smallest relative error bound: the calibration table itself has errors of 0.1 to 0.2 %
-QUICK_ERRORS = (0.02, 0.05)  # median and 90 % quantile of the relative error of one solve (quick)
-LEAST_EDGES_PER_MEMBER = 4.0  # members narrower than 4 edges of the uncut mesh give a warning
+QUICK_ERRORS = (0.02, 0.05)  # median and 90 % quantile of the relative error of a quick solve
+LEAST_EDGES_PER_MEMBER = 4.0  # dsfab warns of members narrower than 4 edges of the uncut mesh
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
     values   : compliances (J) by quadratic + hhj elements. Each mesh has four times the triangles of the previous mesh.
     spread   : compliance by midedge elements on the first mesh, divided by values[0], minus 1.
     recovery : energy of the stress error on the finest mesh, divided by the compliance."""
-    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # least factors in the bound, from calibration.csv
+    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # factors of error terms, from calibration.csv
     if len(values) < 2:
         # for 19 of 20 designs, the relative error of the compliance is at most 1.7 x recovery
         return ComplianceEstimate(values[0], max(1.7 * recovery, of_spread * abs(spread), LEAST_BOUND))
@@ -49,7 +49,7 @@ def limit_at_own_rate(values: Sequence[float]) -> float:
     return values[-1] + step / (min(max(before / step, STEP_RATIOS[0]), STEP_RATIOS[1]) - 1)
 
 
-WIDEST_MODE_BOUND = 0.05  # largest relative bound of buckling and frequency for which two meshes suffice
+WIDEST_MODE_BOUND = 0.05  # two meshes suffice if each mode's relative error bound is at most this
 STEP_RATIOS = (1.5, 4.0)
 """Smallest and largest ratio of a step to the next step in extrapolations. A step is the difference of values on two
 meshes. Below the smallest ratio, the steps do not clearly decrease."""
@@ -140,7 +140,7 @@ def off_corners(surface: Surface, supported: Bools) -> Bools:
     if not len(corners):
         return np.ones(surface.m, dtype=bool)
     distances, _ = cKDTree(surface.V[corners]).query(surface.centroids)
-    # the limit of 5 % is for sheets without openings
+    # for sheets without openings, rib_width is large
     return np.asarray(distances > min(rib_width(surface), 0.05 * surface.size))
 
 

@@ -60,7 +60,7 @@ def on_mesh(
     uncut_loads : supports and loads on the uncut surface, by case.
     forces      : forces of these loads, from `shares`."""
     F, areas = sheet.surface.F, sheet.surface.areas
-    hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # sum over the corners
+    hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])
     mass = np.asarray(hats.T @ areas)
     material = np.bincount(sheet.parent, areas)
     cases, spreads = {}, {}
@@ -134,7 +134,7 @@ def theory_share(soft: RibSoftening) -> float:
 
 MAIN_ELEMENTS, SPREAD_ELEMENTS = elements_of("compliance"), elements_of("spread")
 """Two pairs of membrane and bending elements; the errors of their compliances mostly have opposite signs."""
-QUICK_ELEMENTS = elements_of("compliance_once")  # elements for one solve (quick)
+QUICK_ELEMENTS = elements_of("compliance_once")  # elements for one quick solve
 BYTES_PER_UNKNOWN = {
     "PARDISO": {"hhj": 2200.0, "midedge": 1900.0, None: 1900.0},
     "multifrontal": {"hhj": 4200.0, "midedge": 3000.0, None: 2800.0},
@@ -182,7 +182,7 @@ def level(
     start = time.perf_counter()
     plane = flat_axis(surface, *loads.values()) is not None
     answers_by_pair, model = {}, material.model_for(surface)
-    for pair in pairs[:1] if plane else pairs:  # a flat sheet that is solved in 2D has no bending elements
+    for pair in pairs[:1] if plane else pairs:  # without bending, the first pair of elements is enough
         elements = pair.in_plane if plane else pair
         K = sheet_stiffness(model, elements)
         answers = equilibria(surface, K, list(loads.values()), elements, spreads=list(spreads.values()))

@@ -31,7 +31,7 @@ from dsfab.study.verdict.levels import memory_needed, on_mesh, shares
 from dsfab.study.verdict.verdict import MOST_MESHES, LoadedSurface, attached_material
 from dsfab.surface import LoadCase, Surface
 
-MODE_ELEMENTS: Elements = elements_of("buckling")  # for buckling and frequencies, with one stiffness matrix
+MODE_ELEMENTS: Elements = elements_of("buckling")  # buckling and frequencies share a stiffness matrix
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def mode_intervals(
         permanent = setting.permanent if request.frequencies else {}
         forces, weights = shares(sheet, loads), shares(sheet, loads_on(setting.surface, sheet, permanent))
         for mesh in islice(meshes(sheet, SmoothSurface.from_surface(setting.surface)), MOST_MESHES):
-            # two factorisations are stored, so assume the larger memory: that of the multifrontal solver
+            # two factorisations are stored, so assume the solver that needs the most memory
             needed = memory_needed(MODE_ELEMENTS.unknowns(mesh.surface), MODE_ELEMENTS.bending, "multifrontal")
             if levels and needed > budget:
                 refusals.append(f"a finer mesh for bounds of buckling and frequency would need {needed / 1e9:.1f} GB")

@@ -246,7 +246,7 @@ class Refinement:
             self.progress("verdict", f"solving {mesh.surface.m:,} triangles")
         loads, spreads = on_mesh(self.setting.surface, mesh, self.setting.loads, forces)
         pairs: tuple[Elements, ...] = (QUICK_ELEMENTS,)
-        if self.depth == "full":  # two pairs of elements solve the first mesh, one pair solves each finer mesh
+        if self.depth == "full":  # solve the first mesh with two pairs of elements, finer meshes with one pair
             pairs = (MAIN_ELEMENTS,) if self.levels else (MAIN_ELEMENTS, SPREAD_ELEMENTS)
         ribs = self.depth == "full" and not self.levels
         self.levels.append(level(mesh.surface, self.setting.made, loads, spreads, pairs, ribs))

@@ -118,7 +118,7 @@ def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> I
     normal = unit_vectors(area_vectors(V, F))
     reach = np.maximum(SAG * lengths(P - np.roll(P, 1, axis=1)).max(axis=1), WELD)[faces]
     starts = np.einsum("kc,kci->ki", SAMPLES[samples], P[faces]) - reach[:, None] * normal[faces]
-    # long rays: libigl misses faces whose area times the ray's length is below 5e-7
+    # rays are long, because libigl misses faces with area x ray length below 5e-7
     rays = tree.intersect_ray(V, F, starts, normal[faces] / WELD**2)
     # every ray hits the face from which it starts
     hits = np.array([(k, *hit[:2]) for k, ray in enumerate(rays) if len(ray) > 1 for hit in ray]).reshape(-1, 3)
@@ -196,7 +196,7 @@ def _is_covered(covers: Ints, by: Bools) -> Bools:
 COPY_GAP = 1 / 500  # Largest distance between two copies of a sheet, divided by the square root of its area.
 PARALLEL_GAP = 0.08  # Largest distance between parallel sheets, divided by the square root of their area.
 LEAST_AREA_RATIO = 0.8  # Smallest ratio of the areas of two parallel sheets, smaller to larger.
-IGNORED_SHARE = 0.1  # Share of the area with the smallest (or largest) distances that comparisons ignore.
+IGNORED_SHARE = 0.1  # Comparisons use the 10 % and 90 % quantiles of distances, weighted by area.
 
 _REMARKS = {
     "copy": "the surface has two sheets only {} apart, probably copies; delete one of the sheets, or set "
@@ -276,7 +276,7 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
         if gap is not None:
             if moved:
                 to = V[F[first_part]].mean(axis=1) + translation
-                # drop rim faces of the first part: even moved by `translation`, they are far from `second_part`
+                # remove faces at the rim: after the translation, these faces are far from `second_part`
                 first_part = first_part[nearest_places(to, V, np.ascontiguousarray(F[second_part])).distance < gap / 4]
             yield ParallelParts(first_part, second_part, gap, "slab", piece_faces, translation)
 
@@ -337,7 +337,7 @@ def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool
     gaps = np.concatenate([nearest_places(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])
     least, middle, largest = weighted_quantiles(gaps, area, (IGNORED_SHARE, 0.5, 1 - IGNORED_SHARE))
-    uneven = 2.5  # a slab has faces at similar distances: largest / median and median / smallest are at most this
+    uneven = 2.5  # limit for a slab: largest / median distance, and median / smallest distance
     if largest > PARALLEL_GAP * side or (even and not (largest <= uneven * middle and middle <= uneven * least)):
         return None
     return None if middle <= COPY_GAP * side < largest else float(middle)

@@ -194,7 +194,7 @@ def is_scan(V: Floats, F: Ints) -> bool:
         return False
     edges, side = edge_table(F), float(np.ptp(V[F].reshape(-1, 3), axis=0).max())
     if (edges.count > 2).sum() >= SEVERAL:
-        F = F[complement(overlapping_faces(V, F).whole, len(F))]  # copies of faces do not count as faults of a scan
+        F = F[complement(overlapping_faces(V, F).whole, len(F))]  # copied faces do not indicate a raw scan
         edges = edge_table(F)
     mean = float(lengths(V[edges.ends[:, 1]] - V[edges.ends[:, 0]]).mean())
     if mean <= NOISY * side and not len(misoriented_edges(F, edges)) and _folded_faces(V, F).mean() > FOLDED:

@@ -20,7 +20,7 @@ from dsfab.core.arrays import (
 from dsfab.surface.topology import EdgeTable, corner_fans, edge_table, link_components, next_half_edge, pinches
 
 WELD = 5e-5  # Vertices closer than this fraction of the mesh's largest dimension become one vertex.
-ASTRAY_RATIO = 1000.0  # Astray vertices: farther from the median point than this x the 99 % quantile of distances.
+ASTRAY_RATIO = 1000.0  # A vertex is astray if its distance from the median is above this x the 99 % quantile.
 
 
 def in_reach(V: Floats) -> Bools:
@@ -42,7 +42,7 @@ def merged_vertices(
     within : largest distance between merged vertices, divided by the mesh's largest dimension.
     apart  : function that takes pairs of vertices (p, 2) and marks the pairs (p,) that must stay separate."""
     alone = V, np.arange(len(V))
-    if not len(V) or not np.isfinite(V).all():  # `Surface` reports infinite coordinates
+    if not len(V) or not np.isfinite(V).all():  # a later check reports nan and inf
         return alone
     reach = within * float(np.ptp(V, axis=0).max())
     pairs = cKDTree(V).query_pairs(reach, output_type="ndarray")
@@ -219,7 +219,7 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
     fan = np.concatenate([fans.ravel()[alone], fans.ravel()[onward]])
     candidates = [_gusset(V, int(v), away[corner_vertex == v], fan[corner_vertex == v]) for v in points]
     gussets = np.array([face for face in candidates if face is not None], dtype=np.int64).reshape(-1, 3)
-    gussets = gussets[faces_with_area(V, gussets)]  # a gap without area needs no gusset
+    gussets = gussets[faces_with_area(V, gussets)]  # a gap without area needs no face
     _, first_faces = np.unique(np.sort(gussets, axis=1), axis=0, return_index=True)
     faces = np.concatenate([F, gussets[np.sort(first_faces)]])
     crowded = (edge_table(faces).count > 2).sum() > (edges.count > 2).sum()

@@ -186,7 +186,7 @@ class _Entities:
             words = f"{insert.dxf.name!r}, whose content is elsewhere"
             self.counts[Content("external reference", "dropped", words)] += 1
             return
-        turned = insert.matrix44().determinant() < 0  # the matrix includes all outer blocks
+        turned = insert.matrix44().determinant() < 0  # the matrix includes enclosing blocks
         self.counts[Content("block insertion" if turned == mirrored else "mirrored block insertion")] += insert.mcount
         for copy in insert.multi_insert() if insert.mcount > 1 else (insert,):
             yield from self.leaves(copy.virtual_entities(), names, turned, hidden)

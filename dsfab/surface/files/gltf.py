@@ -206,7 +206,7 @@ def _scene(
     except (KeyError, TypeError, AttributeError, IndexError):
         raise MalformedFileError("an entry of the file's JSON is missing or of the wrong kind") from None
     V = upright_vertices(V, "y")
-    V, F = equal_merged(V, F) if len(F) else (V, F)  # merge after rotation, to sort vertices as in other formats
+    V, F = equal_merged(V, F) if len(F) else (V, F)  # equal_merged also sorts the vertices, so rotate first
     doubts = doubts if tree.get("scenes") else (*doubts, "the file names no scene: all its objects are taken")
     return TriangleFile(V, F, "m", doubts, dropped, contents(scene.counts))
 
@@ -252,7 +252,7 @@ class _Scene:
         seen = set[int]()
         while waiting:
             number, above, outer_names, shown = waiting.pop()
-            if number in seen or len(outer_names) >= 200:  # usual programs nest nodes up to 100 levels deep
+            if number in seen or len(outer_names) >= 200:  # most programs nest at most 100 levels of nodes
                 raise MalformedFileError("the file's nodes are not a tree: a node has two parents, or contains itself")
             seen.add(number)
             node = nodes[number]
@@ -302,7 +302,7 @@ class _Scene:
             return np.stack([order[1:-1], order[2:], np.full(len(order) - 2, order[0])], axis=1)
         F = np.stack([order[:-2], order[1:-1], order[2:]], axis=1)
         F[1::2] = F[1::2, [1, 0, 2]]
-        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # a repeated corner: the triangle only links two strips
+        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # triangles with a repeated corner only link strips
         strip: Ints = F[~tied]
         return strip
 

@@ -31,7 +31,7 @@ _IGNORED_WORDS = frozenset(
     "cstype deg bmat step parm trim hole scrv sp end con ctech stech".split()
 )
 """First words of lines that do not change polygons, or that belong to free-form curves and surfaces."""
-_NUMBERS = {3, 4, 6, 7}  # A vertex has three coordinates, perhaps with a weight, a colour, or both.
+_NUMBERS = {3, 4, 6, 7}  # Numbers per vertex: 3 coordinates, optional weight (1) and colour (3).
 _COMMENT = re.compile(r"^([^\S\n]*#[^\n]*)\\$", re.MULTILINE)  # A comment ending with a backslash.
 _DIVIDED = re.compile(r"[^\s\\]\\\n(?=\S)")  # A backslash at the end of a line, with no space beside it.
 _DECIMAL_COMMA = re.compile(r"\d,\d")  # A number with a decimal comma.
@@ -125,7 +125,7 @@ def _add_vertex(V: "array[float]", words: list[str], line: str) -> None:
         raise ValueError
     V.extend(map(float, words[1:4]))
     if len(words) > 4:
-        list(map(float, words[4:]))  # raises ValueError if two vertices are on one line
+        list(map(float, words[4:]))  # float fails at the word v of a second vertex
 
 
 def _add_face(corners: "array[int]", sizes: "array[int]", words: list[str], count: int) -> None:

@@ -59,13 +59,13 @@ def surface_of(mesh: Any, unit: str | None = None) -> Surface:
         return mesh
     own_unit = getattr(mesh, "units", None)
     unit = unit or (own_unit if isinstance(own_unit, str) and own_unit else "m")
-    if hasattr(mesh, "to_vertices_and_faces"):  # a mesh of the library compas
+    if hasattr(mesh, "to_vertices_and_faces"):  # a compas mesh
         V, F = mesh.to_vertices_and_faces()
         return _merged_surface(V, F, unit)
-    if hasattr(mesh, "extract_surface") and hasattr(mesh, "points"):  # pyvista
+    if hasattr(mesh, "extract_surface") and hasattr(mesh, "points"):  # a pyvista mesh
         shell = mesh.extract_surface(algorithm=None) if not hasattr(type(mesh), "regular_faces") else mesh
         return _merged_surface(shell.points, shell.irregular_faces, unit)
-    if hasattr(mesh, "cells_dict") and hasattr(mesh, "points"):  # a mesh of the library meshio
+    if hasattr(mesh, "cells_dict") and hasattr(mesh, "points"):  # a meshio mesh
         cells = [face for kind in ("triangle", "quad") for face in mesh.cells_dict.get(kind, ())]
         return _merged_surface(mesh.points, cells, unit)
     if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):

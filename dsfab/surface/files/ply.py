@@ -52,7 +52,7 @@ class PlyElement:
         return MalformedFileError(f"the file ends before the last of its {self.count:,} records of {self.name!r}")
 
 
-Columns = dict[str, Any]  # Values (count,) by property. List property: values (c,) of all lists, and lengths (count,).
+Columns = dict[str, Any]  # For each property, values (count,); for lists, all values (c,) and the lengths (count,).
 
 
 def text_numbers(body: bytes) -> tuple[Floats, bool]:

@@ -46,8 +46,8 @@ def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     return np.take_along_axis(Q, cut, axis=1).reshape(-1, 3)
 
 
-_TRIANGLES = (0, 1, 2), (0, 2, 3), (1, 2, 3), (1, 3, 0)  # Triangles of a quad: cut 0-2, then cut 1-3.
-_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)  # Index in `_TRIANGLES` of the triangle at each side: cut 0-2, then cut 1-3.
+_TRIANGLES = (0, 1, 2), (0, 2, 3), (1, 2, 3), (1, 3, 0)  # Triangles of a quad, cut along 0-2 or 1-3.
+_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)  # Triangle (in `_TRIANGLES`) at each side of a quad, cut along 0-2 or 1-3.
 
 
 def _inside(corners: Ints, n: int) -> Ints:

@@ -298,7 +298,7 @@ def mesh_at(V: Floats, F: Ints, place: Floats) -> tuple[Floats, Ints]:
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8", "UTF-8 with a byte order mark"),
-    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # before UTF-16, because this mark begins with the UTF-16 mark
+    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # test UTF-32 first: its mark begins with the UTF-16 mark
     (codecs.BOM_UTF32_BE, "utf-32-be", "UTF-32 text"),
     (codecs.BOM_UTF16_LE, "utf-16-le", "UTF-16 text"),
     (codecs.BOM_UTF16_BE, "utf-16-be", "UTF-16 text"),
@@ -343,7 +343,7 @@ def may_lack_digits(word: str, count: int) -> bool:
     """Return whether an index at the end of a file may have lost digits. count : largest index."""
     if not (word.isascii() and word.isdigit()):
         return True
-    return len(word) <= len(str(count)) and 10 * int(word) <= count  # lengths first: int() fails for 5000 digits
+    return len(word) <= len(str(count)) and 10 * int(word) <= count  # int() fails for words with 5000 digits
 
 
 def text_file(data: bytes) -> TextFile:
@@ -420,7 +420,7 @@ def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, st
     tens = 10.0 ** (np.floor(np.log10(np.maximum(np.abs(P), 1e-300))) + 1 - DIGITS)
     if (P.astype(np.float32) == P).all():
         step, why = np.spacing(largest.astype(np.float32)).astype(np.float64), "32-bit numbers"
-        step *= (P % (2 * step)).any(axis=0)  # 0 on an axis where each coordinate is a multiple of two steps
+        step *= (P % (2 * step)).any(axis=0)  # 0 if all of an axis's coordinates are multiples of 2 * step
     elif (np.abs(P / tens - np.rint(P / tens)) < 1e-6).all():
         step, why = tens.max(axis=0), f"{DIGITS} digits"
     else:

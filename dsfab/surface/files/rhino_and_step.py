@@ -309,7 +309,7 @@ def _other_files(path: Path) -> list[str]:
     """Return the names of the STEP files in which an assembly keeps its parts [AP 214, external references]."""
     references = [] if path.suffix.lower() == ".brep" else _ELSEWHERE.findall(path.read_bytes())
     names = (name.decode("utf-8", "replace") for name in dict.fromkeys(references))
-    return [name for name in names if name.lower().endswith((".stp", ".step", ".p21"))]  # leaves out documents
+    return [name for name in names if name.lower().endswith((".stp", ".step", ".p21"))]  # omits other formats
 
 
 _NOT_STEP = "the file is not a STEP file with shapes, or it is cut off"

@@ -22,7 +22,7 @@ from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino
 
 GIB = 2**30
 MEMORY = {"drawing": GIB, "meshes": GIB, "cad": 4 * GIB, "ifc": 4 * GIB}  # Largest address space for reading, bytes.
-SECONDS = {"drawing": 3, "meshes": 6, "cad": 60, "ifc": 60}  # Processor seconds, and as many again for each 10 MB.
+SECONDS = {"drawing": 3, "meshes": 6, "cad": 60, "ifc": 60}  # Processor seconds: this x (1 + file size / 10 MB).
 PROGRAM = "from dsfab.surface.files.separate_process import main; main()"
 TIME_OVER = -int(getattr(signal, "SIGXCPU", 24))  # Return code of a process that used up its processor seconds.
 LIBRARIES = {"drawing": "Rhino's library", "meshes": "Rhino's library", "cad": "OCCT", "ifc": "ifcopenshell"}
@@ -59,7 +59,7 @@ def read_cad(path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFi
         require_ifc()
     mesh = foreign_triangles("ifc" if is_ifc else "cad", path, budget, only)
     V, became = merged_vertices(mesh.V, 1e-7)  # faces give slightly different points on a common edge
-    V, F = equal_merged(V, became[mesh.F])  # sorts the vertices, as readers of other formats do
+    V, F = equal_merged(V, became[mesh.F])  # also sort the vertices, as for other formats
     is_triangle = (np.roll(F, 1, axis=1) != F).all(axis=1)
     return replace(mesh, V=V, F=F[is_triangle])
 

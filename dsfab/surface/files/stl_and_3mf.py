@@ -99,8 +99,8 @@ def _line_number(text: str, position: int) -> int:
 _NAMESPACES = "core material production beamlattice slice trianglesets".split()  # noqa: SIM905
 """Words in the names of 3MF extensions that dsfab accepts: it reads these extensions, or they do not change shapes."""
 _TAKEN = ("model", "surface")  # Types of objects that belong to the model; other types help only the printing.
-_CURA_AIDS = ("support_mesh", "anti_overhang_mesh", "infill_mesh", "cutting_mesh")  # settings of an object [Cura 5]
-_ROOT = re.compile(r"""<[^<>]*/3dmodel["'][^<>]*>""")  # entry that names the root model, which may have any suffix
+_CURA_AIDS = ("support_mesh", "anti_overhang_mesh", "infill_mesh", "cutting_mesh")  # printing aids [Cura 5]
+_ROOT = re.compile(r"""<[^<>]*/3dmodel["'][^<>]*>""")  # entry that names the root model's file (any suffix)
 _TARGET = re.compile(r"""Target\s*=\s*["']/*([^"']+)["']""", re.IGNORECASE)
 Key = tuple[str, str]  # Name of a part of the file, and number of an object in this part.
 
@@ -186,7 +186,7 @@ class _Plate:
         elif kind == "build":
             self.open = _Object("")
         elif kind == "item" and self.part == self.root:
-            self.open = self.objects.get(self._key(values), _Object(""))  # settings in an item concern its object
+            self.open = self.objects.get(self._key(values), _Object(""))  # an item's settings concern its object
             if values.get("printable", "1") == "0":
                 self.counts[Content("item", "dropped", "marked as not printable")] += 1
                 self.unprinted.append(self._key(values))

@@ -16,7 +16,7 @@ from dsfab.surface.loads.supports import Support
 from dsfab.surface.mesh import Surface
 
 LimitState = Literal["ULS", "SLS", ""]  # Ultimate and serviceability limit state.
-COMBINED = "combined"  # Value of diffusion.follow for all cases at once.
+COMBINED = "combined"  # diffusion.follow = COMBINED uses all load cases.
 
 
 @dataclass(frozen=True)

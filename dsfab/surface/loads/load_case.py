@@ -155,7 +155,7 @@ def outward_normals(surface: Surface) -> Floats:
     Other open pieces, such as walls, keep the normals of the surface."""
     rise, is_closed, piece = _pieces_in_space(surface)
     volume = signed_volumes(surface.V, surface.F, piece, len(rise))
-    inward = (volume.sum() if surface.is_closed else volume) < 0  # a closed surface may have voids
+    inward = (volume.sum() if surface.is_closed else volume) < 0  # voids have negative volumes
     turned = np.where(is_closed, inward, rise < -ROOF_RISE)
     return np.where(turned[piece][:, None], -surface.normals, surface.normals)
 
@@ -455,7 +455,7 @@ class LoadCase:
                 loaded[surface.edges.ends[load.on_edges(surface).any(axis=1)]] = True
         spring = np.sum([support.springs(surface) for support in supports], axis=0)
         clamped = np.logical_or.reduce([support.clamped_edges(surface) for support in supports])
-        # if both ends of a free edge are fixed, its middle is fixed too, because elements may have a node there
+        # if both ends of a border edge are fixed, fix its middle, where elements may have a node
         between = fixed[surface.edges.ends].all(axis=1) & surface.edges.boundary[:, None]
         between = np.logical_or.reduce([between, *(support.fixed_edges(surface) for support in supports)])
         return cls(fixed, force, loaded, spring, clamped, between, load_parts(surface, loads, weight))

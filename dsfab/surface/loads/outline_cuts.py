@@ -15,7 +15,7 @@ from dsfab.surface.mesh import Surface
 
 LINE_TOLERANCE = 0.002  # Largest distance of edges from a curved line, divided by `Extent.width`.
 SNAP_SHARE = 0.25  # Largest move of a vertex along an edge onto an outline, as a fraction of the edge.
-TEST_POINTS = 7  # Number of points inside an edge for which dsfab tests on which side of an outline they lie.
+TEST_POINTS = 7  # Number of points inside an edge that are tested against the outline.
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
     edge, start, sides = edge[order], start[order], sides[order]
     a, b = s.V[s.edges.ends[edge]].transpose(1, 0, 2)
     low, high = start, np.where(sign[edge, 1] == 0, 0.0, 1.0)
-    for _ in range(48 if len(edge) else 0):  # 48 halvings reach the last digit
+    for _ in range(48 if len(edge) else 0):  # 48 halvings reach full precision
         middle = (low + high) / 2
         is_same_side = np.sign(extent.depth(a + middle[:, None] * (b - a))) == sides
         low, high = np.where(is_same_side, middle, low), np.where(is_same_side, high, middle)

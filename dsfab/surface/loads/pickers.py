@@ -73,7 +73,7 @@ def pierced_faces(surface: Surface, a: Floats, b: Floats) -> tuple[Ints, Floats]
     ray, u, v = np.broadcast_to(b - a, P.shape), Q - P, R - P
     normal, to = cross(ray, v), a - P
     volume = np.einsum("mi,mi->m", u, normal)
-    inside = -1e-9  # limit for barycentric coordinates, because these are rounded
+    inside = -1e-9  # tolerance for rounding errors of barycentric coordinates
     least = 1e-12 * np.linalg.norm(b - a) * np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1)
     safe = np.where(np.abs(volume) > least, volume, np.inf)
     u_share, side = np.einsum("mi,mi->m", to, normal) / safe, cross(to, u)

@@ -410,7 +410,7 @@ def _collapsed_tips(surface: Surface) -> Ints | None:
     end = np.where(to_a < to_b, a, b)
     sharp = sharp_edges(surface)
     creased = np.bincount(edges.ends[sharp].ravel(), minlength=n)
-    by_tilt = sharp[edges.of.reshape(-1, 3)[faces]].sum(axis=1)  # creases along edges of the low face, due to its tilt
+    by_tilt = sharp[edges.of.reshape(-1, 3)[faces]].sum(axis=1)  # number of creases that the low face's tilt causes
     turn, explained = _border_turns(surface, faces, a, b, tip)
     fits = (creased[tip] <= by_tilt) & explained
     fits &= ((V[tip] > V.min(axis=0)) & (V[tip] < V.max(axis=0))).all(axis=1) | (np.ptp(V, axis=0) == 0).any()

@@ -13,8 +13,8 @@ from dsfab.surface.topology import link_components
 
 TOLERANCE = 1 / 50  # Largest move of boundaries and creases, in edge lengths.
 CORNER = 30.0  # Least bend of a curve at a corner, degrees.
-DULL = 0.6 * CREASE  # A short crease is left out if the mean normals on its two sides differ by less, degrees.
-FINE = 1 / 80  # Largest averaging radius for a scan's normals in `design_features`, divided by its box's diagonal.
+DULL = 0.6 * CREASE  # A short crease is dropped if the mean normals beside it differ by less (degrees).
+FINE = 1 / 80  # Largest radius for averaging a scan's normals, divided by the diagonal of its box.
 
 
 class SmoothVertices(NamedTuple):
@@ -78,7 +78,7 @@ def _mean_bends(surface: Surface, crease: Ints, radius: float) -> Floats:
     u, v = (np.einsum("ck,cki->ci", weight * on_side, surface.normals[near_faces]) for on_side in (side > 0, side <= 0))
     bend = np.arctan2(lengths(np.cross(u, v)), np.einsum("ci,ci->c", u, v))
     slight = np.minimum(lengths(u), lengths(v)) < TOLERANCE * radius * surface.edge_lengths[crease]
-    return np.where(slight, 0, bend)  # the normal of one very narrow face at the boundary is unreliable
+    return np.where(slight, 0, bend)  # very narrow faces at the boundary have unreliable normals
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,7 +49,7 @@ def remeshed_surface(
     Raises SurfaceError for invalid lengths, edges that are longer than the surface, over `MOST_TRIANGLES` triangles,
     repeated faces, and edges of more than two faces."""
     _check(surface, edge, finest)
-    mirrored = not sizes  # sizes may differ between mirrored sides
+    mirrored = not sizes  # `sizes` need not be symmetric
     if finest:
         sizes = [*sizes, SizeField(surface, curvature_sizes(surface, edge, finest))]
     for field in sizes or [SizeField(surface, np.full(surface.n, edge))]:

@@ -137,7 +137,7 @@ def with_vertices_at(net: Net, goal: Floats, positions: Floats) -> Net:
     positions : (k,) arc lengths, metres, of the vertices on boundaries and creases."""
     old_areas, V = area_vectors(net.V, net.F), goal.copy()
     face = np.arange(len(net.F))
-    retreats = 6  # rounds that move vertices of over-rotated faces back; after these rounds, all vertices move back
+    retreats = 6  # after 6 rounds that move back single vertices, all vertices move back
     for k in range(retreats + 1):
         new_areas = area_vectors(V, net.F[face])
         was = old_areas[face]

@@ -26,7 +26,7 @@ from dsfab.surface.shapes.implicit import (
 from dsfab.surface.shapes.meshing import Length, check_density, ring_faces, ring_turns, shape
 
 NECK_CUT = 0.4  # Height of the cut through the camel's neck, in the model's unit.
-MOUTH, HOLLOW = 0.017, 0.034  # Longest mesh edges of camels with a mouth, and with hollow ears (model's unit).
+MOUTH, HOLLOW = 0.017, 0.034  # Longest mesh edges for a camel's mouth and hollow ears, in the model's unit.
 
 
 def _figure(field: Field, low: Point, high: Point, size: float, edge: float) -> Surface:

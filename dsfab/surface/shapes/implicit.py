@@ -186,7 +186,7 @@ def _relax(chart: MeshChart, X: Floats, F: Ints) -> Floats:
 
 Field = Callable[[Floats], Floats]  # Points (q, 3) -> approximate distances (q,) from a solid, m; negative inside.
 Point = Sequence[float] | Floats
-EDGE_CORRECTION = 0.9  # Remeshing makes edges too long; the wanted length is multiplied by this.
+EDGE_CORRECTION = 0.9  # Factor of the wanted length, because remeshing makes edges too long.
 
 
 def _norm(Q: Floats) -> Floats:

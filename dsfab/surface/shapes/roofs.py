@@ -135,7 +135,7 @@ class _Wedge:
 
     def __init__(self, half: float, half_foot: float, ground: float, top: float, edge: float) -> None:
         self.half, self.half_foot, self.ground, self.edge = half, half_foot, ground, edge
-        # the circle of the arch goes through the end of the foot, the mirror image of this end, and the arch's top
+        # the circle of the arch goes through the top of the arch and the ends of two feet
         across, along = ground * np.sin(half - half_foot), ground * np.cos(half - half_foot)
         dip = along - top
         if abs(dip) < 1e-3 * ground:  # curve a nearly straight arch a little, to keep its radius finite

@@ -231,7 +231,7 @@ def proven_cells(layer: OffsetLayer) -> Bools:
     if is_fine(uncut.V, layer.D):
         error += rounding_step(uncut.V, layer.D)
     sure = np.zeros(cells.m, dtype=bool)
-    for count in (1000, 8000):  # numbers of boxes; more boxes prove more cells free of intersections
+    for count in (1000, 8000):  # with more boxes, more cells are proved free of intersections
         boxes = boxes_of(layer, error, count)
         folded, cosine, reach = prisms(layer, boxes, error)
         if folded.mean() > 0.05:

@@ -308,7 +308,7 @@ def _counter_clockwise(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints,
 
 
 def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
-    notch = 0.9  # distance of the corner between two arms from the node, divided by the bars' distance from the node
+    notch = 0.9  # distance from the node to the corner between two arms, divided by the distance to the bars
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2
     clear = half / float(np.tan(max(sharpest, SQUARE_ANGLE) / 2)) + BAR_CLEARANCE * bolt + float(lean.max())

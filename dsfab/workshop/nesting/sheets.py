@@ -186,7 +186,7 @@ def _sides_cross(P: Floats, Q: Floats) -> bool:
 
 
 def _turn(a: Floats, b: Floats, c: Floats) -> Floats:
-    u, v = b - a, c - a  # twice the area of each triangle, positive for a left turn
+    u, v = b - a, c - a  # return twice the triangle's area, positive for left turns
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
 
 

@@ -135,7 +135,7 @@ class SheetGap:
     @classmethod
     def from_columns(cls, begin: int, floor: Floats, ceiling: Floats, grid: ColumnGrid) -> "list[SheetGap]":
         """Return the gaps between floor (k,) and ceiling (k,) that have room for a part."""
-        high, least = ceiling - floor, grid.gap + 0.02  # smallest useful height and width of a gap, metres
+        high, least = ceiling - floor, grid.gap + 0.02  # least: height and width of a useful gap, metres
         bounds = np.flatnonzero(np.diff(np.concatenate([[0], high > least, [0]])))
         return [
             cls(begin + i, floor[i:j].copy(), ceiling[i:j].copy(), float(high[i:j].max()))
@@ -205,7 +205,7 @@ def _best_on_skyline(sheet: OpenSheet, turns: list[PartShape], grid: ColumnGrid)
         k = len(shape.lower)
         if k > len(sheet.skyline) or sheet.lowest + shape.size[1] + gap > top + step:
             continue
-        if k not in cached:  # rotation by 180 degrees keeps the number k of the shape's columns
+        if k not in cached:  # k is the same for the shape rotated by 180 degrees
             column_runs = _column_windows(sheet.skyline, k)
             cached[k] = column_runs, column_runs.sum(axis=1)
         windows, sums = cached[k]

@@ -249,7 +249,7 @@ class Plank:
             if not span[0] <= slot.s <= span[1]:
                 continue
             edge = self.stock.depth / 2 * (1 if slot.above else -1)
-            low = slot.s + slot.mouth(edge)[0] - self.stock.thickness / 2  # half a thickness of wood between slots
+            low = slot.s + slot.mouth(edge)[0] - self.stock.thickness / 2  # leave half a thickness between slots
             before = [previous.s + previous.mouth(edge)[1] for previous in accepted if previous.above == slot.above]
             if before and before[-1] > low:
                 parts.crowded.append(f"{slot.node} in {name}")

@@ -28,7 +28,7 @@ PARAMETER_CONTEXT = (
     "(GEOMETRIC_REPRESENTATION_CONTEXT(2)PARAMETRIC_REPRESENTATION_CONTEXT()REPRESENTATION_CONTEXT('2D SPACE',''))"
 )
 
-KnotText = tuple[str, str]  # the multiplicities of the knots as text, and their values as text
+KnotText = tuple[str, str]  # multiplicities of knots, and values of knots, as text
 
 
 def piece_name(name: str, i: int, pieces: int) -> str:

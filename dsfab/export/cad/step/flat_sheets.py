@@ -14,9 +14,9 @@ from dsfab.export.curves import Curve, curves_through, split_at_knots
 from dsfab.export.part import Part
 from dsfab.surface.topology import boundary_loops, edge_table, pieces
 
-SAME_PLACE = 1e-3  # points at a smaller distance (mm) are in one place
-WIDTH_SHARE = 0.1  # largest tolerance of a loop, as a fraction of its area / length; so narrow loops stay open
-GAP_SHARE = 0.25  # largest tolerance of a loop, as a fraction of its distance from other loops; so curves stay apart
+SAME_PLACE = 1e-3  # points at a smaller distance (mm) count as equal
+WIDTH_SHARE = 0.1  # largest tolerance of a loop, divided by the loop's area / length; keeps narrow loops open
+GAP_SHARE = 0.25  # largest tolerance of a loop, divided by its distance from other loops; keeps curves apart
 
 
 class NotFlatError(ExportError):
@@ -67,7 +67,7 @@ def outlines_of(part: Part) -> FlatOutlines:
     lengths = np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)
     across = np.linalg.eigh(np.einsum("mi,mj,m->ij", vectors, vectors, 1 / lengths))[1].T
     used = np.unique(part.F)
-    for axis in across[::-1]:  # begin with the last axis, which is usually the normal of the skins
+    for axis in across[::-1]:  # begin with the last axis, which is usually normal to the sheet
         axis = axis * np.sign(axis[np.abs(axis).argmax()])
         height = part.V @ axis
         low, high = float(height[used].min()), float(height[used].max())

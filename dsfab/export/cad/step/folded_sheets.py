@@ -111,7 +111,7 @@ def folded_sheet(part: Part) -> FoldedSheet | None:
 
 
 def _facets(part: Part) -> FlatFacets:
-    rough = 1e-4  # largest error of vertices, divided by the thickness, because mesh files round vertices
+    rough = 1e-4  # largest rounding error of vertices in mesh files, divided by the thickness
     if part.curved is None:
         raise NotFlatError("the sheet that the solid was made from is unknown")
     curved = part.curved()
@@ -149,7 +149,7 @@ def _require_few_facets(facet: Ints) -> None:
 
 
 def _plane(skins: Floats, F: Ints) -> Facet:
-    corners = skins[F].transpose(2, 1, 0, 3)  # (skin, corner of the face, face, coordinate)
+    corners = skins[F].transpose(2, 1, 0, 3)  # axes: skin, corner, face, coordinate
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(vectors, axis=2)
     origin = np.einsum("sm,smi->si", area, corners.mean(axis=1)) / area.sum(axis=1, keepdims=True)
@@ -159,7 +159,7 @@ def _plane(skins: Floats, F: Ints) -> Facet:
 def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
     """Return the vertices (n, 2, 3) in the planes of their facets.
     Return also a mask (n,) of vertices whose planes have no common point."""
-    exact = 1e-5  # largest distance (mm) of a fold's corners from the planes that meet there
+    exact = 1e-5  # largest distance (mm) of a corner from the planes that meet at the corner
     count = np.bincount(facet)
     planes = {int(k): _plane(skins, F[facet == k]) for k in np.flatnonzero(count > 1)}
     pairs = np.unique(np.stack([F, np.repeat(facet[:, None], 3, axis=1)], axis=2).reshape(-1, 2), axis=0)

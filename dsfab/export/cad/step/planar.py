@@ -7,7 +7,7 @@ import numpy as np
 from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
 from dsfab.surface.topology import EdgeTable, edge_table, link_components
 
-FLATNESS = 1e-5  # largest distance (mm) of vertices from the plane or long edge of joined faces; precision of Parasolid
+FLATNESS = 1e-5  # precision of Parasolid: largest distance (mm) of vertices from the plane or long edge of joined faces
 
 
 def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FLATNESS) -> tuple[Ints, Floats]:
@@ -70,7 +70,7 @@ def outline_of(region: Ints, opposite: Ints) -> FaceOutlines:
     onward = np.arange(len(opposite))
     onward += np.where(onward % 3 == 2, -2, 1)
     follow = onward.copy()
-    turning = np.flatnonzero(on_border)  # border half-edges only; at others, the loop below would never end
+    turning = np.flatnonzero(on_border)  # at half-edges inside a region, the loop below would never end
     while len(turning := turning[~on_border[onward[turning]]]):
         onward[turning] = follow[opposite[onward[turning]]]
     step, passed = onward.tolist(), bytearray(len(opposite))

@@ -39,7 +39,7 @@ class StepTriangles(NamedTuple):
 
 def step_triangles(mesh: StepMesh) -> StepTriangles:
     """Return OCCT's triangles in metres, with one point at each place."""
-    same_place = 1e-9  # points closer than this * diagonal are equal; OCCT triangulates each face separately
+    same_place = 1e-9  # points closer than 1e-9 * diagonal merge; OCCT triangulates each face separately
     grid = np.round(mesh.V / (same_place * float(np.linalg.norm(np.ptp(mesh.V, axis=0)))))
     _, once, point_number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
     F = point_number.reshape(-1)[mesh.F]
@@ -59,7 +59,7 @@ def curved_soundness(
         if not deflection or {fault.kind for fault in sound.faults} != {"crossing"}:
             break
         on_redraw()
-        crossing_faces = np.union1d(crossing_faces, triangles.face[sound.crossings])  # also those of earlier rounds
+        crossing_faces = np.union1d(crossing_faces, triangles.face[sound.crossings])  # faces of earlier rounds stay
         faces = _faces_near(first_triangles, crossing_faces, deflection)
         sound, triangles = _redraw(sound, first_triangles, faces, deflection / 4**k, shape)
     return sound

@@ -14,7 +14,7 @@ from dsfab.export.part import Curved
 from dsfab.surface import CREASE, Surface, corner_fans, link_components
 
 LEAST_BEND = 8.0  # degrees; smallest angle between faces along a crease
-BEND_RATIO = 4.0  # a crease bends at least this many times as much as the edges beside it
+BEND_RATIO = 4.0  # smallest angle at a crease / angles at the edges beside the crease
 STRAIGHT = np.cos(np.radians(30.0))  # cosine of the largest angle between a crease and its continuation
 OTHER_EDGES = [[1, 2], [2, 0], [0, 1]]  # the two other edges of a face, for each of its three edges
 
@@ -199,7 +199,7 @@ def _corner_sides(surface: Surface, crease: Bools) -> Ints:
 
 
 def _mitres(vertex: Ints, N: Floats, half: Floats) -> Floats:
-    longest = 3.0  # largest distance from the sheet's middle to the end of a mitre / half the thickness
+    longest = 3.0  # largest distance from mid-surface to end of mitre, divided by half the thickness
     mitres = np.zeros_like(N)
     for v in np.unique(vertex):
         is_same = vertex == v
@@ -252,7 +252,7 @@ class Lifting:
         return csr_array(vstack([weights, nearest], format="csr")[row])
 
     def _points(self, weights: csr_array) -> Floats:
-        most_lift = 1 / 5  # largest distance from the mesh, divided by the thickness; `MOST_CHORD` limits chord errors
+        most_lift = 1 / 5  # largest distance of points from the mesh / thickness; `MOST_CHORD` limits chord errors
         V, N = self.skins.points[self.sides.vertex], self.sides.normals
         P, n = np.asarray(weights @ V), np.asarray(weights @ N)
         along = np.einsum("ni,ni->n", V, N)

@@ -72,7 +72,7 @@ class DenseSurface:
 
 def dense_surface(surface: Surface, curved: Curved) -> DenseSurface:
     """Return a surface with its two skins. curved : gives the half-thickness vectors."""
-    D = curved.D[surface.F]  # vectors are longer at creases, so that faces keep their thickness
+    D = curved.D[surface.F]  # D is longer at creases, so that faces keep their thickness
     seen = np.bincount(surface.F.ravel(), np.einsum("mci,mi->mc", D, surface.normals).ravel(), surface.n)
     half = seen / np.bincount(surface.F.ravel(), minlength=surface.n)
     half[curved.twins] = half[curved.twins].mean(axis=1, keepdims=True)
@@ -119,7 +119,7 @@ def prisms(V: Floats, D: Floats, F: Ints) -> Floats:
 
 GAP_SHARE = 1 / 20  # widest accepted gap between a skin and its edges, as a fraction of the thickness
 OUTLINE_SHARE = 0.55  # tolerance of outlines, as a fraction of the allowed distance from the mesh
-LOOP_SHARE = 0.03  # largest tolerance of an outline loop, as a fraction of the loop's width; so slits stay open
+LOOP_SHARE = 0.03  # largest tolerance of an outline loop, divided by the loop's width; keeps slits open
 
 
 def decimals(thickness: float) -> int:

@@ -113,12 +113,12 @@ def _distances(gate: PieceJudge, findings: dict[int, OcctFinding]) -> dict[int, 
     return away
 
 
-FIT_SHARE = 1 / 3  # tolerance of the skins / allowed distance from the mesh
+FIT_SHARE = 1 / 3  # tolerance of skins / allowed distance from the mesh
 
 LAYOUTS = ((68.0, 1, 0), (58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2), (40.0, 24, 3))
 """For each division into charts: largest angle (degrees) of normals to their mean, fewest charts, random seed."""
 
-MOST_WALLS = 1500  # limit of walls unless the user asks for a smooth file; more walls take over half a minute
+MOST_WALLS = 1500  # largest number unless the user asks for a smooth file; more walls take over half a minute
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +154,7 @@ class SmoothPlan(SolidPlan):
         Raises ExportError for a one-sided surface."""
         if len(self.curved.twins):
             raise ExportError("the surface has one side only, so it has no two skins")
-        outlines = 40  # outlines per chart (part of the sheet); OCCT's time grows with the square of their number
+        outlines = 40  # largest mean number of outlines per chart; OCCT's time grows with the number's square
         settings = LAYOUTS if self.surface.edges.boundary.any() else LAYOUTS[1:]
         seen = set[bytes]()
         for lean, fewest, start in settings:
@@ -296,7 +296,7 @@ class _SmoothSearch:
         self.last = [(model, k) for k in which]
         self.text = file_text(self.part, self.last)
         require_budget(self.part, count, len(self.text))
-        seconds = 120 + 0.1 * count  # time limit, many times the usual processor time, as a check may never end
+        seconds = 120 + 0.1 * count  # limit: many times the usual processor time, as a check may never end
         results = findings(program, self.text, DEFLECTION * self.plan.limits.distance, seconds) if which else []
         return dict(zip(which, results, strict=True)) if len(results) == len(which) else {}
 
@@ -345,7 +345,7 @@ def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) ->
 def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
     """Return the corners (k, 3) that are too far from the piece's edges.
     corners : (n, 3) mesh corners at walls."""
-    chord_count, nearest_count = 64, 4  # chords of each edge; number of chords whose distance from a corner is computed
+    chord_count, nearest_count = 64, 4  # chords of each edge; nearest chords of a corner, whose distances are computed
     x = np.linspace(0, 1, chord_count + 1)
     lines = np.stack([curve(x) for edge in piece.edges if edge.wall for curve in (edge.upper, edge.lower)])
     start, end = lines[:, :-1].reshape(-1, 3), lines[:, 1:].reshape(-1, 3)

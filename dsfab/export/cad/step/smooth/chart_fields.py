@@ -14,7 +14,7 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import link_components
 
-CONE_SLACK = np.deg2rad(12.0)  # added to the largest angle `cone`: faces change charts when borders become straight
+CONE_SLACK = np.deg2rad(12.0)  # added to the angle `cone`, because straighter borders move faces into other charts
 REACH = 0.25  # diffusion length of the fields that define charts, as a fraction of the radius of small charts
 
 SYMMETRIC: dict[str, Any] = {
@@ -24,7 +24,7 @@ SYMMETRIC: dict[str, Any] = {
 }
 """SuperLU options for symmetric matrices; the factors then have fewer entries."""
 
-SWEEPS = 4  # number of diffusions of the fields; before a repetition, each vertex's largest field becomes 1, others 0
+SWEEPS = 4  # number of diffusions; before each repetition, a vertex's largest field becomes 1, its other fields 0
 
 
 def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Floats:
@@ -64,7 +64,7 @@ def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
 
 
 def _dual(surface: Surface) -> csr_array:
-    turn_cost = 0.2  # distance added for a bend of one radian, as a fraction of the root of the surface's area
+    turn_cost = 0.2  # distance added per radian of bend, divided by the square root of the surface's area
     f, g = (surface.edges.pairs // 3).T
     away = np.linalg.norm(surface.centroids[f] - surface.centroids[g], axis=1)
     angle = np.arccos(np.clip(np.einsum("ki,ki->k", surface.normals[f], surface.normals[g]), -1, 1))

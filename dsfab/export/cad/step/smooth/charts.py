@@ -62,7 +62,7 @@ class SplinePatch:
 
     def nearest(self, points: Floats, uv: Floats, rounds: int = 8) -> Floats:
         """Return the parameters (k, 2) of the nearest surface points. uv : (k, 2) first guesses."""
-        step_limit = 1e-8  # length of the last step / size of the surface
+        step_limit = 1e-8  # a smaller step / surface size ends the search
         low, high = np.array([self.u[0], self.v[0]]), np.array([self.u[-1], self.v[-1]])
         uv, going = np.clip(uv, low, high), np.arange(len(uv))
         for _ in range(rounds):
@@ -327,7 +327,7 @@ class ChartAtlas:
     ) -> None:
         """Fit the charts `numbers`. If `halve` is True, charts may be divided.
         hopeless : function of a failed chart's number; returns True to stop."""
-        useless = 3  # a chart fails if its error exceeds 3 times the tolerance; OCCT checks all pieces later
+        useless = 3  # a chart fails only above 3 times the tolerance, because OCCT checks all pieces later
         fewest = 12  # a chart with fewer vertices is not divided
         todo = [(int(k), 0) for k in numbers if k not in self.charts and k not in self.failed]
         while todo:

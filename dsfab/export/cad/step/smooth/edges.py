@@ -141,7 +141,7 @@ def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTol
 def skin_curves(parts: list[RunPart], nodes: OutlineNodes, tolerances: list[float]) -> list[Fitted]:
     """Fit curves on both skins along plane curves; return each curve with its largest error, mm."""
     results, todo = dict[int, Fitted](), list(range(len(parts)))
-    for finer in (1, 4, 16):  # factors of the number of samples, until the curve is close enough
+    for finer in (1, 4, 16):  # each round takes more samples, until the curve is close enough
         x = [parameters(parts[i].flat, finer) for i in todo]
         flat = [parts[i].flat(places) for i, places in zip(todo, x, strict=True)]
         skin_points = by_chart([parts[i].asked.chart for i in todo], flat, lambda k, uv: nodes.charts[k].skins(uv))
@@ -227,7 +227,7 @@ def seam_edges(
 ) -> list[SmoothEdge]:
     """Fit curves on both skins along seams (borders of two charts)."""
     of_edge = 0.05  # tolerance of the first curve along a seam, as a fraction of the longest mesh edge along it
-    of_thickness = 1 / 1000  # tolerance of a seam's curves in the charts and on the skins / thickness of the sheet
+    of_thickness = 1 / 1000  # tolerance of curves in charts and on skins, divided by the sheet's thickness
     runs, factors = [request.run for request in requests], [LEVEL_FACTORS[request.level] for request in requests]
     charts = [k for request in requests for k in (request.chart, request.run.beyond)]
     tight = [factor * of_thickness * allowed.thickness for factor in factors]

@@ -80,7 +80,7 @@ def main() -> None:
     try:
         report = COMMANDS[command](*arguments)
     except ValueError as error:
-        sys.exit(str(error))  # the caller shows this sentence without a traceback
+        sys.exit(str(error))  # the caller shows the error without a traceback
     sys.stdout.write(json.dumps(report) + "\n")
     sys.stdout.flush()
     os._exit(0)  # a normal exit takes a quarter of a second to free the solids

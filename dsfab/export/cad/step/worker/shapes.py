@@ -20,7 +20,7 @@ def read(path: Path) -> Any:
         BRepTools.Read_s(shape, str(path), BRep_Builder())
     else:
         reader = step_reader(path)
-        if reader is None:  # otherwise OCCT would crash
+        if reader is None:  # None would crash OCCT
             raise ValueError("OCCT cannot read the file")
         reader.TransferRoots()
         shape = reader.OneShape()

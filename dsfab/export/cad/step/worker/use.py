@@ -24,7 +24,7 @@ BOX = ((0.13, 0.21, -0.1), (0.71, 0.83, 1.1))  # corners of the cutting box, as 
 FILLETS, SHARP = 10, 20.0  # number of edges to round; smallest angle (degrees) between their faces
 
 ROUND, OF_EDGE = 10.0, 1 / 8  # largest radius of a fillet: in mm, and as a fraction of the edge's length
-SMOOTH = cos(radians(1.0))  # cosine of the largest angle at which one edge continues another edge
+SMOOTH = cos(radians(1.0))  # cosine of the largest angle between an edge and its continuation
 
 
 def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, Any]:
