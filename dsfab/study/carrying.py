@@ -1,6 +1,6 @@
 """The verdict on a cut structure."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Literal
@@ -11,12 +11,11 @@ from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Bools, Floats, point_tuple
 from dsfab.core.errors import DsfabError, StaticsError
-from dsfab.core.messages import force, length
+from dsfab.core.messages import length
 from dsfab.core.sparse import solver_name
-from dsfab.design import Design, acting_on, sheet_loads
+from dsfab.design import Design, acting_on, loads_on, sheet_loads
 from dsfab.design.member_model import member_utilisation
 from dsfab.preset.model import Preset
-from dsfab.preset.surface_section import SurfaceSection
 from dsfab.slicing import Sheet
 from dsfab.statics import (
     Elements,
@@ -36,10 +35,11 @@ from dsfab.statics import (
     sheet_stress,
     stress,
 )
+from dsfab.study.hold_down import hold_down_remarks
 from dsfab.study.verdict import BUDGET
 from dsfab.study.verdict.estimates import quantile
 from dsfab.study.verdict.levels import memory_needed
-from dsfab.surface import DesignFactors, LoadCase, Support, Surface, lifting_combinations, support_names
+from dsfab.surface import LoadCase, Support, Surface, case_names, link_components, loads_by_action, support_names
 
 if TYPE_CHECKING:
     from dsfab.members.frame import MemberForces
@@ -53,7 +53,6 @@ NO_FACTORS = (
 BUCKLED_CASES = 3
 """Number of cases and combinations for which buckling is computed: those with the largest compression. The number is
 limited because each buckling analysis takes as long as a solve."""
-NO_PULL = 0.01  # a support pulls the structure down if the pull is above this share of the largest vertical reaction
 
 
 @dataclass(frozen=True)
@@ -140,13 +139,14 @@ class Carrying:
 @dataclass(frozen=True, eq=False)
 class CutStatics:
     """The cut sheet of a design with a thickness (m), loads, and results.
-    answers   : solutions by name of the case.
+    answers   : solutions by name of the case.    by_action : solutions of cases of `loads_by_action`.
     stiffness : matrix without springs, or None."""
 
     design: Design
     thickness: float
     loads: Mapping[str, LoadCase]
     answers: Mapping[str, Equilibrium]
+    by_action: Mapping[str, Equilibrium] = field(default_factory=dict)
     stiffness: csr_array | None = None
     factor_of: FactorCache = field(default_factory=FactorCache)
 
@@ -161,6 +161,11 @@ class CutStatics:
     def model(self) -> SheetModel:
         """The cut sheet."""
         return self.design.sheet_with_ribs(self.thickness)
+
+    @property
+    def up(self) -> int:
+        """Axis that points upwards: z, or y for a flat sheet in the xy plane, which counts as a wall."""
+        return 1 if flat_axis(self.model.surface, *self.loads.values()) == 2 else 2
 
     def stress(self, name: str) -> SheetStress:
         return sheet_stress(self.model, self.answers[name].elements, self.answers[name])
@@ -195,6 +200,20 @@ def cut_loads(design: Design, thickness: float) -> dict[str, LoadCase]:
     return sheet_loads(design.surface, design.slicing.cells.subset(), design.sheet, loads)
 
 
+def _loads_by_action(design: Design, thickness: float) -> dict[str, LoadCase]:
+    """Return the loads of `loads_by_action` on the cut sheet, without the cases of the preset."""
+    preset, surface, cases = design.preset, design.surface, design.statics.cases
+    loads = loads_by_action(acting_on(preset, surface).load, preset.surface.actions)
+    supports = next(iter(cases.values())).load
+    acting = {
+        name: supports.with_loads(surface, [load for load in loads if load.case == name], preset.statics.area_weight)
+        for name in case_names(loads)
+        if name not in cases
+    }
+    share = thickness / preset.statics.thickness
+    return loads_on(surface, design.sheet, {k: load.of_thickness(surface, share) for k, load in acting.items()})
+
+
 def cut_statics(design: Design, thickness: float) -> CutStatics:
     """Solve the cut sheet with a thickness (m) for all cases, with one factorisation.
     Raises StaticsError if the sheet does not stand, or if a load has no support."""
@@ -213,12 +232,15 @@ def cut_statics(design: Design, thickness: float) -> CutStatics:
 
 
 def _solve(statics: CutStatics, K: csr_array, elements: Elements, factor_of: FactorCache) -> CutStatics:
-    model, loads, factors = statics.model, statics.loads, statics.design.statics.combinations
-    single = [name for name in loads if name not in factors]
-    acting = [model.with_clamped_edges(loads[name]) for name in single]
-    sums = [[factors[name].get(case, 0.0) for case in single] for name in factors]
-    answers = equilibria(model.surface, K, acting, elements, None, sums, factor_of)
-    return replace(statics, answers=dict(zip((*single, *factors), answers, strict=True)))
+    model, factors = statics.model, statics.design.statics.combinations
+    single = {name: load for name, load in statics.loads.items() if name not in factors}
+    by_action = _loads_by_action(statics.design, statics.thickness)
+    acting = [model.with_clamped_edges(load) for load in (*single.values(), *by_action.values())]
+    sums = [[factors[name].get(case, 0.0) for case in (*single, *by_action)] for name in factors]
+    results = equilibria(model.surface, K, acting, elements, None, sums, factor_of)
+    solved = dict(zip((*single, *by_action, *factors), results, strict=True))
+    answers = {name: solved.pop(name) if name in factors else solved[name] for name in statics.loads}
+    return replace(statics, answers=answers, by_action=solved)
 
 
 def use_and_movement(statics: CutStatics, use: bool = True) -> Carrying:
@@ -237,7 +259,7 @@ def cut_carrying(statics: CutStatics) -> Carrying:
     use, faults = outcome.use, []
     case = use.case if use else statics.preset.judged_in("ULS", statics.answers)[0]
     # supports that pull come first: a short list of notes must not hide them
-    remarks = (*hold_down_remarks(statics.preset.surface, rows), *outcome.remarks)
+    remarks = (*hold_down_remarks(statics.preset.surface, *_vertical_forces(statics)), *outcome.remarks)
     outcome = replace(outcome, reactions=rows, stress=statics.stress(case).largest, remarks=remarks)
     if use is None:
         return outcome
@@ -372,8 +394,7 @@ def _reactions(statics: CutStatics) -> tuple[SupportForce, ...]:
     preset, surface = statics.preset, statics.design.surface
     supports = acting_on(preset, surface).support
     shares = support_shares(supports, surface, statics.design.sheet)
-    # a flat sheet in the xy plane counts as a wall, with y upwards
-    up = 1 if flat_axis(statics.model.surface, *statics.loads.values()) == 2 else 2
+    up = statics.up
     along, across = (axis for axis in (0, 1, 2) if axis != up)
     rows = []
     for support, share in zip(support_names(supports), shares, strict=True):
@@ -386,32 +407,21 @@ def _reactions(statics: CutStatics) -> tuple[SupportForce, ...]:
     return tuple(rows)
 
 
-def hold_down_remarks(section: SurfaceSection, rows: Sequence[SupportForce]) -> Iterator[str]:
-    """Yield a sentence if supports must pull the structure down, with the largest force (N) of each support.
-    The forces are those of static equilibrium [EN 1990, table A1.2(A)]. If dsfab cannot tell the kinds of the loads,
-    the forces are those of the preset's combinations, or of its cases without combinations."""
-    lifting = lifting_combinations(section.load, section.actions, section.factors or DesignFactors())
-    combined = {item.name for item in section.sums}
-    sums = {row.case: {row.case: 1.0} for row in rows if row.case in combined or not combined}
-    if lifting:
-        sums = {item.formula: item.factors for item in lifting}
-    forces: dict[str, dict[str, float]] = {}
-    for row in rows:
-        forces.setdefault(row.support, {})[row.case] = row.vertical
-    largest = max((abs(row.vertical) for row in rows), default=0.0)
-    pulls = dict[str, tuple[float, str]]()
-    for support, by_case in forces.items():
-        pull, words = max(
-            (-sum(f * by_case.get(case, 0.0) for case, f in sums[words].items()), words) for words in sums
-        )
-        if pull > NO_PULL * largest:
-            pulls[support] = pull, words
-    if pulls:
-        listed = [f"{support} {force(pull)} ({words})" for support, (pull, words) in pulls.items()]
-        rule = "in the worst of the preset's combinations" if combined else "in its worst case, without factors"
-        if lifting:
-            rule = "by EN 1990, table A1.2(A)"
-        yield f"supports must hold the structure down, {rule}: {', '.join(listed)}"
+def _vertical_forces(statics: CutStatics) -> tuple[list[str], dict[str, Floats]]:
+    """Return the support of each connected place, and the vertical forces (p,), N, of the places by case."""
+    supports, sheet = acting_on(statics.preset, statics.design.surface).support, statics.design.sheet
+    shares = support_shares(supports, statics.design.surface, sheet)
+    names, cases = list[str](), {**statics.answers, **statics.by_action}
+    forces: dict[str, list[Floats]] = {case: [] for case in cases}
+    ends = sheet.surface.edges.ends
+    for support, share in zip(support_names(supports), shares, strict=True):
+        vertices = np.flatnonzero(share.any(axis=1))
+        place = link_components(sheet.surface.n, *ends[share.any(axis=1)[ends].all(axis=1)].T)[1][vertices]
+        place = np.unique(place, return_inverse=True)[1]
+        names += [support] * (int(place.max(initial=-1)) + 1)
+        for case, answer in cases.items():
+            forces[case].append(np.asarray(np.bincount(place, (answer.reaction * share)[vertices, statics.up]), float))
+    return names, {case: np.concatenate(parts) for case, parts in forces.items()}
 
 
 def support_shares(supports: Iterable[Support], surface: Surface, sheet: Sheet) -> Floats:

@@ -10,17 +10,10 @@ from dsfab.preset.file import load_preset, with_overrides
 from dsfab.preset.model import Preset
 from dsfab.preset.surface_section import SurfaceSection
 from dsfab.results import SlicingResult
-from dsfab.study.carrying import (
-    SupportForce,
-    carrying,
-    cut_carrying,
-    cut_statics,
-    hold_down_remarks,
-    judged_span,
-    use_and_movement,
-)
+from dsfab.study.carrying import carrying, cut_carrying, cut_statics, judged_span, use_and_movement
+from dsfab.study.hold_down import hold_down_remarks
 from dsfab.study.verdict import whole_sheet
-from dsfab.surface import All, Combination, Force, LoadCase, Pressure, SelfWeight, Side, Support, Vertices
+from dsfab.surface import All, Combination, Force, LoadCase, Pressure, SelfWeight, Side, Support, Vertices, shapes
 from tests.benchmarks.solid_verdicts import solid_verdict
 from tests.calculix import needs_ccx
 from tests.shapes import annulus, grid
@@ -185,42 +178,85 @@ def test_members_of_a_graded_material_have_the_utilisation_of_the_members_report
 
 
 def test_a_load_of_unknown_kind_is_combined_as_the_preset_says():
-    """A suction of 800 N alone lifts a support under 490 N of weight; with twice the weight it does not."""
-    rows = [SupportForce("post", case, v, 0.0, 0.0, 0.0) for case, v in (("dead", 490.0), ("suction", -800.0))]
+    """A suction of 800 N may lift a support under 490 N of weight: 1.5 x 800 - 0.9 x 490. Combinations of the preset
+    count as they are: with twice the weight the support stays down."""
+    vertical = {"dead": np.array([490.0]), "suction": np.array([-800.0])}
     loads = [SelfWeight(case="dead"), Pressure(-800.0, case="suction")]
     alone = SurfaceSection.model_construct(load=loads, actions={}, factors=None, combination=[], combinations=None)
-    (remark,) = hold_down_remarks(alone, rows)
-    assert "post 800 N (suction)" in remark
+    (remark,) = hold_down_remarks(alone, ["post"], vertical)
+    assert "post 759 N (0.9 dead + 1.5 suction)" in remark
     for weight, lifts in ((1.0, True), (2.0, False)):
         sums = [Combination("both", {"dead": weight, "suction": 1.0})]
-        both = SupportForce("post", "both", 490.0 * weight - 800.0, 0.0, 0.0, 0.0)
         section = alone.model_copy(update={"combination": sums})
-        assert len(list(hold_down_remarks(section, [*rows, both]))) == lifts
+        both = {"both": np.array([490.0 * weight - 800.0])}
+        assert len(list(hold_down_remarks(section, ["post"], vertical | both))) == lifts
+
+
+def test_only_variable_loads_that_lift_act_and_the_leading_load_is_the_worst():
+    """Snow of 100 N holds a post down, wind lifts it by 300 N, and imposed loads by 200 N with psi_0 = 0.7."""
+    vertical = {"dead": [400.0], "snow": [100.0], "wind": [-300.0], "back": [-250.0], "people": [-200.0]}
+    actions = {"dead": "permanent", "snow": "snow", "wind": "wind", "back": "wind", "people": "imposed C"}
+    loads = [Pressure(1.0, case=case) for case in vertical]
+    section = SurfaceSection.model_construct(
+        load=loads, actions=actions, factors=None, combination=[], combinations=None
+    )
+    arrays = {case: np.array(forces) for case, forces in vertical.items()}
+    (remark,) = hold_down_remarks(section, ["post"], arrays)
+    pull = 1.5 * 300 + 1.5 * 0.7 * 200 - 0.9 * 400
+    assert f"post {pull:.0f} N (0.9 dead + 1.5 wind + 1.05 people)" in remark
 
 
 LIFTED = {"kind": "wind", "direction": [1, 0, 0], "shape": "canopy up", "case": "lift"}
 
 
-@pytest.mark.parametrize(("cases", "words"), [(("dead", "lift"), "0.9 dead + 1.5 lift"), (("lift", "lift"), "lift")])
+def plate_preset(length, supports, loads):
+    plate = {"shape": "plate", "length": length, "width": 2.0, "edge": 0.4, "support": supports}
+    statics = {"thickness": 0.1, "material": "S235", "density": 500.0}  # without members: a remark says so
+    return Preset.model_validate({"name": "canopy", "surface": plate | {"load": loads}, "statics": statics})
+
+
+def remarks_on_lifting(preset):
+    judged = carrying(whole(Design.from_preset(preset)))
+    remarks = [text for text in judged.remarks if text.startswith("supports must hold the structure down")]
+    assert list(judged.remarks[: len(remarks)]) == remarks  # they come first
+    return remarks
+
+
+@pytest.mark.parametrize("cases", [("dead", "lift"), ("lift", "lift")])
 @pytest.mark.parametrize("pressure", [200.0, 2000.0])
-def test_supports_hold_a_light_roof_down_by_the_rule_of_static_equilibrium(cases, words, pressure):
-    """Each of two ends takes half of 0.9 G - 1.5 Q [EN 1990, table A1.2(A)]; of G - Q if a case mixes both. A flat
+def test_supports_hold_a_light_roof_down_by_the_rule_of_static_equilibrium(cases, pressure):
+    """Each of two ends takes half of 0.9 G - 1.5 Q [EN 1990, table A1.2(A)], also if a case has weight and wind. A flat
     canopy is lifted by 0.55 of the velocity pressure."""
     side = {"pick": "side", "axis": "x"}
     ends = [{"name": end, "at": {**side, "end": end}, "hold": "xyz"} for end in ("min", "max")]
-    plate = {"shape": "plate", "length": 4.0, "width": 2.0, "edge": 0.4, "support": ends}
     loads = [{"kind": "self_weight", "case": cases[0]}, LIFTED | {"pressure": pressure}]
-    statics = {"thickness": 0.1, "material": "S235", "density": 500.0}  # without members: a remark says so
-    preset = {"name": "canopy", "surface": plate | {"load": loads}, "statics": statics}
-    judged = carrying(whole(Design.from_preset(Preset.model_validate(preset))))
+    remarks = remarks_on_lifting(plate_preset(4.0, ends, loads))
     weight, wind = 500 * 9.81 * 0.1 * 4.0, 0.55 * pressure * 4.0  # newtons on half of the plate
-    pull = 1.5 * wind - 0.9 * weight if cases[0] == "dead" else wind - weight
-    remarks = [text for text in judged.remarks if text.startswith("supports must hold the structure down")]
+    pull = 1.5 * wind - 0.9 * weight
+    words = "0.9 dead + 1.5 lift" if cases[0] == "dead" else "0.9 lift (permanent) + 1.5 lift (wind)"
     assert len(remarks) == (pull > 0)
-    assert list(judged.remarks[: len(remarks)]) == remarks
     for text in remarks:
         assert text.count(f"{pull / 1e3:.3g} kN ({words})") == 2
-        assert ("EN 1990, table A1.2(A)" in text) == (cases[0] == "dead")
+        assert "EN 1990, table A1.2(A)" in text
+
+
+@pytest.mark.parametrize("together", [False, True])
+def test_a_support_behind_an_overhang_pulls_under_snow(together):
+    """A plate of 10 m stands on two points of its end, and on two points 4 m from it. The end pulls by
+    w L (L / 8 m - 1) [statics of a beam], with 1.1 of the weight and 1.5 of the snow. Its pull is told, also if one
+    support has all points, so that its sum pushes."""
+    x = shapes.plate(10.0, 2.0, 0.4).V[:, 0]
+    end, inside = (np.flatnonzero(np.abs(x - at) < 0.01)[[0, -1]] for at in (-5.0, -1.0))
+    groups = {"points": [*end, *inside]} if together else {"end": end, "inside": inside}
+    supports = [
+        {"name": name, "at": {"pick": "vertices", "indices": [int(k) for k in group]}, "hold": "xyz"}
+        for name, group in groups.items()
+    ]
+    loads = [{"kind": "self_weight"}, {"kind": "snow", "pressure": 800.0}]
+    (text,) = remarks_on_lifting(plate_preset(10.0, supports, loads))
+    pull = 2.0 * 10.0 * (10.0 / 8.0 - 1) * (1.1 * 500 * 9.81 * 0.1 + 1.5 * 800)
+    place = "points at 2 of 4 places" if together else "end at 2 of 2 places"
+    assert f"A1.2(A): {place}, at most {pull / 2e3:.3g} kN (1.1 load (permanent) + 1.5 load (snow))" in text
 
 
 @pytest.mark.slow

@@ -5,9 +5,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from dsfab.core.errors import SurfaceError
-from dsfab.surface import LoadCase, Snow, Support, Surface, Vertices, Wind
+from dsfab.surface import Box, LoadCase, Snow, Support, Surface, Vertices, Wind
 from dsfab.surface.shapes import plate, sphere
-from tests.shapes import arch, grid, joined
+from tests.shapes import arch, grid, joined, moebius
 
 HELD = [Support(Vertices((0,)))]
 Q, LENGTH = 600.0, 8.0
@@ -23,6 +23,13 @@ def pitched(left, right, length=10.0):
     x = flat.V[:, 0] - length / 2
     rise = np.where(x < 0, np.tan(np.radians(left)), np.tan(np.radians(right))) * x
     return Surface(np.stack([x, flat.V[:, 1], rise], axis=1), flat.F)
+
+
+def bent(height, length=10.0, width=LENGTH):
+    """A roof over a rectangle; its height is a function of x and y."""
+    flat = grid(40, 40, length, width)
+    x, y = flat.V[:, 0] - length / 2, flat.V[:, 1] - width / 2
+    return Surface(np.stack([x, y, height(x, y)], axis=1), flat.F)
 
 
 def upright():
@@ -77,17 +84,98 @@ def test_a_vault_on_walls_has_the_coefficients_of_a_published_example():
         (pitched(20, 20), 0.8, -1.3),  # table 7.6, 20 degrees
         (pitched(15, -15), 0.4, -0.8),  # table 7.7, ridge of 15 degrees; table 7.6 at 0 has less
         (pitched(-20, 20), 0.7, -0.7),  # table 7.7, trough of -20 degrees
+        (pitched(30, -30), 0.9, -1.0),
         (arch(20.0, 25.0), 0.4, -0.75),  # a mean slope of 12.5 degrees counts as a ridge
+        (arch(20.0, 25.0, length=80.0, across=40), 0.4, -0.75),
+        (bent(lambda x, y: 0.1 * np.abs(y)), 0.314, -0.514),  # a trough of 5.7 degrees along x
+        (
+            bent(lambda x, y: 0.05 * (x**2 - y**2)),
+            0.48,
+            -0.73,
+        ),  # trough of 14.0, ridge of 11.3 degrees: the worst of both
+        (
+            bent(lambda x, y: 0.08 * np.sin(4 * x)),
+            0.42,
+            -0.72,
+        ),  # waves: ridges and troughs with a mean slope of 11.5 degrees
     ],
-    ids=["flat", "one slope", "ridge", "trough", "arch"],
+    ids=[
+        "flat",
+        "one slope",
+        "ridge",
+        "trough",
+        "steep ridge",
+        "arch",
+        "long arch",
+        "trough along x",
+        "saddle",
+        "waves",
+    ],
 )
 def test_an_open_canopy_is_pressed_and_lifted_by_its_force_coefficients(roof, down, up):
-    """Vertical force: -q c times the plan area, for every face has the same net pressure."""
+    """Vertical force: -q c times the plan area, for every face has the same net pressure. The tables hold for wind from
+    all sides."""
     plan = float(np.abs(roof.areas @ roof.normals[:, 2]))
     for turned in (roof, Surface(roof.V, roof.F[:, ::-1])):
         for shape, c in (("canopy down", down), ("canopy up", up)):
-            force = total(turned, Wind(Q, (1.0, 0, 0), shape=shape))
-            assert force[2] == pytest.approx(-Q * c * plan, rel=0.02)
+            for direction in ((1.0, 0, 0), (0, 1.0, 0), (1.0, -2.0, 0)):
+                force = total(turned, Wind(Q, direction, shape=shape))
+                assert force[2] == pytest.approx(-Q * c * plan, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("roof", "down", "up"),
+    [(pitched(15, -15), 0.4, -0.8), (pitched(20, 20), 1.6, -2.6), (pitched(0, 0), 0.4, -1.0)],
+    ids=["two slopes", "one slope", "flat"],
+)
+def test_wind_on_half_of_a_canopy_loads_one_slope_or_acts_at_a_quarter_of_the_depth(roof, down, up):
+    """Figure 7.17: the coefficient on one of two slopes. Figure 7.16: all of the force at d/4, so twice on one half."""
+    half = float(np.abs(roof.areas @ roof.normals[:, 2])) / 2
+    for shape, c in (("canopy down half", down), ("canopy up half", up)):
+        for side in (1.0, -1.0):
+            forces = LoadCase.build(roof, HELD, [Wind(Q, (side, 0, 0), shape=shape)]).force
+            assert forces[:, 2].sum() == pytest.approx(-Q * c * half, rel=1e-6)
+            assert forces[:, 2] @ roof.V[:, 0] / forces[:, 2].sum() == pytest.approx(-2.5 * side, rel=0.03)
+
+
+@pytest.mark.parametrize(("eaves", "e"), [(1.5, 3.0), (3.0, 6.0), (40.0, 8.0)])
+def test_a_flat_roof_on_walls_has_the_suction_of_its_zones(eaves, e):
+    """Areas of zones F, G, H and I by hand, figure 7.6, for wind along x on 10 m x 8 m: e = min(8 m, 2 h)."""
+    flat = grid(200, 160, 10.0, 8.0)
+    corners, strip, behind = 2 * e / 4 * e / 10, 8.0 * e / 10, 8.0 * e / 2
+    for shape, inner in (("flat up", -0.2), ("flat down", 0.2)):
+        force = total(flat, Wind(Q, (1.0, 0, 0), shape=shape, eaves=eaves))
+        c = [-1.8 * corners, -1.2 * (strip - corners), -0.7 * (behind - strip), inner * (80.0 - behind)]
+        assert force[2] == pytest.approx(-Q * sum(c), rel=0.01)
+
+
+def test_high_vaults_with_a_rise_of_a_quarter_have_two_values():
+    """Figure 7.11, f between 0.2 and 0.3 with eaves above half of the depth: pressure 8/3 (f - .2), or suction."""
+    radius = (5.0**2 + 2.5**2) / 5.0
+    roof = arch(radius, np.degrees(np.arcsin(5.0 / radius)))
+    windward = np.argmin(roof.centroids[:, 0])
+    for shape, c in (("vault", 8 / 3 * 0.05), ("vault up", -1.2)):
+        traction = Wind(1.0, (1.0, 0, 0), shape=shape, eaves=9.0).traction(roof)[windward]
+        outside = roof.normals[windward] * np.sign(roof.normals[windward, 2])
+        assert -traction @ outside == pytest.approx(c, rel=1e-3)
+
+
+@pytest.mark.parametrize("shape", ["vault", "canopy up", "canopy up half"])
+def test_a_picked_part_of_a_roof_has_the_zones_of_the_roof(shape):
+    roof = arch(20.0, 25.0)
+    picked = Box((-4.0, -1.0, -50.0), (9.0, 9.0, 50.0))
+    part = roof.faces_of(picked.vertices(roof))
+    expected = np.where(part[:, None], Wind(Q, (1.0, 0, 0), shape=shape).traction(roof), 0.0)
+    assert_allclose(Wind(Q, (1.0, 0, 0), shape=shape, at=picked).traction(roof), expected)
+    assert expected.any()
+
+
+def test_a_vault_with_a_sloping_axis_has_the_rise_of_its_section():
+    level = arch(20.0, 25.0)
+    sloping = Surface(level.V + np.outer(0.2 * level.V[:, 1], [0, 0, 1.0]), level.F)
+    for load in (Wind(Q, (1.0, 0, 0), shape="vault"), Snow(Q, shape="drifted")):
+        loads = [np.linalg.norm(load.traction(roof), axis=1) / Q for roof in (level, sloping)]
+        assert loads[1].max() == pytest.approx(loads[0].max(), rel=0.03)
 
 
 def test_snow_that_drifts_over_an_arch_lies_in_two_triangles():
@@ -128,6 +216,13 @@ def test_half_of_the_snow_is_cleared_from_the_slope_that_rises_along_the_drift()
         assert_allclose(force, [0, 0, -1000 * half * (left + right)], rtol=1e-9, atol=1e-6)
 
 
+def test_a_level_ridge_keeps_its_snow_though_its_slopes_are_rounded():
+    roof = pitched(20, -20)
+    tilted = Surface(roof.V + np.outer(1e-12 * roof.V[:, 1], [0, 0, 1.0]), roof.F)
+    for drift in ((0, 1.0, 0), (0, -1.0, 0)):
+        assert_allclose(total(tilted, Snow(1000.0, shape="half", drift=drift))[2], -0.8 * 1000 * 80.0, rtol=1e-6)
+
+
 def test_loads_of_roofs_leave_walls_and_undersides_alone():
     ball = sphere(radius=3.0, edge=0.4)
     lifted = Wind(Q, (1.0, 0, 0), shape="vault").traction(ball)
@@ -138,7 +233,7 @@ def test_loads_of_roofs_leave_walls_and_undersides_alone():
 @pytest.mark.parametrize(
     ("load", "roof", "words"),
     [
-        (Wind(Q, (0, 0, -1.0), shape="vault"), arch(5.0, 60.0), "its direction is vertical"),
+        (Wind(Q, (0, 0, -1.0), shape="vault"), arch(5.0, 60.0), "its direction is not horizontal"),
         (Wind(Q, (0, 1.0, 0), shape="canopy up"), upright(), "no picked face looks upwards"),
         (Wind(Q, (1.0, 0, 0), shape="vault"), plate(edge=1.0), "no arch along|rise / depth is 0.00 along the wind"),
         (Wind(Q, (1.0, 0, 0), shape="canopy up"), pitched(40, 40), "its slope is 40 degrees"),
@@ -146,7 +241,18 @@ def test_loads_of_roofs_leave_walls_and_undersides_alone():
         (Wind(Q, (1.0, 0, 0), shape="vault"), pitched(-15, 15), "shape 'vault': the roof is no arch"),
         (Snow(Q, shape="drifted"), pitched(-15, 15), "shape 'drifted': the roof is no arch"),
         (Wind(Q, (0, 1.0, 0), shape="vault"), arch(5.0, 60.0), "turn the direction across the roof"),
-        (Snow(Q, shape="drifted", drift=(0, 0, 1.0)), arch(5.0, 60.0), "its direction is vertical"),
+        (Wind(Q, (1.0, 0, 0), shape="vault"), pitched(20, -20), "the roof is no arch"),
+        (Wind(Q, (1.0, 0, 0), shape="canopy up"), bent(lambda x, y: 0.5 * np.sin(4 * x)), "its slope is -51 degrees"),
+        (Wind(Q, (1.0, 0, 0), shape="canopy up"), bent(lambda x, y: 0.2 * x * y), "its slope is -"),
+        (Wind(Q, (1.0, 0, 0), shape="flat up", eaves=3.0), pitched(8, -8), "it slopes by 8 degrees"),
+        (Wind(Q, (1.0, 0, 0), shape="flat up"), pitched(0, 0), "eaves is 0; give eaves"),
+        (Wind(Q, (1.0, 0, 0), shape="canopy up", windward=1.2), pitched(0, 0), "does not use windward; remove the key"),
+        (Wind(Q, (1.0, 0, 0), eaves=3.0), upright(), "without a shape does not use eaves"),
+        (Wind(Q, (1.0, 0, -0.2), shape="canopy up"), pitched(0, 0), "its direction is not horizontal"),
+        (Snow(Q, shape="mu1", drift=(0, 1.0, 0)), pitched(0, 0), "remove drift"),
+        (Snow(Q, shape="mu1", kind="imposed"), pitched(0, 0), "a load of kind 'imposed' has no shape"),
+        (Snow(Q, shape="half"), moebius(), "with shape 'half'"),
+        (Snow(Q, shape="drifted", drift=(0, 0, 1.0)), arch(5.0, 60.0), "its direction is not horizontal"),
     ],
 )
 def test_a_roof_that_the_standard_does_not_cover_is_refused_with_a_way_out(load, roof, words):

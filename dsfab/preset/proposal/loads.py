@@ -23,11 +23,32 @@ LINE_OF_COMMENT = {
     "services": "Pa on the plan area: a placeholder for lights and pipes that hang from the surface",
     "wind": "Pa, velocity pressure: a placeholder for your site [EN 1991-1-4, 4.5]",
 }
-WindRoof = Literal["", "vault", "canopy"]  # kind of roof for wind loads; "" for surfaces without such a shape
+WindRoof = Literal["", "vault", "canopy", "flat"]  # kind of roof for wind loads; "" for surfaces without such a shape
 LINE_OF_SHAPE = {
     "vault": "suction and pressure on a curved roof; also for domes [EN 1991-1-4, 7.2.8, figure 7.11]",
     "canopy": "net pressure on a roof without walls [EN 1991-1-4, 7.3, tables 7.6 and 7.7]",
+    "flat": "suction on a flat roof on walls [EN 1991-1-4, 7.2.3, table 7.2]",
 }
+SHAPES_OF_WIND: dict[WindRoof, dict[str, tuple[float, WindShape]]] = {
+    "vault": {"wind": (0, "vault"), "wind_back": (180, "vault")},
+    "flat": {
+        "wind_up_0": (0, "flat up"),
+        "wind_up_90": (90, "flat up"),
+        "wind_up_180": (180, "flat up"),
+        "wind_up_270": (270, "flat up"),
+        "wind_down": (0, "flat down"),
+    },
+    "canopy": {
+        "wind_down": (0, "canopy down"),
+        "wind_up": (0, "canopy up"),
+        "wind_down_half": (0, "canopy down half"),
+        "wind_up_half": (0, "canopy up half"),
+        "wind_down_back": (180, "canopy down half"),
+        "wind_up_back": (180, "canopy up half"),
+    },
+    "": {"wind": (0, ""), "wind_back": (180, "")},
+}
+"""Load cases of wind on a kind of roof: angle (degrees) from the broadside direction, and shape."""
 PRESSURE = {"snow": 1000.0, "people": 5000.0, "services": 300.0, "wind": 500.0}  # Pa; placeholders for values of codes.
 AROUND = 0.3  # A surface is a tower if the horizontal part of sum(normal x area) is below this share of its area.
 
@@ -90,6 +111,7 @@ def load_words(surface: Surface, pressures: Mapping[str, float], roof: WindRoof)
             "": "from both sides [EN 1991-1-4, 7.4]",
             "vault": "from both sides [EN 1991-1-4, 7.2.8]",
             "canopy": "that presses the open roof down or lifts it [EN 1991-1-4, 7.3]",
+            "flat": "from four sides [EN 1991-1-4, 7.2.3]",
         }[roof],
     }
     if snow_picker(surface):
@@ -111,12 +133,8 @@ def load_tables(surface: Surface, pressures: Mapping[str, float], roof: WindRoof
 
 
 def _wind(surface: Surface, pressure: float, roof: WindRoof) -> Iterator[list[str]]:
-    side = broadside(surface)
-    cases: list[tuple[str, float, str]] = [("wind", 1.0, roof), ("wind_back", -1.0, roof)]
-    if roof == "canopy":
-        cases = [("wind_down", 1.0, "canopy down"), ("wind_up", 1.0, "canopy up")]
-    for case, sign, shape in cases:
-        direction = [float(x) for x in np.round(sign * side, 3) + 0.0]
+    for case, (turn, shape) in SHAPES_OF_WIND[roof].items():
+        direction = [float(value) for value in np.round(_turn(broadside(surface), turn), 3) + 0.0]
         yield ["[[surface.load]]", 'kind = "self_weight"', f'case = "{case}"']
         lines = ["[[surface.load]]", 'kind = "wind"', toml_line("pressure", pressure, LINE_OF_COMMENT["wind"])]
         lines += [f"direction = {direction}", f'case = "{case}"']
@@ -125,22 +143,37 @@ def _wind(surface: Surface, pressure: float, roof: WindRoof) -> Iterator[list[st
         elif not _goes_around(surface):
             note = "net coefficient of a free-standing wall [EN 1991-1-4, table 7.9, zone D]"
             lines += [toml_line("windward", 1.2, note), "leeward = 1.2"]
+        if roof == "flat":
+            note = "m above the ground: a placeholder with the largest zones; give the height of your roof"
+            lines.append(toml_line("eaves", _high_eaves(surface), note))
         yield lines
 
 
+def _high_eaves(surface: Surface) -> float:
+    """Return a height (m) of the eaves of flat roofs from which on the zones of wind do not grow further."""
+    return round(float(np.hypot(*np.ptp(surface.V[:, :2], axis=0))) / 2, 1)
+
+
 def wind_roof(surface: Surface, stands: Sequence[SupportPlace]) -> WindRoof:
-    """Return the kind of roof for wind loads; "" if the surface is no roof, or if no shape fits.
-    A roof is a canopy, open at its sides, if it stands on less than half of its edges."""
+    """Return the kind of roof for wind loads; "" if the surface is no roof but a wall, a tower or an object.
+    A roof is a canopy, open at its sides, if it stands on less than half of its edges.
+    Raises PresetError for a roof of a shape without coefficients."""
     if one_sided_pieces(surface.F, surface.edges).any() or faces_without_upper_side(surface).any():
         return ""
     supported = sum(place.length for place in stands)
     is_open = supported < 0.5 * float(surface.edge_lengths[surface.edges.boundary].sum())
-    kinds: list[tuple[WindRoof, WindShape]] = [("canopy", "canopy up"), ("vault", "vault")]
-    for roof, shape in kinds if is_open else kinds[1:]:
+    for roof in ("canopy", "vault") if is_open else ("flat", "vault"):
         with suppress(SurfaceError):
-            Wind(1.0, point_tuple(broadside(surface)), shape=shape).traction(surface)
+            eaves = _high_eaves(surface) if roof == "flat" else 0.0
+            for turn, shape in SHAPES_OF_WIND[roof].values():
+                Wind(1.0, point_tuple(_turn(broadside(surface), turn)), shape=shape, eaves=eaves).traction(surface)
             return roof
-    return ""
+    if surface.is_closed:
+        return ""
+    raise PresetError(
+        "--load wind: dsfab has the coefficients of vaults, of flat roofs and of open roofs with slopes of up to 30 "
+        "degrees; for this roof make the preset without wind, and add loads of kind 'pressure' by your code"
+    )
 
 
 def _vertical(surface: Surface, name: str, pressure: float) -> Iterator[str]:
@@ -181,6 +214,12 @@ def broadside(surface: Surface) -> Floats:
     n = surface.normals[:, :2]
     x, y = np.linalg.eigh((n * surface.areas[:, None]).T @ n)[1][:, -1]
     return np.array([x, y, 0.0]) * (1.0 if x + y > 0 else -1.0)
+
+
+def _turn(direction: Floats, degrees: float) -> Floats:
+    x, y, z = direction
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([c * x - s * y, s * x + c * y, z])
 
 
 def _goes_around(surface: Surface) -> bool:

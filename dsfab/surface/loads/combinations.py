@@ -90,6 +90,7 @@ PSI: dict[str, Psi] = {
     "temperature": (0.6, 0.5, 0.0),
 }
 """psi_0, psi_1, psi_2 of variable actions [EN 1990:2002, Table A1.1]."""
+UNKNOWN: Psi = (1.0, 1.0, 1.0)  # psi of loads that do not show their kind of action
 
 _Areas = Literal["imposed A", "imposed B", "imposed C", "imposed D", "imposed E", "imposed F", "imposed G", "imposed H"]
 ActionKind = Literal["permanent", _Areas, "snow", "snow high", "wind", "temperature"]
@@ -176,20 +177,67 @@ def en1990_combinations(
     return sorted(combinations.values(), key=lambda item: item.limit_state != "ULS")
 
 
-HOLDING_WEIGHT = 0.9  # factor of favourable permanent loads in static equilibrium [EN 1990:2002, table A1.2(A)]
+LIGHT, HEAVY = 0.9, 1.1
+"""Factors in static equilibrium of permanent loads that hold the structure down, and of those that lift it
+[EN 1990:2002, table A1.2(A)]."""
 
 
-def lifting_combinations(
+@dataclass(frozen=True)
+class LiftingRule:
+    """Load cases that can act together, for the static equilibrium of a support [EN 1990:2002, 6.4.3 and A1.2(A)].
+    permanent : cases of permanent loads.    groups : variable cases; at most one of each group acts."""
+
+    permanent: tuple[str, ...]
+    groups: tuple[tuple[_Variable, ...], ...]
+    factors: DesignFactors
+
+    def worst(self, vertical: Mapping[str, float]) -> Combination:
+        """Return the combination with the largest pull. vertical : reactions (N) by case; negative reactions pull."""
+        pulling = [min(group, key=lambda action: vertical[action.case]) for group in self.groups]
+        pulling = [action for action in pulling if vertical[action.case] < 0]
+        leading = min(pulling, key=lambda action: (1 - action.psi[0]) * vertical[action.case], default=None)
+        taken = {case: LIGHT if vertical[case] > 0 else HEAVY for case in self.permanent}
+        for action in pulling:
+            taken[action.case] = self.factors.variable * (1.0 if action is leading else action.psi[0])
+        return Combination("lifting", {case: factor for case, factor in taken.items() if factor}, "ULS")
+
+
+def lifting_rules(
     loads: Sequence[Load], actions: Mapping[str, ActionKind], factors: DesignFactors
-) -> list[Combination]:
-    """Return the combinations for static equilibrium in which wind leads or acts, and 0.9 of the permanent loads
-    [EN 1990:2002, table A1.2(A)]. The list is empty if a case has loads of several or of unknown kinds of action."""
-    action_kinds = [_action_kinds(loads, actions, case) for case in case_names(loads)]
-    if any(None in kinds or len(kinds) > 1 for kinds in action_kinds):
-        return []
-    light = replace(factors, favourable=HOLDING_WEIGHT)
-    combinations = en1990_combinations(loads, actions, "EN 1990 6.10", light)
-    return [combination for combination in combinations if combination.name.startswith("ULS-light")]
+) -> list[LiftingRule]:
+    """Return the rules of static equilibrium for cases named as in `loads_by_action`.
+    If each case has one kind of action, one rule combines all cases, else each case has a rule of its own. Loads that
+    do not show their kind count as leading variable loads: they may lift, and never hold down."""
+    separate = loads_by_action(loads, actions)
+    scenarios = [separate]
+    if case_names(separate) != case_names(loads):
+        pairs = list(zip(separate, loads, strict=True))
+        scenarios = [[load for load, origin in pairs if origin.case == name] for name in case_names(loads)]
+    rules = []
+    for scenario in scenarios:
+        permanent, groups = _permanent_and_groups(scenario, actions, factors.psi)
+        variable = tuple(tuple(item for item in group if item is not None) for group in groups)
+        rules.append(LiftingRule(tuple(permanent), variable, factors))
+    return rules
+
+
+def show_their_actions(loads: Sequence[Load], actions: Mapping[str, ActionKind]) -> bool:
+    """Return True if the loads of each case are of one known kind of action."""
+    return all(
+        len(kinds) == 1 and None not in kinds
+        for kinds in (_action_kinds(loads, actions, case) for case in case_names(loads))
+    )
+
+
+def loads_by_action(loads: Sequence[Load], actions: Mapping[str, ActionKind]) -> list[Load]:
+    """Return the loads with a case for each kind of action. The loads of a case with one kind keep their case; other
+    loads get a case such as 'wind (permanent)'."""
+    mixed = {case for case in case_names(loads) if len(_action_kinds(loads, actions, case)) > 1}
+    kinds = [ACTION_OF_LOAD.get(load.kind, "other loads") for load in loads]
+    return [
+        replace(load, case=f"{load.case} ({kind})") if load.case in mixed else load
+        for load, kind in zip(loads, kinds, strict=True)
+    ]
 
 
 def _ordered_combinations(
@@ -226,9 +274,12 @@ def _permanent_and_groups(
     permanent: list[str] = []
     groups: dict[str, list[_Variable | None]] = {}
     for case in case_names(loads):
-        kind = actions.get(case) or ACTION_OF_LOAD[_kind(loads, case)]
+        kind = actions.get(case) or ACTION_OF_LOAD.get(_kind(loads, case))
         if kind == "permanent":
             permanent.append(case)
+            continue
+        if kind is None:
+            groups[case] = [None, _Variable(case, "", UNKNOWN)]
             continue
         group = kind.removesuffix(" high") if kind in ONE_AT_A_TIME else f"{kind} {case}"
         groups.setdefault(group, [None]).append(_Variable(case, kind, psi.get(kind, PSI[kind])))

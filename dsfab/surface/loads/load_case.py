@@ -13,9 +13,11 @@ from dsfab.core.errors import SurfaceError
 from dsfab.surface.loads.outlines import Picker
 from dsfab.surface.loads.pickers import STRICT, All, CaseName, Real, Vector, unit_vector
 from dsfab.surface.loads.roof_shapes import (
+    INNER_ZONE,
+    CanopyCoefficients,
     RoofProfile,
-    canopy_coefficients,
     drifted_on_arch,
+    flat_roof_pressure,
     half_cleared,
     snow_shape_factor,
     vault_pressure,
@@ -52,6 +54,10 @@ class Snow:
     def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
         """Return the traction (m, 3) of the snow, Pa: force per area of each face. `weight` is not used."""
         _require_pressure(self.kind, self.pressure)
+        if self.shape and self.kind != "snow":
+            raise SurfaceError(f"a load of kind '{self.kind}' has no shape; remove the key, or use kind 'snow'")
+        if self.drift != Snow.drift and self.shape not in ("half", "drifted"):
+            raise SurfaceError("a load of kind 'snow' uses drift only with shape 'half' or 'drifted'; remove drift")
         d, normals = unit_vector(self.direction, f"a load of kind '{self.kind}'"), outward_normals(surface)
         towards = -(normals @ d)
         two_sided = ~one_sided_pieces(surface.F, surface.edges)
@@ -71,6 +77,7 @@ class Snow:
     def _shape_factor(self, surface: Surface, picked: Bools, normals: Floats, slope: Floats) -> Floats:
         if self.shape == "mu1":
             return snow_shape_factor(slope)
+        require_two_sides(surface, picked, f"a load of kind 'snow' with shape '{self.shape}'")
         factor = half_cleared if self.shape == "half" else drifted_on_arch
         profiles = RoofProfile.of_pieces(surface, picked, normals, self.drift, self.kind)
         return np.asarray(np.sum([factor(profile, slope) for profile in profiles], axis=0))
@@ -80,7 +87,9 @@ class Snow:
         return forces_at_corners(surface, self.traction(surface) * surface.areas[:, None])
 
 
-WindShape = Literal["", "vault", "canopy down", "canopy up"]
+WindShape = Literal[
+    "", "vault", "vault up", "flat down", "flat up", "canopy down", "canopy up", "canopy down half", "canopy up half"
+]
 
 
 @dataclass(frozen=True)
@@ -96,9 +105,11 @@ class Wind:
     This first estimate lacks suction along roofs and side walls, and pressure in open halls; add `pressure` loads.
     For roofs use a shape, in place of `windward` and `leeward`:
 
-    shape   : "vault" for a curved roof on walls or on the ground, see `vault_pressure`; "canopy down" or "canopy up"
-              for an open roof: its largest or smallest force coefficient on all faces, see `canopy_coefficients`.
-    eaves   : for "vault", height of the eaves above the ground, metres.
+    shape   : "vault" for a curved roof on walls or on the ground, see `vault_pressure`, and "vault up" for its second
+              value; "flat down" or "flat up" for a flat roof on walls, see `flat_roof_pressure`; "canopy down" or
+              "canopy up" for an open roof: its largest or smallest force coefficient on all faces, and with " half" on
+              the half towards the wind, see `CanopyCoefficients`.
+    eaves   : for vaults and flat roofs, height of the eaves above the ground, metres.
     covered : see `Snow`; an open lattice also has different coefficients [EN 1991-1-4, 7.11]."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -117,6 +128,7 @@ class Wind:
     def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
         """Return the traction (m, 3) on each face, Pa."""
         _require_pressure("wind", self.pressure)
+        self._require_agreeing_keys()
         picked = picked_faces(surface, self.at, "wind")
         require_two_sides(surface, picked, "a load of kind 'wind'")
         n = outward_normals(surface)
@@ -132,15 +144,30 @@ class Wind:
             )
         return np.asarray(-self.pressure * c[:, None] * n)
 
+    def _require_agreeing_keys(self) -> None:
+        on_walls = self.shape.startswith(("vault", "flat"))
+        unused = ["eaves"] if self.eaves and not on_walls else []
+        if self.shape:
+            unused += [key for key in ("windward", "leeward") if getattr(self, key) != getattr(Wind, key)]
+        if unused:
+            kind = f"with shape '{self.shape}'" if self.shape else "without a shape"
+            raise SurfaceError(f"a load of kind 'wind' {kind} does not use {' and '.join(unused)}; remove the key")
+
     def _on_roof(self, surface: Surface, picked: Bools, normals: Floats) -> Floats:
         c = np.zeros(surface.m)
-        for profile in RoofProfile.of_pieces(surface, picked, normals, self.direction, "wind"):
-            if self.shape == "vault":
-                c += vault_pressure(profile, self.eaves)
+        profiles = RoofProfile.of_pieces(surface, picked, normals, self.direction, "wind")
+        for k, profile in enumerate(profiles):
+            if self.shape in ("vault", "vault up"):
+                c += vault_pressure(profile, self.eaves, suction=self.shape == "vault up")
+            elif self.shape in INNER_ZONE:
+                c += flat_roof_pressure(profile, self.eaves, INNER_ZONE[self.shape])
             else:
-                down, up = canopy_coefficients(profile)
-                c += np.where(profile.roof, down if self.shape == "canopy down" else up, 0.0)
-        return c
+                canopy = CanopyCoefficients.of_roof(RoofProfile.all_around(surface, picked, normals)[k])
+                on_half = self.shape.endswith("half")
+                down, up = canopy.half if on_half else canopy.full
+                loaded = profile.roof & ((profile.place < 0.5) | (not on_half))
+                c += np.where(loaded, down if self.shape.startswith("canopy down") else up, 0.0)
+        return np.where(picked, c, 0.0)
 
     def forces(self, surface: Surface, weight: float) -> Floats:
         """Return the forces (n, 3), newtons."""

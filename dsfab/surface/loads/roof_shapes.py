@@ -1,5 +1,6 @@
 """Shape factors of snow and wind on roofs, by EN 1991-1-3 and EN 1991-1-4."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,30 +12,43 @@ from dsfab.surface.mesh import Surface
 
 STEEP = 60.0  # degrees; steeper parts of a roof keep no snow [EN 1991-1-3:2003, 5.3.2 and 5.3.5]
 LARGEST_MU3 = 2.0  # upper value of mu_3 [EN 1991-1-3:2003, 5.3.5, recommended value]
+GABLE = 0.25  # on an arch of a circle or parabola, `spread` is at least 0.57 of the mean slope; on a gable it is 0
 STRIPS = 100  # strips across a roof in which the length of its arc is summed
 
 
 @dataclass(frozen=True, eq=False)
 class RoofProfile:
-    """Section through a roof along a horizontal direction; lengths in metres.
-    roof  : (m,) mask of the faces that belong to the roof: picked faces that look upwards. Other faces have 0 below.
-    place : (m,) position of each face along the direction, 0 at the first face and 1 at the last.
-    arc   : (m,) the same position, measured along the arc of the roof.
-    slope : (m,) slope of each face along the direction as rise / run, positive if the roof rises.
-    depth : length of the roof in plan.    rise : height of the roof.
-    halves : mean slopes before and behind the middle; an arch has a positive and a negative slope."""
+    """Section through a connected roof along a horizontal direction; lengths in metres.
+    roof   : (m,) mask of the roof's faces. Other faces have 0 below.
+    place  : (m,) position of each face along the direction, 0 at the first face and 1 at the last.
+    aside  : (m,) position of each face across the direction, 0 to 1.
+    arc    : (m,) position along the direction, measured along the arc of the roof.
+    slope  : (m,) slope of each face along the direction as rise / run, positive if the roof rises.
+    depth  : length of the roof in plan.    width : length across the direction.
+    rise   : height of the section; an axis across the direction may slope.
+    halves : mean slopes before and behind the middle; an arch has a positive and a negative slope.
+    spread : standard deviation of the slopes from the means of their halves.
+    tilt   : mean slope along the direction and across it.
+    uneven : mean distance of the slopes from `tilt`."""
 
     roof: Bools
     place: Floats
+    aside: Floats
     arc: Floats
     slope: Floats
     depth: float
+    width: float
     rise: float
     halves: tuple[float, float]
+    spread: float
+    tilt: tuple[float, float]
+    uneven: float
 
     def require_arch(self, kind: str, shape: str) -> None:
-        """Raise SurfaceError if the roof rises and falls along the direction by less than half of its height."""
-        if (self.halves[0] - self.halves[1]) * self.depth < 2 * self.rise:
+        """Raise SurfaceError for a roof that rises and falls along the direction by less than half of its height, and
+        for a roof of two plane slopes: both halves of an arch have steep and gentle slopes."""
+        ridge = self.halves[0] - self.halves[1]
+        if ridge * self.depth < 2 * self.rise or self.spread < GABLE * ridge / 2:
             raise SurfaceError(
                 f"a load of kind '{kind}' with shape '{shape}': the roof is no arch along the load's direction, as the "
                 "standard assumes; turn the direction across the roof, or use another shape"
@@ -44,33 +58,62 @@ class RoofProfile:
     def of_pieces(
         cls, surface: Surface, faces: Bools, normals: Floats, direction: Vector, kind: str
     ) -> list["RoofProfile"]:
-        """Return the profile of each connected piece with picked `faces` (m,) that look upwards.
+        """Return the profile of each connected roof with picked `faces` (m,): faces of a piece that look upwards.
         normals : (m, 3) to the outside.    kind : kind of the load, for messages.
-        Raises SurfaceError for a vertical direction, and if no face looks upwards."""
-        d = np.array(unit_vector(direction, f"a load of kind '{kind}'")) * (1.0, 1.0, 0.0)
-        roof = faces & (normals[:, 2] > 1e-6)
-        if not roof.any() or np.linalg.norm(d) < 1e-6:
-            what = "its direction is vertical" if roof.any() else "no picked face looks upwards"
-            raise SurfaceError(f"a load of kind '{kind}' with a shape of roofs: {what}; pick a roof, and give x and y")
-        d /= np.linalg.norm(d)
-        count, piece = surface.pieces
-        parts = (roof & (piece == k) for k in range(count))
-        return [cls._from_roof(surface, part, normals, d) for part in parts if part.any()]
+        Raises SurfaceError for a direction that is not horizontal, and if no picked face looks upwards."""
+        d = np.array(unit_vector(direction, f"a load of kind '{kind}'"))
+        roof = normals[:, 2] > 1e-6
+        if abs(d[2]) > 1e-6 or not (faces & roof).any():
+            what = "no picked face looks upwards" if abs(d[2]) <= 1e-6 else "its direction is not horizontal"
+            raise SurfaceError(
+                f"a load of kind '{kind}' with a shape of roofs: {what}; pick a roof, and give a direction [x, y, 0]"
+            )
+        return [cls._from_roof(surface, part, normals, d) for part in _roofs(surface, roof, faces)]
+
+    @classmethod
+    def all_around(cls, surface: Surface, faces: Bools, normals: Floats) -> list[list["RoofProfile"]]:
+        """Return profiles of each connected roof in `DIRECTIONS` directions; the first is the axis of largest slopes.
+        faces, normals : see `of_pieces`."""
+        around = []
+        for part in _roofs(surface, normals[:, 2] > 1e-6, faces):
+            n = normals[part, :2]
+            x, y = np.linalg.eigh((n * surface.areas[part][:, None]).T @ n)[1][:, -1]
+            turns = np.arctan2(y, x) + np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+            axes = (np.array([np.cos(turn), np.sin(turn), 0.0]) for turn in turns)
+            around.append([cls._from_roof(surface, part, normals, axis) for axis in axes])
+        return around
 
     @classmethod
     def _from_roof(cls, surface: Surface, roof: Bools, normals: Floats, d: Floats) -> "RoofProfile":
+        across = np.array([-d[1], d[0], 0.0])
         corners = surface.V[surface.F[roof]]
-        start, end = (corners @ d).min(), (corners @ d).max()
+        slope, cross_slope = (-(normals[roof] @ axis) / normals[roof, 2] for axis in (d, across))
+        in_plan = surface.areas[roof] * normals[roof, 2]
+        (start, end), (low, high) = ((x.min(), x.max()) for x in (corners @ d, corners @ across))
         place = (surface.centroids[roof] @ d - start) / (end - start)
-        slope = -(normals[roof] @ d) / normals[roof, 2]
-        areas = surface.areas[roof]
-        in_plan = areas / np.sqrt(1 + slope**2)
-        halves = (in_plan * (place < 0.5), in_plan * (place >= 0.5))
-        before, behind = (float(slope @ half / max(half.sum(), 1e-300)) for half in halves)
-        on_faces = np.zeros((3, surface.m))
-        on_faces[:, roof] = place, _along_arc(place, areas, in_plan), slope
-        depth, rise = float(end - start), float(np.ptp(corners[..., 2]))
-        return cls(roof, on_faces[0], on_faces[1], on_faces[2], depth, rise, (before, behind))
+        aside = (surface.centroids[roof] @ across - low) / (high - low)
+        tilt, cross_tilt = _mean(slope, in_plan), _mean(cross_slope, in_plan)
+        front = place < 0.5
+        before, behind = _mean(slope[front], in_plan[front]), _mean(slope[~front], in_plan[~front])
+        spread = np.sqrt(_mean((slope - np.where(front, before, behind)) ** 2, in_plan))
+        on_faces = np.zeros((4, surface.m))
+        on_faces[:, roof] = place, aside, _along_arc(place, np.hypot(1, slope) * in_plan, in_plan), slope
+        rise = float(np.ptp(corners[..., 2] - cross_tilt * (corners @ across)))
+        on_halves, uneven = (before, behind), _mean(np.abs(slope - tilt), in_plan)
+        depth, width = float(end - start), float(high - low)
+        position, lateral, arc, slopes = on_faces
+        tilts = (tilt, cross_tilt)
+        return cls(roof, position, lateral, arc, slopes, depth, width, rise, on_halves, float(spread), tilts, uneven)
+
+
+def _roofs(surface: Surface, roof: Bools, faces: Bools) -> list[Bools]:
+    count, piece = surface.pieces
+    parts = (roof & (piece == k) for k in range(count))
+    return [part for part in parts if (faces & part).any()]
+
+
+def _mean(values: Floats, weights: Floats) -> float:
+    return float(values @ weights / max(weights.sum(), 1e-300))
 
 
 def _along_arc(place: Floats, areas: Floats, in_plan: Floats) -> Floats:
@@ -89,9 +132,10 @@ def snow_shape_factor(slope: Floats) -> Floats:
 
 
 def half_cleared(profile: RoofProfile, slope: Floats) -> Floats:
-    """Return mu_1 (m,) on parts that fall along the direction, and half of it elsewhere [EN 1991-1-3:2003, 5.3.3 (4)].
-    slope : (m,) degrees of each face."""
-    return np.where(profile.roof, np.where(profile.slope <= 0, 1.0, 0.5) * snow_shape_factor(slope), 0.0)
+    """Return mu_1 (m,) on parts that fall along the direction or are level, and half of it elsewhere
+    [EN 1991-1-3:2003, 5.3.3 (4)]. slope : (m,) degrees of each face."""
+    level = 1e-6  # larger than rounding
+    return np.where(profile.roof, np.where(profile.slope <= level, 1.0, 0.5) * snow_shape_factor(slope), 0.0)
 
 
 def drifted_on_arch(profile: RoofProfile, slope: Floats) -> Floats:
@@ -111,14 +155,16 @@ def drifted_on_arch(profile: RoofProfile, slope: Floats) -> Floats:
     return np.where(lies, triangle, 0.0)
 
 
-def vault_pressure(profile: RoofProfile, eaves: float) -> Floats:
+def vault_pressure(profile: RoofProfile, eaves: float, suction: bool = False) -> Floats:
     """Return the pressure coefficients c_pe,10 (m,) of a vault across the wind; suction is negative.
 
     The arc has four equal parts: zone A (first part), B (the two in the middle) and C (last). With f = rise / depth,
     A is 1.6 f on the ground, and 8/3 (f - 0.2) if the eaves are half of the depth or more above it, or -1.2 for f below
     0.2; B is -0.7 - f; C is -0.4. Between these heights A is linear [EN 1991-1-4:2005, 7.2.8, figure 7.11].
-    eaves : height of the eaves above the ground, metres. Raises SurfaceError for f outside of the figure, 0.05 to 0.5;
-    up to 0.55 counts as 0.5, because the edge of a mesh of half a circle is ragged."""
+    eaves   : height of the eaves above the ground, metres.
+    suction : True for the second value of A that the figure asks for if f is between 0.2 and 0.3: here -1.2 too.
+    Raises SurfaceError for f outside of the figure, 0.05 to 0.5; up to 0.55 counts as 0.5, because the edge of a mesh
+    of half a circle is ragged."""
     profile.require_arch("wind", "vault")
     f, high = profile.rise / profile.depth, min(2 * eaves / profile.depth, 1.0)
     if not 0.05 <= f <= 0.55:
@@ -127,9 +173,38 @@ def vault_pressure(profile: RoofProfile, eaves: float) -> Floats:
             "7.11 covers 0.05 to 0.5; turn the wind across the vault, or give coefficients without a shape"
         )
     f = min(f, 0.5)
-    windward = (1 - high) * 1.6 * f + high * (8 / 3 * (f - 0.2) if f >= 0.2 else -1.2)
+    on_high_walls = -1.2 if f < (0.3 if suction else 0.2) else 8 / 3 * (f - 0.2)
+    windward = (1 - high) * 1.6 * f + high * on_high_walls
     zones = np.array([windward, -0.7 - f, -0.7 - f, -0.4])
     return np.where(profile.roof, zones[np.minimum((4 * profile.arc).astype(int), 3)], 0.0)
+
+
+FLAT_ZONES = (-1.8, -1.2, -0.7)  # c_pe,10 of zones F, G and H, sharp eaves [EN 1991-1-4:2005, table 7.2]
+INNER_ZONE = {"flat down": 0.2, "flat up": -0.2}  # c_pe,10 of zone I [EN 1991-1-4:2005, table 7.2]
+
+
+def flat_roof_pressure(profile: RoofProfile, eaves: float, inner: float) -> Floats:
+    """Return the pressure coefficients c_pe,10 (m,) of a flat roof on walls with sharp eaves; suction is negative.
+
+    With e = min(width, 2 h) and h = eaves + rise, zone F lies within e/10 of the windward edge and e/4 of the sides, G
+    between them, H up to e/2, and I behind [EN 1991-1-4:2005, 7.2.3, figure 7.6, table 7.2].
+    inner : c_pe,10 of zone I.    eaves : height of the eaves above the ground, metres.
+    Raises SurfaceError for a slope of more than 5 degrees, and for eaves on the ground."""
+    slope = float(np.degrees(np.arctan(np.hypot(*profile.tilt) + profile.uneven)))
+    if slope > 5.5:
+        raise SurfaceError(
+            f"a load of kind 'wind' on a flat roof: it slopes by {slope:.0f} degrees; EN 1991-1-4, 7.2.3 covers up to "
+            "5; use another shape"
+        )
+    if eaves <= 0:
+        raise SurfaceError(
+            "a load of kind 'wind' on a flat roof: eaves is 0; give eaves, the height of the roof above the ground, "
+            "metres"
+        )
+    e = min(profile.width, 2 * (eaves + profile.rise))
+    to_edge, to_side = profile.place * profile.depth, np.minimum(profile.aside, 1 - profile.aside) * profile.width
+    zones = [to_edge > e / 2, to_edge > e / 10, to_side > e / 4]
+    return np.where(profile.roof, np.select(zones, [inner, FLAT_ZONES[2], FLAT_ZONES[1]], FLAT_ZONES[0]), 0.0)
 
 
 MONOPITCH = np.array(
@@ -148,21 +223,45 @@ DUOPITCH = np.array(
 [EN 1991-1-4:2005, table 7.7, phi = 0]."""
 
 
-def canopy_coefficients(profile: RoofProfile) -> tuple[float, float]:
-    """Return the largest (downward) and smallest (upward) force coefficient of an open canopy.
+DIRECTIONS = 18  # directions in half a turn in which the slope of a canopy is measured; 0.4 % less than the steepest
+TWO_SLOPES = 5.0  # degrees; smallest slope of table 7.7
 
-    Half of the sum of the mean slopes before and behind the middle is the slope of a roof with one slope, half of their
-    difference that of a roof with two slopes. The larger coefficient of both counts.
-    Raises SurfaceError for slopes outside of the tables."""
-    before, behind = profile.halves
-    plane_slope = abs(float(np.degrees(np.arctan((before + behind) / 2))))
-    ridge_slope = float(np.degrees(np.arctan((before - behind) / 2)))  # negative for a trough
-    if plane_slope > 30.5 or not -20.5 <= ridge_slope <= 30.5:
-        steep = plane_slope if plane_slope > 30.5 else ridge_slope
-        raise SurfaceError(
-            f"a load of kind 'wind' on an open canopy: its slope is {steep:.0f} degrees; EN 1991-1-4, 7.3 covers "
-            "-20 (a trough) to 30; use shape 'vault', or give coefficients without a shape"
-        )
-    pairs = ((plane_slope, MONOPITCH), (ridge_slope, DUOPITCH))
-    down, up = ([float(np.interp(angle, table[0], table[k])) for angle, table in pairs] for k in (1, 2))
-    return max(down), min(up)
+
+@dataclass(frozen=True)
+class CanopyCoefficients:
+    """Force coefficients of an open canopy with nothing below it; positive coefficients press down.
+    full : largest and smallest coefficient on the whole roof.
+    half : largest and smallest coefficient if the wind loads one half only."""
+
+    full: tuple[float, float]
+    half: tuple[float, float]
+
+    @classmethod
+    def of_roof(cls, profiles: Sequence[RoofProfile]) -> "CanopyCoefficients":
+        """Return the coefficients of a roof. profiles : of the roof in directions all around.
+
+        The slope of the mean plane is that of a roof with one slope [EN 1991-1-4:2005, 7.3, table 7.6]. The rest of the
+        roof counts as a roof with two slopes in each direction, ridge or trough [table 7.7]: half of the difference of
+        the mean slopes before and behind the middle. Slopes that cancel in these means, as on waves, are added to the
+        steepest ridge and to the deepest trough. The larger coefficient counts.
+
+        On one half, two slopes have the same coefficient, and the other half has none [figure 7.17]. On one slope the
+        resultant acts at a quarter of the depth [figure 7.16]: half of the roof has twice the coefficient.
+        Raises SurfaceError for slopes outside of the tables."""
+        plane = float(np.degrees(np.arctan(np.hypot(*profiles[0].tilt))))
+        ridges = [(profile.halves[0] - profile.halves[1]) / 2 for profile in profiles]
+        cancelled = max(max(profile.uneven for profile in profiles) - max(map(abs, ridges)), 0.0)
+        low, high = (float(np.degrees(np.arctan(x))) for x in (min(ridges) - cancelled, max(ridges) + cancelled))
+        if plane > 30.5 or not (low > -20.5 and high < 30.5):
+            steep = plane if plane > 30.5 else low if low <= -20.5 else high
+            raise SurfaceError(
+                f"a load of kind 'wind' on an open canopy: its slope is {steep:.0f} degrees; EN 1991-1-4, 7.3 covers "
+                "-20 (a trough) to 30; use shape 'vault', or give coefficients without a shape"
+            )
+        mono = [float(np.interp(plane, MONOPITCH[0], row)) for row in MONOPITCH[1:]]
+        angles = [angle for angle in (low, high) if abs(angle) >= TWO_SLOPES]
+        has_one_slope = plane >= TWO_SLOPES or not angles
+        duo = [np.interp(angles or [low, high], DUOPITCH[0], row).tolist() for row in DUOPITCH[1:]]
+        eccentric = [2 * c if has_one_slope else 0.0 for c in mono]
+        full, half = ((max(c[0], *duo[0]), min(c[1], *duo[1])) for c in (mono, eccentric))
+        return cls(full, half)
