@@ -12,7 +12,7 @@ from dsfab.design.regions_and_loads import acting_on
 from dsfab.preset.model import Preset
 from dsfab.results import StaticsResult
 from dsfab.statics import Equilibrium, SheetModel, sheet_stress, solve_cases, solve_for
-from dsfab.surface import ACTION_OF_LOAD, Load, LoadCase, Surface
+from dsfab.surface import ACTION_OF_LOAD, LoadCase, Surface, case_names, loads_by_action
 
 if TYPE_CHECKING:
     from dsfab.members import MemberGraph
@@ -87,28 +87,23 @@ class ActionCase(NamedTuple):
 
 def action_cases(preset: Preset, surface: Surface, statics: StaticsResult) -> dict[str, ActionCase]:
     """Return the load cases of a preset by name, each with a single kind of action."""
-    section, action_by_name = preset.surface, dict[str, ActionCase]()
-    for case in (name for name, entry in statics.cases.items() if entry.factors is None):
-        load, kinds = statics.cases[case].load, dict[str, list[Load]]()
-        for entry in acting_on(preset, surface).load:
-            if entry.case == case:
-                kinds.setdefault(
-                    _action_kind(section.actions.get(case)) or ACTION_OF_LOAD.get(entry.kind, "variable"), []
-                ).append(entry)
-        if len(kinds) == 1:
-            action_by_name[case] = ActionCase(case, next(iter(kinds)), load)
-            continue
-        for action, loads in kinds.items():
-            action_by_name[f"{case} {action}"] = ActionCase(
-                case, action, load.with_loads(surface, loads, preset.statics.area_weight)
-            )
-    return action_by_name
+    acting, actions = acting_on(preset, surface).load, preset.surface.actions
+    cases = {name: entry.load for name, entry in statics.cases.items() if entry.factors is None}
+    separate, result = loads_by_action(acting, actions), dict[str, ActionCase]()
+    for case, load in cases.items():
+        of_case = [item for item, origin in zip(separate, acting, strict=True) if origin.case == case]
+        for name in case_names(of_case):
+            loads = [item for item in of_case if item.case == name]
+            kind = actions.get(case) or ACTION_OF_LOAD.get(loads[0].kind)
+            part = load if name == case else load.with_loads(surface, loads, preset.statics.area_weight)
+            result[name] = ActionCase(case, _action_class(kind), part)
+    return result
 
 
-def _action_kind(kind: str | None) -> str:
-    if kind is None or kind in ("permanent", "wind"):
-        return kind or ""
-    return "snow" if kind.startswith("snow") else "variable"
+def _action_class(kind: str | None) -> str:
+    if kind in ("permanent", "wind"):
+        return kind
+    return "snow" if kind in ("snow", "snow high") else "variable"
 
 
 def beam_model(

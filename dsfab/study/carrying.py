@@ -14,7 +14,7 @@ from dsfab.core.errors import DsfabError, StaticsError
 from dsfab.core.messages import length
 from dsfab.core.sparse import solver_name
 from dsfab.design import Design, acting_on, loads_on, sheet_loads
-from dsfab.design.member_model import member_utilisation
+from dsfab.design.member_model import action_cases, member_utilisation
 from dsfab.preset.model import Preset
 from dsfab.slicing import Sheet
 from dsfab.statics import (
@@ -39,7 +39,7 @@ from dsfab.study.hold_down import hold_down_remarks
 from dsfab.study.verdict import BUDGET
 from dsfab.study.verdict.estimates import quantile
 from dsfab.study.verdict.levels import memory_needed
-from dsfab.surface import LoadCase, Support, Surface, case_names, link_components, loads_by_action, support_names
+from dsfab.surface import LoadCase, Support, Surface, link_components, support_names
 
 if TYPE_CHECKING:
     from dsfab.members.frame import MemberForces
@@ -139,7 +139,7 @@ class Carrying:
 @dataclass(frozen=True, eq=False)
 class CutStatics:
     """The cut sheet of a design with a thickness (m), loads, and results.
-    answers   : solutions by name of the case.    by_action : solutions of cases of `loads_by_action`.
+    answers   : solutions by name of the case.    by_action : solutions of `action_cases`.
     stiffness : matrix without springs, or None."""
 
     design: Design
@@ -201,17 +201,15 @@ def cut_loads(design: Design, thickness: float) -> dict[str, LoadCase]:
 
 
 def _loads_by_action(design: Design, thickness: float) -> dict[str, LoadCase]:
-    """Return the loads of `loads_by_action` on the cut sheet, without the cases of the preset."""
-    preset, surface, cases = design.preset, design.surface, design.statics.cases
-    loads = loads_by_action(acting_on(preset, surface).load, preset.surface.actions)
-    supports = next(iter(cases.values())).load
-    acting = {
-        name: supports.with_loads(surface, [load for load in loads if load.case == name], preset.statics.area_weight)
-        for name in case_names(loads)
-        if name not in cases
-    }
+    """Return the loads of `action_cases` on the cut sheet, without the cases of the preset."""
+    preset, surface = design.preset, design.surface
     share = thickness / preset.statics.thickness
-    return loads_on(surface, design.sheet, {k: load.of_thickness(surface, share) for k, load in acting.items()})
+    acting = {
+        name: part.load.of_thickness(surface, share)
+        for name, part in action_cases(preset, surface, design.statics).items()
+        if name != part.case
+    }
+    return loads_on(surface, design.sheet, acting)
 
 
 def cut_statics(design: Design, thickness: float) -> CutStatics:

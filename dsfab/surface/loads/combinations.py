@@ -231,11 +231,11 @@ def show_their_actions(loads: Sequence[Load], actions: Mapping[str, ActionKind])
 
 def loads_by_action(loads: Sequence[Load], actions: Mapping[str, ActionKind]) -> list[Load]:
     """Return the loads with a case for each kind of action. The loads of a case with one kind keep their case; other
-    loads get a case such as 'wind (permanent)'."""
+    loads get a case such as 'wind permanent', or 'wind variable' for loads that do not show their kind."""
     mixed = {case for case in case_names(loads) if len(_action_kinds(loads, actions, case)) > 1}
-    kinds = [ACTION_OF_LOAD.get(load.kind, "other loads") for load in loads]
+    kinds = [ACTION_OF_LOAD.get(load.kind, "variable") for load in loads]
     return [
-        replace(load, case=f"{load.case} ({kind})") if load.case in mixed else load
+        replace(load, case=f"{load.case} {kind}") if load.case in mixed else load
         for load, kind in zip(loads, kinds, strict=True)
     ]
 
