@@ -12,7 +12,7 @@ from dsfab.design.regions_and_loads import acting_on
 from dsfab.preset.model import Preset
 from dsfab.results import StaticsResult
 from dsfab.statics import Equilibrium, SheetModel, sheet_stress, solve_cases, solve_for
-from dsfab.surface import ACTION_OF_LOAD, LoadCase, Surface, case_names, loads_by_action
+from dsfab.surface import ACTION_OF_LOAD, LoadCase, Surface, action_kind, case_names, loads_by_action
 
 if TYPE_CHECKING:
     from dsfab.members import MemberGraph
@@ -94,7 +94,7 @@ def action_cases(preset: Preset, surface: Surface, statics: StaticsResult) -> di
         of_case = [item for item, origin in zip(separate, acting, strict=True) if origin.case == case]
         for name in case_names(of_case):
             loads = [item for item in of_case if item.case == name]
-            kind = actions.get(case) or ACTION_OF_LOAD.get(loads[0].kind)
+            kind = action_kind(replace(loads[0], case=case), actions)
             part = load if name == case else load.with_loads(surface, loads, preset.statics.area_weight)
             result[name] = ActionCase(case, _action_class(kind), part)
     return result

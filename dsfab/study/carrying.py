@@ -14,7 +14,7 @@ from dsfab.core.errors import DsfabError, StaticsError
 from dsfab.core.messages import length
 from dsfab.core.sparse import solver_name
 from dsfab.design import Design, acting_on, loads_on, sheet_loads
-from dsfab.design.member_model import action_cases, member_utilisation
+from dsfab.design.member_model import member_utilisation
 from dsfab.preset.model import Preset
 from dsfab.slicing import Sheet
 from dsfab.statics import (
@@ -39,7 +39,7 @@ from dsfab.study.hold_down import hold_down_remarks
 from dsfab.study.verdict import BUDGET
 from dsfab.study.verdict.estimates import quantile
 from dsfab.study.verdict.levels import memory_needed
-from dsfab.surface import LoadCase, Support, Surface, link_components, support_names
+from dsfab.surface import DesignFactors, LiftingRule, LoadCase, Support, Surface, link_components, support_names
 
 if TYPE_CHECKING:
     from dsfab.members.frame import MemberForces
@@ -139,14 +139,14 @@ class Carrying:
 @dataclass(frozen=True, eq=False)
 class CutStatics:
     """The cut sheet of a design with a thickness (m), loads, and results.
-    answers   : solutions by name of the case.    by_action : solutions of `action_cases`.
+    answers   : solutions by name of the case.    lifting : solutions of further cases of the `LiftingRule`.
     stiffness : matrix without springs, or None."""
 
     design: Design
     thickness: float
     loads: Mapping[str, LoadCase]
     answers: Mapping[str, Equilibrium]
-    by_action: Mapping[str, Equilibrium] = field(default_factory=dict)
+    lifting: Mapping[str, Equilibrium] = field(default_factory=dict)
     stiffness: csr_array | None = None
     factor_of: FactorCache = field(default_factory=FactorCache)
 
@@ -200,14 +200,19 @@ def cut_loads(design: Design, thickness: float) -> dict[str, LoadCase]:
     return sheet_loads(design.surface, design.slicing.cells.subset(), design.sheet, loads)
 
 
-def _loads_by_action(design: Design, thickness: float) -> dict[str, LoadCase]:
-    """Return the loads of `action_cases` on the cut sheet, without the cases of the preset."""
+def _lifting_rule(design: Design) -> LiftingRule:
+    section = design.preset.surface
+    return LiftingRule.for_loads(
+        acting_on(design.preset, design.surface).load, section.actions, section.factors or DesignFactors()
+    )
+
+
+def _lifting_loads(design: Design, thickness: float, rule: LiftingRule) -> dict[str, LoadCase]:
     preset, surface = design.preset, design.surface
-    share = thickness / preset.statics.thickness
+    share, supports = thickness / preset.statics.thickness, next(iter(design.statics.cases.values())).load
     acting = {
-        name: part.load.of_thickness(surface, share)
-        for name, part in action_cases(preset, surface, design.statics).items()
-        if name != part.case
+        name: supports.with_loads(surface, loads, preset.statics.area_weight).of_thickness(surface, share)
+        for name, loads in rule.loads.items()
     }
     return loads_on(surface, design.sheet, acting)
 
@@ -230,15 +235,17 @@ def cut_statics(design: Design, thickness: float) -> CutStatics:
 
 
 def _solve(statics: CutStatics, K: csr_array, elements: Elements, factor_of: FactorCache) -> CutStatics:
-    model, factors = statics.model, statics.design.statics.combinations
-    single = {name: load for name, load in statics.loads.items() if name not in factors}
-    by_action = _loads_by_action(statics.design, statics.thickness)
-    acting = [model.with_clamped_edges(load) for load in (*single.values(), *by_action.values())]
-    sums = [[factors[name].get(case, 0.0) for case in (*single, *by_action)] for name in factors]
-    results = equilibria(model.surface, K, acting, elements, None, sums, factor_of)
-    solved = dict(zip((*single, *by_action, *factors), results, strict=True))
-    answers = {name: solved.pop(name) if name in factors else solved[name] for name in statics.loads}
-    return replace(statics, answers=answers, by_action=solved)
+    model, rule = statics.model, _lifting_rule(statics.design)
+    combinations = statics.design.statics.combinations
+    single = {name: load for name, load in statics.loads.items() if name not in combinations}
+    single |= _lifting_loads(statics.design, statics.thickness, rule)
+    sums = {**combinations, **rule.sums}
+    acting = [model.with_clamped_edges(load) for load in single.values()]
+    factors = [[sums[name].get(case, 0.0) for case in single] for name in sums]
+    results = equilibria(model.surface, K, acting, elements, None, factors, factor_of)
+    answers = dict(zip((*single, *sums), results, strict=True))
+    of_preset = {name: answers.pop(name) for name in statics.loads}
+    return replace(statics, answers=of_preset, lifting=answers)
 
 
 def use_and_movement(statics: CutStatics, use: bool = True) -> Carrying:
@@ -257,7 +264,8 @@ def cut_carrying(statics: CutStatics) -> Carrying:
     use, faults = outcome.use, []
     case = use.case if use else statics.preset.judged_in("ULS", statics.answers)[0]
     # supports that pull come first: a short list of notes must not hide them
-    remarks = (*hold_down_remarks(statics.preset.surface, *_vertical_forces(statics)), *outcome.remarks)
+    rule, combinations = _lifting_rule(statics.design), list(statics.design.statics.combinations)
+    remarks = (*hold_down_remarks(rule, combinations, *_vertical_forces(statics)), *outcome.remarks)
     outcome = replace(outcome, reactions=rows, stress=statics.stress(case).largest, remarks=remarks)
     if use is None:
         return outcome
@@ -409,7 +417,7 @@ def _vertical_forces(statics: CutStatics) -> tuple[list[str], dict[str, Floats]]
     """Return the support of each connected place, and the vertical forces (p,), N, of the places by case."""
     supports, sheet = acting_on(statics.preset, statics.design.surface).support, statics.design.sheet
     shares = support_shares(supports, statics.design.surface, sheet)
-    names, cases = list[str](), {**statics.answers, **statics.by_action}
+    names, cases = list[str](), {**statics.answers, **statics.lifting}
     forces: dict[str, list[Floats]] = {case: [] for case in cases}
     ends = sheet.surface.edges.ends
     for support, share in zip(support_names(supports), shares, strict=True):

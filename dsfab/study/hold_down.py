@@ -6,41 +6,39 @@ import numpy as np
 
 from dsfab.core.arrays import Floats
 from dsfab.core.messages import force
-from dsfab.preset.surface_section import SurfaceSection
-from dsfab.surface import DesignFactors, lifting_rules, show_their_actions
+from dsfab.surface import Combination, LiftingRule
 
 NO_PULL = 0.01  # a support pulls the structure down if the pull is above this share of the largest vertical reaction
 
 
 def hold_down_remarks(
-    section: SurfaceSection, supports: Sequence[str], vertical: Mapping[str, Floats]
+    rule: LiftingRule, combinations: Sequence[str], supports: Sequence[str], vertical: Mapping[str, Floats]
 ) -> Iterator[str]:
-    """Yield a sentence if supports must pull the structure down, with the largest force (N) of each support.
-    supports : (p,) support of each place.
-    vertical : (p,) forces of the places on the structure, N upwards, by case.
+    """Yield a sentence if supports must pull the structure down, with the forces (N) of each support.
+    combinations : names of the combinations of the preset.    supports : (p,) support of each place.
+    vertical     : (p,) forces of the places on the structure, N upwards, by combination, and by case of the rule.
 
-    The forces are those of static equilibrium [EN 1990, table A1.2(A)]. Combinations of the preset count as they are
-    if a case has loads of several or of unknown kinds, because such combinations may include these factors."""
-    combined = [item.name for item in section.sums]
-    rules = lifting_rules(section.load, section.actions, section.factors or DesignFactors())
-    if combined and not show_their_actions(section.load, section.actions):
-        rules = []
-    worst: list[tuple[float, str]] = []
+    The forces are the largest in static equilibrium [EN 1990, table A1.2(A)] and in the combinations of the preset."""
+    pulls = np.zeros(len(supports))
+    words = [""] * len(supports)
     for p in range(len(supports)):
         at_place = {case: float(forces[p]) for case, forces in vertical.items()}
-        pulls = [(-at_place[name], name) for name in combined] if not rules else []
-        for item in (rule.worst(at_place) for rule in rules):
-            pulls.append((-sum(factor * at_place[case] for case, factor in item.factors.items()), item.formula))
-        worst.append(max(pulls))
+        factors = rule.worst(at_place)
+        pulls[p] = -sum(factor * at_place[case] for case, factor in factors.items())
+        words[p] = Combination("lifting", factors).formula
+        for name in combinations:
+            if -at_place[name] > pulls[p]:
+                pulls[p], words[p] = -at_place[name], name
     largest = max((float(np.abs(forces).max(initial=0.0)) for forces in vertical.values()), default=0.0)
     listed = []
     for support in dict.fromkeys(supports):
-        of_places = [worst[p] for p in range(len(supports)) if supports[p] == support]
-        pulling = [item for item in of_places if item[0] > NO_PULL * largest]
-        if pulling:
-            count = f"at {len(pulling)} of {len(of_places)} places, at most " if len(of_places) > 1 else ""
-            pull, words = max(pulling)
-            listed.append(f"{support} {count}{force(pull)} ({words})")
+        indices = [p for p, name in enumerate(supports) if name == support]
+        down = [p for p in indices if pulls[p] > 0]
+        worst = max(indices, key=lambda p: pulls[p])
+        if sum(pulls[down]) > NO_PULL * largest:
+            places = (
+                f" at {len(down)} of {len(indices)} places, at most {force(pulls[worst])}" if len(indices) > 1 else ""
+            )
+            listed.append(f"{support} {force(sum(pulls[down]))}{places} ({words[worst]})")
     if listed:
-        rule_words = "by EN 1990, table A1.2(A)" if rules else "in the worst of the preset's combinations"
-        yield f"supports must hold the structure down, {rule_words}: {', '.join(listed)}"
+        yield f"supports must hold the structure down, by EN 1990, table A1.2(A): {', '.join(listed)}"

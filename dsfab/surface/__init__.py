@@ -40,14 +40,13 @@ from dsfab.surface.loads.combinations import (
     CombinationRule,
     DesignFactors,
     LimitState,
+    action_kind,
     action_mistakes,
     case_names,
     combined_case,
     en1990_combinations,
-    lifting_rules,
     load_cases,
     loads_by_action,
-    show_their_actions,
 )
 from dsfab.surface.loads.load_case import (
     Cladding,
@@ -77,6 +76,7 @@ from dsfab.surface.loads.pickers import (
     VerticesLeft,
 )
 from dsfab.surface.loads.regions import PatternRegion, region_key, with_regions
+from dsfab.surface.loads.static_equilibrium import LiftingRule
 from dsfab.surface.loads.supports import Support, load_names, support_names
 from dsfab.surface.mesh import (
     NearestPlaces,
@@ -119,18 +119,18 @@ __all__ = [
     "ACTION_OF_LOAD", "CREASE", "DEFAULT_TRIANGLES", "FAR_TOLERANCE", "FIGURES", "LARGEST_GROUP", "MARK_LAYERS",
     "MATRIX_TOLERANCE", "MESH_SUFFIXES", "SHAPES", "ActionKind", "All", "Ball", "Boundary", "Box", "Brush", "CaseName",
     "Cladding", "ClosedCurves", "Combination", "CombinationRule", "CornerField", "DesignFactors", "Distances",
-    "DividedField", "EdgeTable", "Facing", "FileRecord", "Force", "LimitState", "Line", "Load", "LoadCase", "LoadParts",
-    "Marks", "MeshFacts", "Nearest", "NearestPlaces", "Origins", "PatternRegion", "Picker", "PlanPolygon", "Pressure",
-    "RawMesh", "SelfWeight", "Side", "SizeField", "Snow", "StructureLine", "Support", "Surface", "SurfaceInFile", "Up",
-    "Vertices", "VerticesLeft", "Wind", "action_mistakes", "as_circle", "as_polyline", "bounding_box", "case_names",
-    "centroid", "chains", "change_sizes", "coincident", "combined_case", "corner_fans", "corners_of", "describe",
-    "edge_table", "edges_of", "en1990_combinations", "faces_at", "faces_without_upper_side", "far_directions",
-    "finite_faces", "generated_group", "geodesic_distances", "half_edges", "halved_edges", "hat_gradients", "is_scan",
-    "lifting_rules", "link_components", "load_cases", "load_names", "load_parts", "loads_by_action", "marks_on_layers",
-    "mended_mesh", "mended_raw_mesh", "mesh_facts", "mirror", "nearest_places", "next_half_edge", "normalized_surface",
-    "one_sided_pieces", "parallel_remarks", "pieces", "planes_through", "ply_chunks", "polyline_length", "raw_mesh",
-    "read_surface", "refined_surface", "region_key", "remeshed_surface", "repaired_scan", "require_compas",
-    "round_axis", "self_contained", "show_their_actions", "signed_volume", "signed_volumes", "simplified_line",
-    "spanned_edges", "support_names", "surface_in_file", "surface_of_file", "total_area", "unit_guess",
-    "upright_vertices", "weights_at", "with_regions",
+    "DividedField", "EdgeTable", "Facing", "FileRecord", "Force", "LiftingRule", "LimitState", "Line", "Load",
+    "LoadCase", "LoadParts", "Marks", "MeshFacts", "Nearest", "NearestPlaces", "Origins", "PatternRegion", "Picker",
+    "PlanPolygon", "Pressure", "RawMesh", "SelfWeight", "Side", "SizeField", "Snow", "StructureLine", "Support",
+    "Surface", "SurfaceInFile", "Up", "Vertices", "VerticesLeft", "Wind", "action_kind", "action_mistakes", "as_circle",
+    "as_polyline", "bounding_box", "case_names", "centroid", "chains", "change_sizes", "coincident", "combined_case",
+    "corner_fans", "corners_of", "describe", "edge_table", "edges_of", "en1990_combinations", "faces_at",
+    "faces_without_upper_side", "far_directions", "finite_faces", "generated_group", "geodesic_distances", "half_edges",
+    "halved_edges", "hat_gradients", "is_scan", "link_components", "load_cases", "load_names", "load_parts",
+    "loads_by_action", "marks_on_layers", "mended_mesh", "mended_raw_mesh", "mesh_facts", "mirror", "nearest_places",
+    "next_half_edge", "normalized_surface", "one_sided_pieces", "parallel_remarks", "pieces", "planes_through",
+    "ply_chunks", "polyline_length", "raw_mesh", "read_surface", "refined_surface", "region_key", "remeshed_surface",
+    "repaired_scan", "require_compas", "round_axis", "self_contained", "signed_volume", "signed_volumes",
+    "simplified_line", "spanned_edges", "support_names", "surface_in_file", "surface_of_file", "total_area",
+    "unit_guess", "upright_vertices", "weights_at", "with_regions",
 ]  # fmt: skip

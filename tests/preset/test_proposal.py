@@ -25,7 +25,7 @@ from dsfab.preset.proposal.reading import possible_axes, preset_name
 from dsfab.preset.proposal.shape import is_figure, is_nearly_closed
 from dsfab.preset.proposal.sizes import sizes
 from dsfab.slicing.measures.widths import features, kept_cells
-from dsfab.surface import Boundary, Snow, Surface, Wind, read_surface, upright_vertices
+from dsfab.surface import Boundary, Snow, Surface, Wind, read_surface, refined_surface, upright_vertices
 from dsfab.surface.clean import repair
 from dsfab.surface.files import mesh_files
 from dsfab.surface.files.reader import normalized_surface
@@ -34,7 +34,7 @@ from tests.canopy import canopy
 from tests.designs import sliced
 from tests.meshes import mesh_file
 from tests.own_meshes import OWN
-from tests.shapes import arch, grid
+from tests.shapes import arch, box, grid
 
 
 def likely_up(surface, suffix="", usual=None):
@@ -832,12 +832,52 @@ def test_wind_lifts_a_roof_on_columns_and_on_walls(stand, shapes):
     assert max(lift) > 0.3 * winds[0].pressure * 79
 
 
-def test_wind_lifts_a_flat_roof_on_its_edge_from_four_sides():
+def winds_on(surface, stand):
+    loads = propose(surface, wishes=MeshWishes(stand=stand, loads=("wind",))).preset.surface.load
+    return [load for load in loads if isinstance(load, Wind)]
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-6])
+@pytest.mark.parametrize("turn", [0.0, 37.0])
+def test_wind_lifts_a_flat_roof_on_its_edge_from_four_sides(turn, noise):
+    """A roof of 20 m x 5 m with the largest zones, by hand: e = 20 m or 5 m; suction by areas of F, G and H, I."""
+    flat = grid(120, 60, 20.0, 5.0)
+    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    V = flat.V @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+    V[:, 2] += noise * np.random.default_rng(3).normal(size=len(V))
+    flat = Surface(V, flat.F)
+    lift = sorted(load.traction(flat)[:, 2] @ flat.areas / 500 for load in winds_on(flat, "edge"))
+    across = 1.8 * 2 * 5.0 * 2.0 + 1.2 * 10.0 * 2.0 + 0.7 * 20.0 * 3.0  # e = 20 m: zones F, G and H fill the 5 m
+    along = 1.8 * 2 * 1.25 * 0.5 + 1.2 * 2.5 * 0.5 + 0.7 * 5.0 * 2.0 + 0.2 * 5.0 * 17.5  # e = 5 m
+    assert_allclose(lift, [along, along, across, across], rtol=0.03)
+
+
+def test_half_of_a_canopy_is_loaded_from_the_sides_on_which_it_has_slopes():
     flat = grid(40, 32, 10.0, 8.0)
-    proposal = propose(flat, wishes=MeshWishes(stand="edge", loads=("wind",)))
-    lift = [load.forces(flat, 0.0)[:, 2].sum() for load in proposal.preset.surface.load if isinstance(load, Wind)]
-    assert len(lift) == 5
-    assert min(lift[:4]) > 0.2 * 500 * 80
+    x, y = flat.V[:, 0] - 5.0, flat.V[:, 1] - 4.0
+    for height, sides in ((-0.04 * x**2, 2), (-0.04 * (x**2 + y**2), 4), (0 * x, 4)):
+        winds = winds_on(Surface(np.column_stack([flat.V[:, :2], height]), flat.F), "columns")
+        halves = {tuple(np.round(load.direction, 2)) for load in winds if load.shape == "canopy up half"}
+        assert len(halves) == sides
+        assert {load.shape for load in winds} >= {"canopy up", "canopy down", "canopy down half"}
+
+
+def test_a_vault_on_high_walls_has_the_height_of_its_eaves_and_both_values_of_the_figure():
+    """A vault with f = 0.25 and eaves at 6 m: pressure or suction on the first quarter, from both sides."""
+    roof = arch(6.25, np.degrees(np.arcsin(0.8)), along=40, across=24)
+    low = Surface(roof.V - [0, 0, roof.V[:, 2].min()], roof.F)
+    high = Surface(low.V + [0, 0, 6.0], low.F)
+    assert [load.eaves for load in winds_on(low, "sides")] == [0.0, 0.0]
+    assert [load.eaves for load in winds_on(high, "sides")] == [6.0] * 4
+    lift = [load.forces(high, 0.0)[:, 2].sum() for load in winds_on(high, "sides")]
+    assert min(lift[2:]) > 1.2 * max(lift[:2])
+
+
+def test_a_building_has_wind_on_its_walls_and_on_its_roof():
+    building = refined_surface(box((0.0, 0.0, 0.0), (8.0, 6.0, 5.0)), 0.5)
+    forces = [load.forces(building, 0.0).sum(axis=0) / 500 for load in winds_on(building, "")]
+    assert_allclose(sorted(np.abs(force[:2]).max() for force in forces), [1.3 * 30, 1.3 * 30, 1.3 * 40, 1.3 * 40])
+    assert min(force[2] for force in forces) > 0.3 * 48
 
 
 def test_a_roof_without_coefficients_of_wind_is_refused_with_a_way_out():

@@ -8,12 +8,26 @@ import pytest
 from dsfab.design import Design, sheet_loads
 from dsfab.preset.file import load_preset, with_overrides
 from dsfab.preset.model import Preset
-from dsfab.preset.surface_section import SurfaceSection
 from dsfab.results import SlicingResult
 from dsfab.study.carrying import carrying, cut_carrying, cut_statics, judged_span, use_and_movement
 from dsfab.study.hold_down import hold_down_remarks
 from dsfab.study.verdict import whole_sheet
-from dsfab.surface import All, Combination, Force, LoadCase, Pressure, SelfWeight, Side, Support, Vertices, shapes
+from dsfab.surface import (
+    All,
+    Cladding,
+    DesignFactors,
+    Force,
+    LiftingRule,
+    LoadCase,
+    Pressure,
+    SelfWeight,
+    Side,
+    Snow,
+    Support,
+    Vertices,
+    Wind,
+    shapes,
+)
 from tests.benchmarks.solid_verdicts import solid_verdict
 from tests.calculix import needs_ccx
 from tests.shapes import annulus, grid
@@ -177,33 +191,59 @@ def test_members_of_a_graded_material_have_the_utilisation_of_the_members_report
         assert sum(rows) == pytest.approx(-load.force[:, 2].sum(), rel=1e-6)
 
 
-def test_a_load_of_unknown_kind_is_combined_as_the_preset_says():
-    """A suction of 800 N may lift a support under 490 N of weight: 1.5 x 800 - 0.9 x 490. Combinations of the preset
-    count as they are: with twice the weight the support stays down."""
-    vertical = {"dead": np.array([490.0]), "suction": np.array([-800.0])}
+def lifting_remark(loads, vertical, actions=None, combinations=()):
+    """The remark on a support named post, with the words of the forces (N) in it."""
+    rule = LiftingRule.for_loads(loads, actions or {}, DesignFactors())
+    arrays = {case: np.array([force]) for case, force in vertical.items()}
+    return "; ".join(hold_down_remarks(rule, combinations, ["post"], arrays))
+
+
+def test_a_load_of_unknown_kind_may_lift_and_combinations_of_the_preset_count_too():
+    """A suction of 800 N lifts a support under 490 N of weight: 1.5 x 800 - 0.9 x 490, whatever the preset combines."""
+    vertical = {"dead": 490.0, "suction": -800.0}
     loads = [SelfWeight(case="dead"), Pressure(-800.0, case="suction")]
-    alone = SurfaceSection.model_construct(load=loads, actions={}, factors=None, combination=[], combinations=None)
-    (remark,) = hold_down_remarks(alone, ["post"], vertical)
-    assert "post 759 N (0.9 dead + 1.5 suction)" in remark
-    for weight, lifts in ((1.0, True), (2.0, False)):
-        sums = [Combination("both", {"dead": weight, "suction": 1.0})]
-        section = alone.model_copy(update={"combination": sums})
-        both = {"both": np.array([490.0 * weight - 800.0])}
-        assert len(list(hold_down_remarks(section, ["post"], vertical | both))) == lifts
+    assert "post 759 N (0.9 dead + 1.5 suction)" in lifting_remark(loads, vertical)
+    for factor, words in ((1.0, "post 759 N (0.9 dead + 1.5 suction)"), (2.0, "post 1.11 kN (both)")):
+        vertical["both"] = 490.0 - factor * 800.0
+        assert words in lifting_remark(loads, vertical, combinations=["both"])
 
 
 def test_only_variable_loads_that_lift_act_and_the_leading_load_is_the_worst():
     """Snow of 100 N holds a post down, wind lifts it by 300 N, and imposed loads by 200 N with psi_0 = 0.7."""
-    vertical = {"dead": [400.0], "snow": [100.0], "wind": [-300.0], "back": [-250.0], "people": [-200.0]}
+    vertical = {"dead": 400.0, "snow": 100.0, "wind": -300.0, "back": -250.0, "people": -200.0}
     actions = {"dead": "permanent", "snow": "snow", "wind": "wind", "back": "wind", "people": "imposed C"}
     loads = [Pressure(1.0, case=case) for case in vertical]
-    section = SurfaceSection.model_construct(
-        load=loads, actions=actions, factors=None, combination=[], combinations=None
-    )
-    arrays = {case: np.array(forces) for case, forces in vertical.items()}
-    (remark,) = hold_down_remarks(section, ["post"], arrays)
     pull = 1.5 * 300 + 1.5 * 0.7 * 200 - 0.9 * 400
-    assert f"post {pull:.0f} N (0.9 dead + 1.5 wind + 1.05 people)" in remark
+    assert f"post {pull:.0f} N (0.9 dead + 1.5 wind + 1.05 people)" in lifting_remark(loads, vertical, actions)
+
+
+def test_a_weight_that_cases_repeat_counts_once_also_beside_a_case_of_wind_alone():
+    """Weight of 400 N in two cases with variable loads: 1.5 x 300 - 0.9 x 400 for a third case of wind only."""
+    loads = [SelfWeight(), Snow(1.0), SelfWeight(case="gust"), Wind(1.0, (1, 0, 0), case="gust")]
+    loads += [Wind(2.0, (1, 0, 0), case="alone")]
+    vertical = {"load": 500.0, "gust": 200.0, "alone": -300.0, "permanent loads": 400.0, "load snow": 100.0}
+    vertical |= {"gust wind": -200.0}
+    assert "post 90 N (0.9 permanent loads + 1.5 alone)" in lifting_remark(loads, vertical)
+    assert not lifting_remark(loads, vertical | {"alone": -230.0})
+
+
+def test_permanent_loads_that_a_case_lacks_never_hold_down():
+    """Cladding of 300 N is not there yet in the wind of the erection: 1.5 x 400 - 0.9 x 400. It lifts if it can."""
+    wind = Wind(1.0, (1, 0, 0), case="erection")
+    loads = [SelfWeight(), Cladding(1.0), Snow(1.0), SelfWeight(case="erection"), wind]
+    vertical = {"load": 0.0, "erection": 0.0, "permanent loads": 400.0, "load snow": 100.0, "erection wind": -400.0}
+    assert "post 240 N (0.9 permanent loads + 1.5 erection wind)" in lifting_remark(
+        loads, vertical | {"load permanent": 300.0}
+    )
+    assert "post 570 N (0.9 permanent loads + 1.1 load permanent + 1.5 erection wind)" in lifting_remark(
+        loads, vertical | {"load permanent": -300.0}
+    )
+
+
+def test_a_weight_that_is_labelled_as_wind_stays_permanent():
+    loads = [SelfWeight(case="up"), Pressure(-9.0, case="up")]
+    vertical = {"up": 0.0, "permanent loads": 400.0, "up wind": -400.0}
+    assert "post 240 N (0.9 permanent loads + 1.5 up wind)" in lifting_remark(loads, vertical, {"up": "wind"})
 
 
 LIFTED = {"kind": "wind", "direction": [1, 0, 0], "shape": "canopy up", "case": "lift"}
@@ -233,7 +273,7 @@ def test_supports_hold_a_light_roof_down_by_the_rule_of_static_equilibrium(cases
     remarks = remarks_on_lifting(plate_preset(4.0, ends, loads))
     weight, wind = 500 * 9.81 * 0.1 * 4.0, 0.55 * pressure * 4.0  # newtons on half of the plate
     pull = 1.5 * wind - 0.9 * weight
-    words = "0.9 dead + 1.5 lift" if cases[0] == "dead" else "0.9 lift permanent + 1.5 lift wind"
+    words = "0.9 dead + 1.5 lift" if cases[0] == "dead" else "0.9 permanent loads + 1.5 lift wind"
     assert len(remarks) == (pull > 0)
     for text in remarks:
         assert text.count(f"{pull / 1e3:.3g} kN ({words})") == 2
@@ -255,8 +295,9 @@ def test_a_support_behind_an_overhang_pulls_under_snow(together):
     loads = [{"kind": "self_weight"}, {"kind": "snow", "pressure": 800.0}]
     (text,) = remarks_on_lifting(plate_preset(10.0, supports, loads))
     pull = 2.0 * 10.0 * (10.0 / 8.0 - 1) * (1.1 * 500 * 9.81 * 0.1 + 1.5 * 800)
-    place = "points at 2 of 4 places" if together else "end at 2 of 2 places"
-    assert f"A1.2(A): {place}, at most {pull / 2e3:.3g} kN (1.1 load permanent + 1.5 load snow)" in text
+    name, count = ("points", 4) if together else ("end", 2)
+    places = f"at 2 of {count} places, at most {pull / 2e3:.3g} kN"
+    assert f"A1.2(A): {name} {pull / 1e3:.3g} kN {places} (1.1 permanent loads + 1.5 load snow)" in text
 
 
 @pytest.mark.slow

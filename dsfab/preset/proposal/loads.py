@@ -13,7 +13,8 @@ from dsfab.core.errors import PresetError, SurfaceError
 from dsfab.preset.proposal.readings import SupportPlace
 from dsfab.preset.proposal.shape import is_nearly_closed
 from dsfab.surface import Surface, Wind, faces_without_upper_side, one_sided_pieces
-from dsfab.surface.loads.load_case import WindShape
+from dsfab.surface.loads.load_case import WindShape, outward_normals
+from dsfab.surface.loads.roof_shapes import CanopyCoefficients, RoofProfile, roofs, side_of_plan
 
 USUAL_LOAD = {"roof": "snow", "hung": "services", "floor": "people", "wall": "wind"}
 """Usual load of a surface besides its weight, by kind of surface."""
@@ -29,26 +30,6 @@ LINE_OF_SHAPE = {
     "canopy": "net pressure on a roof without walls [EN 1991-1-4, 7.3, tables 7.6 and 7.7]",
     "flat": "suction on a flat roof on walls [EN 1991-1-4, 7.2.3, table 7.2]",
 }
-SHAPES_OF_WIND: dict[WindRoof, dict[str, tuple[float, WindShape]]] = {
-    "vault": {"wind": (0, "vault"), "wind_back": (180, "vault")},
-    "flat": {
-        "wind_up_0": (0, "flat up"),
-        "wind_up_90": (90, "flat up"),
-        "wind_up_180": (180, "flat up"),
-        "wind_up_270": (270, "flat up"),
-        "wind_down": (0, "flat down"),
-    },
-    "canopy": {
-        "wind_down": (0, "canopy down"),
-        "wind_up": (0, "canopy up"),
-        "wind_down_half": (0, "canopy down half"),
-        "wind_up_half": (0, "canopy up half"),
-        "wind_down_back": (180, "canopy down half"),
-        "wind_up_back": (180, "canopy up half"),
-    },
-    "": {"wind": (0, ""), "wind_back": (180, "")},
-}
-"""Load cases of wind on a kind of roof: angle (degrees) from the broadside direction, and shape."""
 PRESSURE = {"snow": 1000.0, "people": 5000.0, "services": 300.0, "wind": 500.0}  # Pa; placeholders for values of codes.
 AROUND = 0.3  # A surface is a tower if the horizontal part of sum(normal x area) is below this share of its area.
 
@@ -132,47 +113,90 @@ def load_tables(surface: Surface, pressures: Mapping[str, float], roof: WindRoof
         yield from _wind(surface, pressures["wind"], roof)
 
 
+@dataclass(frozen=True)
+class WindCase:
+    """A load case of wind: horizontal direction (3,), shape of the load, and height (m) of the eaves."""
+
+    name: str
+    direction: Floats
+    shape: WindShape = ""
+    eaves: float = 0.0
+
+    def traction(self, surface: Surface) -> Floats:
+        """Return the traction (m, 3) for a velocity pressure of 1 Pa."""
+        return Wind(1.0, point_tuple(self.direction), shape=self.shape, eaves=self.eaves).traction(surface)
+
+
 def _wind(surface: Surface, pressure: float, roof: WindRoof) -> Iterator[list[str]]:
-    for case, (turn, shape) in SHAPES_OF_WIND[roof].items():
-        direction = [float(value) for value in np.round(_turn(broadside(surface), turn), 3) + 0.0]
-        yield ["[[surface.load]]", 'kind = "self_weight"', f'case = "{case}"']
+    for case in _wind_cases(surface, roof):
+        direction = [float(value) for value in np.round(case.direction, 3) + 0.0]
+        yield ["[[surface.load]]", 'kind = "self_weight"', f'case = "{case.name}"']
         lines = ["[[surface.load]]", 'kind = "wind"', toml_line("pressure", pressure, LINE_OF_COMMENT["wind"])]
-        lines += [f"direction = {direction}", f'case = "{case}"']
+        lines += [f"direction = {direction}", f'case = "{case.name}"']
         if roof:
-            lines.append(toml_line("shape", shape, LINE_OF_SHAPE[roof]))
+            lines.append(toml_line("shape", case.shape, LINE_OF_SHAPE[roof]))
         elif not _goes_around(surface):
             note = "net coefficient of a free-standing wall [EN 1991-1-4, table 7.9, zone D]"
             lines += [toml_line("windward", 1.2, note), "leeward = 1.2"]
-        if roof == "flat":
-            note = "m above the ground: a placeholder with the largest zones; give the height of your roof"
-            lines.append(toml_line("eaves", _high_eaves(surface), note))
+        if case.eaves:
+            largest = "; a placeholder with the largest zones" if roof == "flat" else ""
+            lines.append(toml_line("eaves", case.eaves, f"m, height of the eaves above the ground{largest}"))
         yield lines
 
 
-def _high_eaves(surface: Surface) -> float:
-    """Return a height (m) of the eaves of flat roofs from which on the zones of wind do not grow further."""
-    return round(float(np.hypot(*np.ptp(surface.V[:, :2], axis=0))) / 2, 1)
+def _wind_cases(surface: Surface, roof: WindRoof) -> list[WindCase]:
+    """Return the cases of wind on a kind of roof; equal cases count once.
+    Raises SurfaceError if the shape of the load does not fit the roof."""
+    d = broadside(surface)
+    parts = roofs(surface, np.ones(surface.m, dtype=bool), outward_normals(surface))
+    if roof == "canopy":
+        canopies = [
+            CanopyCoefficients.of_roof(RoofProfile.all_around(surface, part, outward_normals(surface)))
+            for part in parts
+        ]
+        turns = (0, 180) if all(canopy.has_one_axis for canopy in canopies) else (0, 90, 180, 270)
+        cases = [WindCase("wind_down", d, "canopy down"), WindCase("wind_up", d, "canopy up")]
+        for turn in turns:
+            cases.append(WindCase(f"wind_down_{turn}", _turn(d, turn), "canopy down half"))
+            cases.append(WindCase(f"wind_up_{turn}", _turn(d, turn), "canopy up half"))
+    elif roof == "flat":
+        d = side_of_plan(surface)
+        eaves = round(float(np.hypot(*np.ptp(surface.V[:, :2], axis=0))) / 2, 1)
+        cases = [WindCase(f"wind_{turn}", _turn(d, turn), "flat up", eaves) for turn in (0, 90, 180, 270)]
+    elif roof == "vault":
+        low = min(surface.V[surface.F[part], 2].min() for part in parts)
+        eaves = round(float(low - min(surface.V[:, 2].min(), 0.0)), 2)
+        names = [("wind", d), ("wind_back", -d)]
+        cases = [WindCase(name, side, "vault", eaves) for name, side in names]
+        cases += [WindCase(f"{name}_up", side, "vault up", eaves) for name, side in names]
+    else:
+        return [WindCase("wind", d), WindCase("wind_back", -d)]
+    tractions = [case.traction(surface) for case in cases]
+    return [
+        case
+        for k, case in enumerate(cases)
+        if not any(np.allclose(tractions[k], earlier, atol=1e-9) for earlier in tractions[:k])
+    ]
 
 
 def wind_roof(surface: Surface, stands: Sequence[SupportPlace]) -> WindRoof:
     """Return the kind of roof for wind loads; "" if the surface is no roof but a wall, a tower or an object.
     A roof is a canopy, open at its sides, if it stands on less than half of its edges.
     Raises PresetError for a roof of a shape without coefficients."""
-    if one_sided_pieces(surface.F, surface.edges).any() or faces_without_upper_side(surface).any():
+    if one_sided_pieces(surface.F, surface.edges).any() or faces_without_upper_side(surface).all():
         return ""
-    supported = sum(place.length for place in stands)
-    is_open = supported < 0.5 * float(surface.edge_lengths[surface.edges.boundary].sum())
-    for roof in ("canopy", "vault") if is_open else ("flat", "vault"):
+    supported, edges = sum(place.length for place in stands), surface.edge_lengths[surface.edges.boundary].sum()
+    kinds: tuple[WindRoof, ...] = ("canopy", "vault") if supported < 0.5 * float(edges) else ("flat", "vault")
+    for roof in kinds:
         with suppress(SurfaceError):
-            eaves = _high_eaves(surface) if roof == "flat" else 0.0
-            for turn, shape in SHAPES_OF_WIND[roof].values():
-                Wind(1.0, point_tuple(_turn(broadside(surface), turn)), shape=shape, eaves=eaves).traction(surface)
+            _wind_cases(surface, roof)
             return roof
     if surface.is_closed:
         return ""
     raise PresetError(
-        "--load wind: dsfab has the coefficients of vaults, of flat roofs and of open roofs with slopes of up to 30 "
-        "degrees; for this roof make the preset without wind, and add loads of kind 'pressure' by your code"
+        "--load wind: a surface with a mean slope of less than 60 degrees counts as a roof; dsfab has the coefficients "
+        "of vaults, of flat roofs and of open roofs with slopes of up to 30 degrees; for this roof make the preset "
+        "without wind, and add loads of kind 'pressure' by your code"
     )
 
 

@@ -125,7 +125,9 @@ class DesignFactors:
 
 
 @dataclass(frozen=True)
-class _Variable:
+class VariableCase:
+    """A load case of a variable action, with its psi_0, psi_1 and psi_2."""
+
     case: str
     kind: str
     psi: Psi
@@ -144,11 +146,13 @@ def action_mistakes(
     for case in cases:
         action_kinds = _action_kinds(loads, actions, case)
         if None in action_kinds or len(action_kinds) > 1:
-            why = "do not show their kind of action" if None in action_kinds else "are of several kinds"
+            why, remedy = "are of several kinds; give each kind its own case", ""
+            if None in action_kinds:
+                why = "do not show their kind of action; give each its own case"
+                remedy = f', or write [surface.actions] {case} = "..." ({", ".join(["permanent", *PSI])})'
             kinds = {load.kind for load in loads if load.case == case}
             yield (
-                f"surface.combinations = {rule!r}: the loads of case {case} ({', '.join(sorted(kinds))}) {why}; give "
-                f'each its own case, or write [surface.actions] {case} = "..." ({", ".join(["permanent", *PSI])})'
+                f"surface.combinations = {rule!r}: the loads of case {case} ({', '.join(sorted(kinds))}) {why}{remedy}"
             )
     if all(case in actions or ACTION_OF_LOAD.get(_kind(loads, case)) for case in cases):
         count = len(en1990_combinations(loads, actions, rule, DesignFactors()))
@@ -166,7 +170,7 @@ def en1990_combinations(
     """Return all combinations of the load cases by EN 1990; ultimate limit states come first.
     Each selection of variable cases is combined with the permanent loads, and each selected case is the leading action
     once. Cases of one kind in `ONE_AT_A_TIME` never act together. Permanent loads may be favourable only with wind."""
-    permanent, groups = _permanent_and_groups(loads, actions, factors.psi)
+    permanent, groups = permanent_and_groups(loads, actions, factors.psi)
     combinations: dict[tuple[str, tuple[tuple[str, float], ...]], Combination] = {}
     for chosen in product(*groups):
         acting = [item for item in chosen if item is not None]
@@ -177,71 +181,28 @@ def en1990_combinations(
     return sorted(combinations.values(), key=lambda item: item.limit_state != "ULS")
 
 
-LIGHT, HEAVY = 0.9, 1.1
-"""Factors in static equilibrium of permanent loads that hold the structure down, and of those that lift it
-[EN 1990:2002, table A1.2(A)]."""
-
-
-@dataclass(frozen=True)
-class LiftingRule:
-    """Load cases that can act together, for the static equilibrium of a support [EN 1990:2002, 6.4.3 and A1.2(A)].
-    permanent : cases of permanent loads.    groups : variable cases; at most one of each group acts."""
-
-    permanent: tuple[str, ...]
-    groups: tuple[tuple[_Variable, ...], ...]
-    factors: DesignFactors
-
-    def worst(self, vertical: Mapping[str, float]) -> Combination:
-        """Return the combination with the largest pull. vertical : reactions (N) by case; negative reactions pull."""
-        pulling = [min(group, key=lambda action: vertical[action.case]) for group in self.groups]
-        pulling = [action for action in pulling if vertical[action.case] < 0]
-        leading = min(pulling, key=lambda action: (1 - action.psi[0]) * vertical[action.case], default=None)
-        taken = {case: LIGHT if vertical[case] > 0 else HEAVY for case in self.permanent}
-        for action in pulling:
-            taken[action.case] = self.factors.variable * (1.0 if action is leading else action.psi[0])
-        return Combination("lifting", {case: factor for case, factor in taken.items() if factor}, "ULS")
-
-
-def lifting_rules(
-    loads: Sequence[Load], actions: Mapping[str, ActionKind], factors: DesignFactors
-) -> list[LiftingRule]:
-    """Return the rules of static equilibrium for cases named as in `loads_by_action`.
-    If each case has one kind of action, one rule combines all cases, else each case has a rule of its own. Loads that
-    do not show their kind count as leading variable loads: they may lift, and never hold down."""
-    separate = loads_by_action(loads, actions)
-    scenarios = [separate]
-    if case_names(separate) != case_names(loads):
-        pairs = list(zip(separate, loads, strict=True))
-        scenarios = [[load for load, origin in pairs if origin.case == name] for name in case_names(loads)]
-    rules = []
-    for scenario in scenarios:
-        permanent, groups = _permanent_and_groups(scenario, actions, factors.psi)
-        variable = tuple(tuple(item for item in group if item is not None) for group in groups)
-        rules.append(LiftingRule(tuple(permanent), variable, factors))
-    return rules
-
-
-def show_their_actions(loads: Sequence[Load], actions: Mapping[str, ActionKind]) -> bool:
-    """Return True if the loads of each case are of one known kind of action."""
-    return all(
-        len(kinds) == 1 and None not in kinds
-        for kinds in (_action_kinds(loads, actions, case) for case in case_names(loads))
-    )
-
-
 def loads_by_action(loads: Sequence[Load], actions: Mapping[str, ActionKind]) -> list[Load]:
     """Return the loads with a case for each kind of action. The loads of a case with one kind keep their case; other
-    loads get a case such as 'wind permanent', or 'wind variable' for loads that do not show their kind."""
-    mixed = {case for case in case_names(loads) if len(_action_kinds(loads, actions, case)) > 1}
-    kinds = [ACTION_OF_LOAD.get(load.kind, "variable") for load in loads]
+    loads get a case such as 'wind permanent', or 'wind variable' for loads that do not show their kind.
+    actions : kinds of cases; self-weight and cladding stay permanent."""
+    kinds = [action_kind(load, actions) or "variable" for load in loads]
+    by_case: dict[str, set[str]] = {}
+    for load, kind in zip(loads, kinds, strict=True):
+        by_case.setdefault(load.case, set()).add(kind)
     return [
-        replace(load, case=f"{load.case} {kind}") if load.case in mixed else load
+        replace(load, case=f"{load.case} {kind}") if len(by_case[load.case]) > 1 else load
         for load, kind in zip(loads, kinds, strict=True)
     ]
 
 
+def action_kind(load: Load, actions: Mapping[str, ActionKind]) -> ActionKind | None:
+    """Return the kind of action of a load, None if unknown. Self-weight and cladding are permanent in any case."""
+    own_kind = ACTION_OF_LOAD.get(load.kind)
+    return own_kind if own_kind == "permanent" else actions.get(load.case) or own_kind
+
+
 def _ordered_combinations(
-    permanent: Sequence[str], order: Sequence[_Variable], rule: CombinationRule, factors: DesignFactors
+    permanent: Sequence[str], order: Sequence[VariableCase], rule: CombinationRule, factors: DesignFactors
 ) -> Iterator[Combination]:
     gamma = factors.variable
     lead = [gamma * (1.0 if not k else action.psi[0]) for k, action in enumerate(order)]
@@ -268,21 +229,23 @@ def _ordered_combinations(
             yield Combination(f"{name}-{cases_text}", taken, "ULS" if name.startswith("ULS") else "SLS")
 
 
-def _permanent_and_groups(
+def permanent_and_groups(
     loads: Sequence[Load], actions: Mapping[str, ActionKind], psi: Mapping[ActionKind, Psi]
-) -> tuple[list[str], list[list[_Variable | None]]]:
+) -> tuple[list[str], list[list[VariableCase | None]]]:
+    """Return the permanent cases, and groups of variable cases of which at most one acts; None stands for no case.
+    psi : values that replace those of the table, by kind of action."""
     permanent: list[str] = []
-    groups: dict[str, list[_Variable | None]] = {}
+    groups: dict[str, list[VariableCase | None]] = {}
     for case in case_names(loads):
         kind = actions.get(case) or ACTION_OF_LOAD.get(_kind(loads, case))
         if kind == "permanent":
             permanent.append(case)
             continue
         if kind is None:
-            groups[case] = [None, _Variable(case, "", UNKNOWN)]
+            groups[case] = [None, VariableCase(case, "", UNKNOWN)]
             continue
         group = kind.removesuffix(" high") if kind in ONE_AT_A_TIME else f"{kind} {case}"
-        groups.setdefault(group, [None]).append(_Variable(case, kind, psi.get(kind, PSI[kind])))
+        groups.setdefault(group, [None]).append(VariableCase(case, kind, psi.get(kind, PSI[kind])))
     return permanent, list(groups.values())
 
 

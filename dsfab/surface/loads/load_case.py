@@ -14,6 +14,7 @@ from dsfab.surface.loads.outlines import Picker
 from dsfab.surface.loads.pickers import STRICT, All, CaseName, Real, Vector, unit_vector
 from dsfab.surface.loads.roof_shapes import (
     INNER_ZONE,
+    ROOF_RISE,
     CanopyCoefficients,
     RoofProfile,
     drifted_on_arch,
@@ -79,7 +80,7 @@ class Snow:
             return snow_shape_factor(slope)
         require_two_sides(surface, picked, f"a load of kind 'snow' with shape '{self.shape}'")
         factor = half_cleared if self.shape == "half" else drifted_on_arch
-        profiles = RoofProfile.of_pieces(surface, picked, normals, self.drift, self.kind)
+        profiles = RoofProfile.of_roofs(surface, picked, normals, self.drift, self.kind)
         return np.asarray(np.sum([factor(profile, slope) for profile in profiles], axis=0))
 
     def forces(self, surface: Surface, weight: float) -> Floats:
@@ -132,11 +133,8 @@ class Wind:
         picked = picked_faces(surface, self.at, "wind")
         require_two_sides(surface, picked, "a load of kind 'wind'")
         n = outward_normals(surface)
-        if self.shape:
-            return np.asarray(-self.pressure * self._on_roof(surface, picked, n)[:, None] * n)
         along = n @ unit_vector(self.direction, "a load of kind 'wind'")
-        c = self.windward * np.maximum(-along, 0.0) - self.leeward * np.maximum(along, 0.0)
-        c[~picked | (np.abs(along) <= EDGE_ON)] = 0.0
+        c = np.where(picked, self._on_roofs(surface, picked, n, along) if self.shape else self._on_faces(along), 0.0)
         if not c.any():
             raise SurfaceError(
                 "a load of kind 'wind' is parallel to every picked face or has no coefficients; change its direction, "
@@ -145,36 +143,41 @@ class Wind:
         return np.asarray(-self.pressure * c[:, None] * n)
 
     def _require_agreeing_keys(self) -> None:
-        on_walls = self.shape.startswith(("vault", "flat"))
-        unused = ["eaves"] if self.eaves and not on_walls else []
-        if self.shape:
+        unused = ["eaves"] if self.eaves and not self._on_walls else []
+        if self.shape and not self._on_walls:
             unused += [key for key in ("windward", "leeward") if getattr(self, key) != getattr(Wind, key)]
         if unused:
             kind = f"with shape '{self.shape}'" if self.shape else "without a shape"
             raise SurfaceError(f"a load of kind 'wind' {kind} does not use {' and '.join(unused)}; remove the key")
 
-    def _on_roof(self, surface: Surface, picked: Bools, normals: Floats) -> Floats:
-        c = np.zeros(surface.m)
-        profiles = RoofProfile.of_pieces(surface, picked, normals, self.direction, "wind")
-        for k, profile in enumerate(profiles):
-            if self.shape in ("vault", "vault up"):
-                c += vault_pressure(profile, self.eaves, suction=self.shape == "vault up")
+    @property
+    def _on_walls(self) -> bool:
+        return self.shape.startswith(("vault", "flat"))
+
+    def _on_faces(self, along: Floats) -> Floats:
+        """Return the coefficients (m,) of walls. along : (m,) n . d of each face."""
+        c = self.windward * np.maximum(-along, 0.0) - self.leeward * np.maximum(along, 0.0)
+        return np.where(np.abs(along) <= EDGE_ON, 0.0, c)
+
+    def _on_roofs(self, surface: Surface, picked: Bools, normals: Floats, along: Floats) -> Floats:
+        c = self._on_faces(along) if self._on_walls else np.zeros(surface.m)
+        for profile in RoofProfile.of_roofs(surface, picked, normals, self.direction, "wind"):
+            if self.shape.startswith("vault"):
+                on_roof = vault_pressure(profile, self.eaves, suction=self.shape == "vault up")
             elif self.shape in INNER_ZONE:
-                c += flat_roof_pressure(profile, self.eaves, INNER_ZONE[self.shape])
+                on_roof = flat_roof_pressure(profile, self.eaves, INNER_ZONE[self.shape])
             else:
-                canopy = CanopyCoefficients.of_roof(RoofProfile.all_around(surface, picked, normals)[k])
+                canopy = CanopyCoefficients.of_roof(RoofProfile.all_around(surface, profile.roof, normals))
                 on_half = self.shape.endswith("half")
                 down, up = canopy.half if on_half else canopy.full
-                loaded = profile.roof & ((profile.place < 0.5) | (not on_half))
-                c += np.where(loaded, down if self.shape.startswith("canopy down") else up, 0.0)
-        return np.where(picked, c, 0.0)
+                loaded = profile.front | (not on_half)
+                on_roof = np.where(loaded, down if self.shape.startswith("canopy down") else up, 0.0)
+            c[profile.roof] = on_roof[profile.roof]
+        return c
 
     def forces(self, surface: Surface, weight: float) -> Floats:
         """Return the forces (n, 3), newtons."""
         return forces_at_corners(surface, self.traction(surface) * surface.areas[:, None])
-
-
-ROOF_RISE = 0.5  # An open piece is a roof if its mean normal's vertical part is above this: slopes under 60 degrees.
 
 
 def outward_normals(surface: Surface) -> Floats:

@@ -12,7 +12,9 @@ from dsfab.surface.mesh import Surface
 
 STEEP = 60.0  # degrees; steeper parts of a roof keep no snow [EN 1991-1-3:2003, 5.3.2 and 5.3.5]
 LARGEST_MU3 = 2.0  # upper value of mu_3 [EN 1991-1-3:2003, 5.3.5, recommended value]
-GABLE = 0.25  # on an arch of a circle or parabola, `spread` is at least 0.57 of the mean slope; on a gable it is 0
+ROOF_RISE = 0.5  # An open piece is a roof if its mean normal's vertical part is above this: slopes under 60 degrees.
+ARCH_FIT = 0.85  # least `fit` of an arch: 1 for a circle, 0.94 for two slopes on each side, 0.75 for a gable roof
+LEVEL = 0.02  # slopes (rise / run) up to this count as level: coordinates and directions are rounded
 STRIPS = 100  # strips across a roof in which the length of its arc is summed
 
 
@@ -21,18 +23,21 @@ class RoofProfile:
     """Section through a connected roof along a horizontal direction; lengths in metres.
     roof   : (m,) mask of the roof's faces. Other faces have 0 below.
     place  : (m,) position of each face along the direction, 0 at the first face and 1 at the last.
+    front  : (m,) mask of the first half of the plan area.
     aside  : (m,) position of each face across the direction, 0 to 1.
     arc    : (m,) position along the direction, measured along the arc of the roof.
     slope  : (m,) slope of each face along the direction as rise / run, positive if the roof rises.
     depth  : length of the roof in plan.    width : length across the direction.
     rise   : height of the section; an axis across the direction may slope.
     halves : mean slopes before and behind the middle; an arch has a positive and a negative slope.
-    spread : standard deviation of the slopes from the means of their halves.
-    tilt   : mean slope along the direction and across it.
-    uneven : mean distance of the slopes from `tilt`."""
+    fit    : share of the variance of sin(slope angle) that a straight line over `place` explains, negative if the line
+             rises; 1 for an arch of a circle.
+    tilt   : slope of the mean plane.
+    uneven : mean distance of the faces' slopes from the slope of the mean plane, in all directions."""
 
     roof: Bools
     place: Floats
+    front: Bools
     aside: Floats
     arc: Floats
     slope: Floats
@@ -40,76 +45,105 @@ class RoofProfile:
     width: float
     rise: float
     halves: tuple[float, float]
-    spread: float
-    tilt: tuple[float, float]
+    fit: float
+    tilt: float
     uneven: float
 
     def require_arch(self, kind: str, shape: str) -> None:
         """Raise SurfaceError for a roof that rises and falls along the direction by less than half of its height, and
-        for a roof of two plane slopes: both halves of an arch have steep and gentle slopes."""
+        for a roof with a slope that does not decrease evenly, such as a gable."""
         ridge = self.halves[0] - self.halves[1]
-        if ridge * self.depth < 2 * self.rise or self.spread < GABLE * ridge / 2:
+        if ridge * self.depth < 2 * self.rise or self.fit < ARCH_FIT:
             raise SurfaceError(
                 f"a load of kind '{kind}' with shape '{shape}': the roof is no arch along the load's direction, as the "
                 "standard assumes; turn the direction across the roof, or use another shape"
             )
 
     @classmethod
-    def of_pieces(
+    def of_roofs(
         cls, surface: Surface, faces: Bools, normals: Floats, direction: Vector, kind: str
     ) -> list["RoofProfile"]:
-        """Return the profile of each connected roof with picked `faces` (m,): faces of a piece that look upwards.
+        """Return the profile of each roof with picked `faces` (m,), see `roofs`.
         normals : (m, 3) to the outside.    kind : kind of the load, for messages.
-        Raises SurfaceError for a direction that is not horizontal, and if no picked face looks upwards."""
+        Raises SurfaceError for a direction that is not horizontal, and if no picked face belongs to a roof."""
         d = np.array(unit_vector(direction, f"a load of kind '{kind}'"))
-        roof = normals[:, 2] > 1e-6
-        if abs(d[2]) > 1e-6 or not (faces & roof).any():
+        parts = roofs(surface, faces, normals)
+        if abs(d[2]) > 1e-6 or not parts:
             what = "no picked face looks upwards" if abs(d[2]) <= 1e-6 else "its direction is not horizontal"
             raise SurfaceError(
                 f"a load of kind '{kind}' with a shape of roofs: {what}; pick a roof, and give a direction [x, y, 0]"
             )
-        return [cls._from_roof(surface, part, normals, d) for part in _roofs(surface, roof, faces)]
+        return [cls.of_roof(surface, part, normals, d) for part in parts]
 
     @classmethod
-    def all_around(cls, surface: Surface, faces: Bools, normals: Floats) -> list[list["RoofProfile"]]:
-        """Return profiles of each connected roof in `DIRECTIONS` directions; the first is the axis of largest slopes.
-        faces, normals : see `of_pieces`."""
-        around = []
-        for part in _roofs(surface, normals[:, 2] > 1e-6, faces):
-            n = normals[part, :2]
-            x, y = np.linalg.eigh((n * surface.areas[part][:, None]).T @ n)[1][:, -1]
-            turns = np.arctan2(y, x) + np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-            axes = (np.array([np.cos(turn), np.sin(turn), 0.0]) for turn in turns)
-            around.append([cls._from_roof(surface, part, normals, axis) for axis in axes])
-        return around
+    def all_around(cls, surface: Surface, roof: Bools, normals: Floats) -> list["RoofProfile"]:
+        """Return profiles of a roof (m,) in `DIRECTIONS` directions; the first is the axis of the largest slopes."""
+        n = normals[roof, :2]
+        x, y = np.linalg.eigh((n * surface.areas[roof][:, None]).T @ n)[1][:, -1]
+        turns = np.arctan2(y, x) + np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+        axes = (np.array([np.cos(turn), np.sin(turn), 0.0]) for turn in turns)
+        return [cls.of_roof(surface, roof, normals, axis) for axis in axes]
 
     @classmethod
-    def _from_roof(cls, surface: Surface, roof: Bools, normals: Floats, d: Floats) -> "RoofProfile":
+    def of_roof(cls, surface: Surface, roof: Bools, normals: Floats, d: Floats) -> "RoofProfile":
+        """Return the profile of a roof (m,) along the horizontal unit vector d (3,)."""
         across = np.array([-d[1], d[0], 0.0])
         corners = surface.V[surface.F[roof]]
         slope, cross_slope = (-(normals[roof] @ axis) / normals[roof, 2] for axis in (d, across))
         in_plan = surface.areas[roof] * normals[roof, 2]
         (start, end), (low, high) = ((x.min(), x.max()) for x in (corners @ d, corners @ across))
         place = (surface.centroids[roof] @ d - start) / (end - start)
-        aside = (surface.centroids[roof] @ across - low) / (high - low)
         tilt, cross_tilt = _mean(slope, in_plan), _mean(cross_slope, in_plan)
-        front = place < 0.5
-        before, behind = _mean(slope[front], in_plan[front]), _mean(slope[~front], in_plan[~front])
-        spread = np.sqrt(_mean((slope - np.where(front, before, behind)) ** 2, in_plan))
-        on_faces = np.zeros((4, surface.m))
-        on_faces[:, roof] = place, aside, _along_arc(place, np.hypot(1, slope) * in_plan, in_plan), slope
-        rise = float(np.ptp(corners[..., 2] - cross_tilt * (corners @ across)))
-        on_halves, uneven = (before, behind), _mean(np.abs(slope - tilt), in_plan)
-        depth, width = float(end - start), float(high - low)
-        position, lateral, arc, slopes = on_faces
-        tilts = (tilt, cross_tilt)
-        return cls(roof, position, lateral, arc, slopes, depth, width, rise, on_halves, float(spread), tilts, uneven)
+        before = place < 0.5
+        order = np.argsort(place)
+        median = place[order][np.searchsorted(np.cumsum(in_plan[order]), in_plan.sum() / 2)]
+
+        def on_faces(values: Floats) -> Floats:
+            spread = np.zeros(surface.m)
+            spread[roof] = values
+            return spread
+
+        return cls(
+            roof,
+            place=on_faces(place),
+            front=on_faces(place <= median) > 0,
+            aside=on_faces((surface.centroids[roof] @ across - low) / (high - low)),
+            arc=on_faces(_along_arc(place, np.hypot(1, slope) * in_plan, in_plan)),
+            slope=on_faces(slope),
+            depth=float(end - start),
+            width=float(high - low),
+            rise=float(np.ptp(corners[..., 2] - cross_tilt * (corners @ across))),
+            halves=(_mean(slope[before], in_plan[before]), _mean(slope[~before], in_plan[~before])),
+            fit=_straightness(place, slope / np.hypot(1, slope), in_plan),
+            tilt=float(np.hypot(tilt, cross_tilt)),
+            uneven=_mean(np.hypot(slope - tilt, cross_slope - cross_tilt), in_plan),
+        )
 
 
-def _roofs(surface: Surface, roof: Bools, faces: Bools) -> list[Bools]:
+def roofs(surface: Surface, faces: Bools, normals: Floats) -> list[Bools]:
+    """Return a mask (m,) for each roof with picked `faces` (m,): the faces of a piece that look upwards.
+    normals : (m, 3) to the outside. A mean slope of 60 degrees or more makes an open piece a wall."""
     count, piece = surface.pieces
-    parts = (roof & (piece == k) for k in range(count))
-    return [part for part in parts if (faces & part).any()]
+    rise = np.bincount(piece, normals[:, 2] * surface.areas, count) / np.bincount(piece, surface.areas, count)
+    is_open = np.bincount(piece, surface.edges.boundary[surface.edges.of].any(axis=1), count) > 0
+    upwards = (normals[:, 2] > 1e-6) & ~(is_open & (rise <= ROOF_RISE))[piece]
+    masks = (upwards & (piece == k) for k in range(count))
+    return [mask for mask in masks if (faces & mask).any()]
+
+
+def side_of_plan(surface: Surface) -> Floats:
+    """Return the direction (3,) of a side of the smallest rectangle around the plan."""
+    from trimesh.bounds import oriented_bounds_2D
+
+    to_rectangle, _ = oriented_bounds_2D(surface.V[:, :2])
+    return np.array([*to_rectangle[0, :2], 0.0])
+
+
+def _straightness(x: Floats, y: Floats, weights: Floats) -> float:
+    """Return the squared correlation of x and y, negative if y rises with x, and 0 if one of them is constant."""
+    dx, dy = x - _mean(x, weights), y - _mean(y, weights)
+    xy, squares = _mean(dx * dy, weights), _mean(dx**2, weights) * _mean(dy**2, weights)
+    return -np.sign(xy) * xy**2 / squares if squares > 1e-12 else 0.0
 
 
 def _mean(values: Floats, weights: Floats) -> float:
@@ -134,8 +168,7 @@ def snow_shape_factor(slope: Floats) -> Floats:
 def half_cleared(profile: RoofProfile, slope: Floats) -> Floats:
     """Return mu_1 (m,) on parts that fall along the direction or are level, and half of it elsewhere
     [EN 1991-1-3:2003, 5.3.3 (4)]. slope : (m,) degrees of each face."""
-    level = 1e-6  # larger than rounding
-    return np.where(profile.roof, np.where(profile.slope <= level, 1.0, 0.5) * snow_shape_factor(slope), 0.0)
+    return np.where(profile.roof, np.where(profile.slope <= LEVEL, 1.0, 0.5) * snow_shape_factor(slope), 0.0)
 
 
 def drifted_on_arch(profile: RoofProfile, slope: Floats) -> Floats:
@@ -190,7 +223,7 @@ def flat_roof_pressure(profile: RoofProfile, eaves: float, inner: float) -> Floa
     between them, H up to e/2, and I behind [EN 1991-1-4:2005, 7.2.3, figure 7.6, table 7.2].
     inner : c_pe,10 of zone I.    eaves : height of the eaves above the ground, metres.
     Raises SurfaceError for a slope of more than 5 degrees, and for eaves on the ground."""
-    slope = float(np.degrees(np.arctan(np.hypot(*profile.tilt) + profile.uneven)))
+    slope = float(np.degrees(np.arctan(profile.tilt + profile.uneven)))
     if slope > 5.5:
         raise SurfaceError(
             f"a load of kind 'wind' on a flat roof: it slopes by {slope:.0f} degrees; EN 1991-1-4, 7.2.3 covers up to "
@@ -231,10 +264,12 @@ TWO_SLOPES = 5.0  # degrees; smallest slope of table 7.7
 class CanopyCoefficients:
     """Force coefficients of an open canopy with nothing below it; positive coefficients press down.
     full : largest and smallest coefficient on the whole roof.
-    half : largest and smallest coefficient if the wind loads one half only."""
+    half : largest and smallest coefficient if the wind loads one half only.
+    has_one_axis : True for two slopes: then only wind across the ridge or trough loads one half."""
 
     full: tuple[float, float]
     half: tuple[float, float]
+    has_one_axis: bool
 
     @classmethod
     def of_roof(cls, profiles: Sequence[RoofProfile]) -> "CanopyCoefficients":
@@ -242,26 +277,29 @@ class CanopyCoefficients:
 
         The slope of the mean plane is that of a roof with one slope [EN 1991-1-4:2005, 7.3, table 7.6]. The rest of the
         roof counts as a roof with two slopes in each direction, ridge or trough [table 7.7]: half of the difference of
-        the mean slopes before and behind the middle. Slopes that cancel in these means, as on waves, are added to the
-        steepest ridge and to the deepest trough. The larger coefficient counts.
+        the mean slopes before and behind the middle. Slopes that cancel in these means, as on pyramids and waves, are
+        added to the steepest ridge and to the deepest trough. The larger coefficient counts.
 
         On one half, two slopes have the same coefficient, and the other half has none [figure 7.17]. On one slope the
         resultant acts at a quarter of the depth [figure 7.16]: half of the roof has twice the coefficient.
         Raises SurfaceError for slopes outside of the tables."""
-        plane = float(np.degrees(np.arctan(np.hypot(*profiles[0].tilt))))
-        ridges = [(profile.halves[0] - profile.halves[1]) / 2 for profile in profiles]
-        cancelled = max(max(profile.uneven for profile in profiles) - max(map(abs, ridges)), 0.0)
-        low, high = (float(np.degrees(np.arctan(x))) for x in (min(ridges) - cancelled, max(ridges) + cancelled))
+        plane = float(np.degrees(np.arctan(profiles[0].tilt)))
+        ridges = np.array([(profile.halves[0] - profile.halves[1]) / 2 for profile in profiles])
+        cancelled = max(profiles[0].uneven - float(np.abs(ridges).max()), 0.0)
+        low, high = (float(np.degrees(np.arctan(x))) for x in (ridges.min() - cancelled, ridges.max() + cancelled))
         if plane > 30.5 or not (low > -20.5 and high < 30.5):
             steep = plane if plane > 30.5 else low if low <= -20.5 else high
             raise SurfaceError(
                 f"a load of kind 'wind' on an open canopy: its slope is {steep:.0f} degrees; EN 1991-1-4, 7.3 covers "
                 "-20 (a trough) to 30; use shape 'vault', or give coefficients without a shape"
             )
+        least = float(np.tan(np.radians(TWO_SLOPES)))
+        has_two_slopes = np.abs(ridges) >= least
+        has_one_slope = plane >= TWO_SLOPES or not has_two_slopes.any()
         mono = [float(np.interp(plane, MONOPITCH[0], row)) for row in MONOPITCH[1:]]
-        angles = [angle for angle in (low, high) if abs(angle) >= TWO_SLOPES]
-        has_one_slope = plane >= TWO_SLOPES or not angles
-        duo = [np.interp(angles or [low, high], DUOPITCH[0], row).tolist() for row in DUOPITCH[1:]]
+        angles = [angle for angle in (low, high) if abs(angle) >= TWO_SLOPES] or [low, high]
+        duo = [np.interp(angles, DUOPITCH[0], row).tolist() for row in DUOPITCH[1:]]
         eccentric = [2 * c if has_one_slope else 0.0 for c in mono]
         full, half = ((max(c[0], *duo[0]), min(c[1], *duo[1])) for c in (mono, eccentric))
-        return cls(full, half)
+        across = has_two_slopes[DIRECTIONS // 2]
+        return cls(full, half, has_one_axis=bool(has_two_slopes[0] and not across and not has_one_slope))
