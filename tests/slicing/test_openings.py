@@ -210,11 +210,7 @@ def test_the_crown_of_a_sphere_closes_as_a_whole():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "edge", "slits"),
-    [
-        ("cantilever", 0.06, 20),
-        pytest.param(DOME_MODES, 0.28, 29, marks=pytest.mark.slow),
-    ],
+    ("name", "edge", "slits"), [("cantilever", 0.06, 20), pytest.param(DOME_MODES, 0.28, 29, marks=pytest.mark.slow)]
 )
 def test_tidied_modes_have_neither_slits_nor_dead_ends_and_keep_their_share(name, edge, slits):
     """As many openings as that were narrower than the members beside them; of the globe, see the next test."""

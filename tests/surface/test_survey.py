@@ -126,7 +126,9 @@ def test_each_format_gives_the_same_design(suffix, design_of_obj, tmp_path):
         return
     same = Design.from_preset(asked).until("slicing")
     assert len(same.members.members) == len(expected.members.members) > 20
-    assert same.sheet.surface.area == pytest.approx(expected.sheet.surface.area, rel={"step": 3e-4, "ifc": 1e-9}[suffix])
+    assert same.sheet.surface.area == pytest.approx(
+        expected.sheet.surface.area, rel={"step": 3e-4, "ifc": 1e-9}[suffix]
+    )
 
 
 @pytest.mark.slow
