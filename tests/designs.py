@@ -36,6 +36,7 @@ def end() -> None:
 
 
 COARSER = {
+    "barrel_vault": 0.3,
     "bridge": 0.6,
     "globe": 0.1,
     "gridshell": 0.16,
