@@ -27,7 +27,7 @@ from tests.app.editor_server import serving
 from tests.browser import browser
 from tests.presets import DOME_MODES
 
-EDGE = 0.7
+EDGE = 1.0
 """Metres, of the triangles' edges."""
 
 
