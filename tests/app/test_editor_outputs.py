@@ -176,7 +176,8 @@ def drop_roof(tab):
 def test_the_copied_command_works_when_pasted(tab, outputs, unjudged):
     drop_roof(tab)
     tab.run("document.querySelector('#formats [value=step]').click()")
-    tab.run("dsfab.state.set({'statics.thickness': 0.01})")  # it is searched for otherwise
+    few = "'pattern.major.spacing': 0.2, 'pattern.minor.spacing': 0.2"
+    tab.run(f"dsfab.state.set({{'statics.thickness': 0.01, {few}}})")  # it is searched for otherwise
     tab.run("document.getElementById('copy').click()")
     command = until(tab, "document.querySelector('#command code')?.textContent")
     assert command == "dsfab build outputs/my_roof.toml"
@@ -222,6 +223,7 @@ def test_an_opened_preset_fills_the_picture_at_any_size(tab, rough_shipped):
     tab.run(dsfab)
     whole = tab.run(share)
     drop_roof(tab)
+    assert tab.run("dsfab.model.facts.size") == pytest.approx(np.hypot(0.9, 0.9), rel=1e-2)
     assert tab.run(share) == pytest.approx(0.25, abs=0.15)
     assert np.abs(np.array(tab.run("dsfab.viewer.eye.numbers"))[3:6]).max() < 0.3
     tab.run("dsfab.files.open({preset: 'dome'})")

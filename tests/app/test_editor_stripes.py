@@ -28,7 +28,7 @@ from tests.presets import DOME_MODES
 pytestmark = pytest.mark.slow
 
 EVEN = {"pattern.method": "stripes", "pattern.major.frequency": 0, "pattern.minor.frequency": 0}
-SPACED = {**EVEN, "pattern.major.spacing": 1.1, "pattern.minor.spacing": 0.55}
+SPACED = {**EVEN, "pattern.major.spacing": 1.6, "pattern.minor.spacing": 0.8}
 DOME = {"surface.edge": 0.7, **SPACED}
 
 

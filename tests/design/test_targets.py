@@ -11,6 +11,7 @@ import pytest
 import dsfab
 from dsfab.study.comparison import comparison
 from dsfab.study.judges import solved_loads
+from tests.designs import sliced
 from tests.presets import SPHERE_GRADED_MODES
 
 
@@ -28,7 +29,7 @@ def over_full(design) -> float:
     ],
 )
 def test_presets_reach_their_targets(name, share, target, recorded):
-    design = dsfab.run(dsfab.load_preset(name))
+    design = sliced(dsfab.load_preset(name))
     assert design.sheet.surface.area / design.surface.area == pytest.approx(share, abs=1e-3)
     assert len(design.slicing.pieces) == 1
     ratio = over_full(design)
@@ -39,7 +40,7 @@ def test_presets_reach_their_targets(name, share, target, recorded):
 @pytest.mark.slow
 def test_the_graded_sphere_reaches_its_target_by_the_best_elements():
     """Its cut leaves a needle of 7 micrometres on which hhj is solved to 1e-8 or 3e-8, by the number of threads."""
-    compared = comparison(dsfab.run(dsfab.load_preset("sphere_graded")), against=())
+    compared = comparison(sliced(dsfab.load_preset("sphere_graded")), against=())
     ratio = compared.design.compliance / compared.full.compliance
     assert compared.design.structure.sheet.surface.area / compared.task.surface.area == pytest.approx(0.5, abs=1e-3)
     (found,) = solved_loads(compared.task, compared.design.structure).values()

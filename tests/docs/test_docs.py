@@ -19,7 +19,6 @@ import dsfab
 from dsfab.app.cli import main
 from dsfab.core.materials import MATERIALS
 from dsfab.core.toml_files import shipped_presets
-from dsfab.design import draft
 from dsfab.preset.proposal import propose
 from dsfab.render.light import QUICK
 from dsfab.render.picture import StructurePicture
@@ -28,7 +27,7 @@ from dsfab.study.comparison import comparison
 from dsfab.study.verdict.estimates import QUICK_ERRORS
 from dsfab.surface.shapes import barrel_vault
 from dsfab.verification import TESTS
-from tests.designs import rough_presets, untried
+from tests.designs import rough_presets, sliced, untried
 from tests.own_meshes import canopy_mm
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -350,7 +349,7 @@ def test_the_commands_of_the_case_studies_print_the_shown_output(tmp_path, monke
         words = shlex.split(command)[1:]
         assert main([*words, *quick.get(" ".join(words[:2]), [])]) == 0, command
         assert missing(expected, capsys.readouterr().out) == []
-    found = comparison(draft(dsfab.load_preset("dome")), against=())  # and no search for better widths
+    found = comparison(sliced(dsfab.load_preset("dome")), against=())  # and no search for better widths
     told = re.search(r"compliance ([\d.]+) J .* ([\d.]+) t;", verdict)
     assert float(told[1]) == pytest.approx(found.design.compliance, rel=0.06)
     assert float(told[2]) == pytest.approx(found.design.mass / 1000, abs=0.05)

@@ -104,7 +104,8 @@ def test_a_drawing_of_a_concept_is_made_from_a_design(name, tmp_path, monkeypatc
 
 
 @pytest.mark.slow
-def test_the_grasshopper_canvas_shows_all_sockets_and_answers(tmp_path):
+def test_the_grasshopper_canvas_shows_all_sockets_and_answers(tmp_path, monkeypatch):
+    monkeypatch.setattr(StructurePicture.render, "__defaults__", (QUICK,))
     plate = grid(12, 12, 4.0, 4.0)
     (tmp_path / "plate.obj").write_bytes(obj(plate.V, plate.F))
     canvas = wires.drawn(tmp_path / "plate.obj")

@@ -485,9 +485,9 @@ def test_members_of_every_preset_are_looked_at():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["Botanic", "blub", "camelhead", "torus"])
+@pytest.mark.parametrize("name", ["Botanic", "blub", "torus"])
 def test_members_of_other_surfaces_are_their_sheets(name, rough_shares):
-    """An open shell with holes, a fish with fins, a head, a torus; a third of the members."""
+    """An open shell with holes, a fish with fins, a torus; a third of the members. camel_head above is a head."""
     preset = preset_for(mesh_file(f"{name}.obj"))
     apart = 3 * preset.pattern.major.spacing
     spacings = {"pattern.major.spacing": apart, "pattern.minor.spacing": apart}

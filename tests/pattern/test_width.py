@@ -43,11 +43,13 @@ COARSE = {
 
 @pytest.fixture(scope="module")
 def coarse():
-    return {name: dsfab.run(dsfab.load_preset(on_modes(name), changes)) for name, changes in COARSE.items()}
+    """Cut, not yet thickened."""
+    return {name: sliced(dsfab.load_preset(on_modes(name), changes)) for name, changes in COARSE.items()}
 
 
 def with_width(design, name, **width):
-    return dsfab.revise(design, dsfab.load_preset(on_modes(name), {**COARSE[name], "pattern.width": width}))
+    asked = dsfab.load_preset(on_modes(name), {**COARSE[name], "pattern.width": width})
+    return dsfab.Design.from_preset(asked, design).until("slicing")
 
 
 def kept_share(design) -> float:
@@ -389,12 +391,10 @@ def test_competitors_have_the_actual_mass_of_the_design():
     ("name", "width"),
     [
         ("cantilever", {"rule": "plain"}),
-        ("cantilever", {"rule": "graded"}),
         ("cantilever", {"rule": "constant"}),
         ("cantilever", {"rule": "graded", "min_gap": 0.03}),
         ("dome", {"rule": "plain", "max_width": 0.7}),
         ("dome", {"rule": "graded", "q": 0.5, "min_width": 0.02}),
-        ("globe", {"rule": "constant"}),
         ("globe", {"rule": "graded", "min_gap": 0.03}),
     ],
 )

@@ -6,9 +6,7 @@ import pytest
 import dsfab
 from dsfab.core.toml_files import preset_headline, shipped_presets
 from dsfab.reproduction.published import FIGURES
-
-COARSER = 2.2
-"""The presets' edges times this: a fifth of the vertices."""
+from tests.designs import paper_design
 
 RECORDED: dict[str, tuple[float, int, int, float, float]] = {
     "pavilion": (0.831, 2, 43, 107.54, 181.68),
@@ -69,8 +67,7 @@ def test_a_stand_in_says_so_in_the_preset(figure):
 )
 def test_figures_keep_their_recorded_numbers_on_a_coarser_mesh(figure):
     name = figure.preset
-    edge = dsfab.load_preset(name).surface.edge
-    design = dsfab.run(dsfab.load_preset(name, {"surface.edge": COARSER * edge}))
+    design = paper_design(name)
     surface, load = design.surface, design.load
     kept, pieces, genus, major, minor = RECORDED[name]
     assert design.statics.equilibrium.imbalance < 1e-8

@@ -21,6 +21,7 @@ from dsfab.slicing.finishing.mesh_quality import quality
 from dsfab.slicing.finishing.openings import filled_openings
 from dsfab.slicing.measures.widths import features, kept_cells
 from dsfab.study.fabrication import fabrication, fixed_design, raised_value, refusals, require_fit
+from tests.designs import paper_design
 from tests.meshes import mesh_file
 from tests.presets import GLOBE_MODES
 from tests.shapes import grid, jittered
@@ -142,10 +143,9 @@ def test_stressed_members_are_drawn_as_wide_as_a_workshop_makes():
 @pytest.mark.parametrize(("name", "words"), [("climbing_hold", "were closed"), ("bob", "were widened")])
 def test_figures_of_the_paper_meet_workshop_limits_on_request(name, words):
     """Slits of .16 mm and tips in a sheet of 2 mm; members of 5.5 mm in one of 12."""
-    given = dsfab.load_preset(name)
-    plain = dsfab.run(given)
+    plain = paper_design(name)
     assert fabrication(plain).checks == ()
-    design = dsfab.revise(plain, with_overrides(given, {"pattern.workshop": True}))
+    design = dsfab.revise(plain, with_overrides(plain.preset, {"pattern.workshop": True}))
     made = fabrication(design)
     assert [(check.name, check.verdict) for check in made.checks] == [("min_member", "pass"), ("min_gap", "pass")]
     (told,) = [note.text for note in design.notes if "(slicing.min_gap, min_member)" in note.text]

@@ -89,7 +89,6 @@ def evenly(chosen: Modes, halve: bool, rule: str, q: float) -> float:
     [
         (BOTANIC, True, "graded", 0.20),  # recorded: 0.190
         (BOTANIC, True, "stressed", 0.20),  # 0.161 to 0.187: one filled opening more makes this difference
-        (OPENING, False, "graded", 0.78),  # 0.757
         (OPENING, False, "stressed", 0.78),  # 0.757: under its own weight alone what is wider is heavier too
     ],
 )

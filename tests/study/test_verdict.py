@@ -348,7 +348,7 @@ def test_the_shipped_table_obeys_the_bounds():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["cantilever", "vault", "sphere"])
+@pytest.mark.parametrize("kind", ["cantilever", "sphere"])
 def test_designs_of_the_table_are_found_again(kind):
     """Within the tolerance of the share of material, 0.08 % of the surface: compliance changes about twice as much."""
     row = next(row for row in shipped_table() if row.kind == kind)

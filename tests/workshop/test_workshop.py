@@ -140,13 +140,11 @@ def test_the_parts_of_a_vault_are_all_on_sheets_that_are_well_used(plan):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "edge", "most"), [("dome", None, 30), ("gridshell", 0.25, 7)])
-def test_sheets_of_a_dome_and_of_a_gridshell_are_well_used(name, edge, most):
-    """Laths that are bowed by a third of a metre over six metres leave more of them."""
-    changes = {"workshop.route": "strips"} | ({"surface.edge": edge} if edge else {})
-    plan = workshop_plan(sliced(load_preset(name, changes)))
-    assert len(plan.sheets) <= most
-    assert plan.used_share > (0.72 if name == "dome" else 0.62)
+def test_sheets_of_a_dome_are_well_used():
+    dome = sliced(load_preset("dome"))
+    plan = workshop_plan(Design.from_preset(with_overrides(dome.preset, {"workshop.route": "strips"}), dome))
+    assert len(plan.sheets) <= 30
+    assert plan.used_share > 0.72
     assert least_gap(plan.sheets) >= GAP - 1e-9
 
 
@@ -340,7 +338,9 @@ def test_the_shipped_gridshell_can_be_bent_and_drilled():
     plan = workshop_plan(sliced(load_preset("gridshell")))
     assert not any(note.startswith("NOT") or "not drilled" in note for note in plan.notes)
     assert any("are bent to a strain of 0.16%" in note for note in plan.notes)
-    assert plan.used_share > 0.62
+    assert len(plan.sheets) <= 7
+    assert plan.used_share > 0.62  # laths that are bowed by a third of a metre over six metres leave more of them
+    assert least_gap(plan.sheets) >= GAP - 1e-9
 
 
 # --- the command and its files
@@ -401,7 +401,7 @@ def test_a_drawing_has_the_same_bytes_in_another_process():
         "print(hashlib.sha256(flat_dxf(FlatDrawing('x', (line,)))).hexdigest())"
     )
     found = set()
-    for seed in "347":
+    for seed in "34":
         environment = {**os.environ, "PYTHONHASHSEED": seed}
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
         found.add(done.stdout)
