@@ -104,6 +104,7 @@ def test_presets_keep_their_recorded_numbers(name, vertices, kept, genus):
     [
         (FIGURINE_MODES, "bob.obj", {}),
         (ROOF_MODES, "hypar.obj", {}),
+        ("figurine", "spot.obj", {}),
         ("roof", "hypar.obj", {"surface.refine": 0.15}),
         ("roof", "roof_with_opening.obj", {"surface.refine": 0.15}),
         ("roof", "Botanic.obj", {"statics.thickness": 0.1}),
